@@ -1,0 +1,55 @@
+"""Areas, orientation and quality of triangles, and what "overturned" means."""
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+__all__ = ["area", "quality", "signed_area"]
+
+Floats = NDArray[np.float64]
+
+
+def signed_area(mesh: MeshTri) -> Floats:
+    """Signed area of every element, positive where its nodes run counter-clockwise.
+
+    scikit-fem sorts the nodes of an element, so about half of a good mesh's signed areas are negative. An element is
+    overturned when its sign differs from the one it had before its nodes moved.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Mesh units squared.
+    """
+    x, y = mesh.p[:, mesh.t]
+    return 0.5 * ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+
+
+def area(mesh: MeshTri) -> Floats:
+    """Area |K| of every element, (nelements,), in mesh units squared."""
+    return np.abs(signed_area(mesh))
+
+
+def quality(mesh: MeshTri) -> Floats:
+    """Quality of every element: 1 for an equilateral triangle, 0 for a flat one.
+
+    ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` with the edge lengths a, b, c (Bank's measure; Bank and Smith, SIAM J. Numer.
+    Anal. 34, 1997).
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Values from 0 to 1.
+    """
+    corners = mesh.p[:, mesh.t]
+    edges = corners - np.roll(corners, 1, axis=1)
+    return 4.0 * np.sqrt(3.0) * area(mesh) / np.sum(edges**2, axis=(0, 1))
