@@ -1,0 +1,1 @@
+"""Benchmark problems with exact answers, and what uniform meshes, refinement and the map make of them."""
