@@ -22,6 +22,12 @@ def gradient(mesh: MeshTri, values: Array) -> Array:
     return np.einsum("ke,kde->de", values[mesh.t], shape_gradients(mesh)[1])
 
 
+def energy_norm(mesh: MeshTri, values: Array, coefficient: Array | float = 1.0) -> float:
+    """Square root of int coefficient |grad u|^2."""
+    areas, _ = shape_gradients(mesh)
+    return float(np.sqrt(areas @ (coefficient * (gradient(mesh, values) ** 2).sum(axis=0))))
+
+
 def stiffness(mesh: MeshTri, coefficient: Array | float = 1.0) -> csr_matrix:
     """Matrix of int coefficient grad u . grad v."""
     areas, gradients = shape_gradients(mesh)
