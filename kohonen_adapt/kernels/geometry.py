@@ -1,0 +1,130 @@
+"""Shared geometry of the kernels: orientation, quality, distances, stars and the guard that keeps elements good."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .compilation import kernel
+
+SQRT12 = 2.0 * math.sqrt(3.0)
+FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
+
+
+class Elements(NamedTuple):
+    """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
+
+    node: np.ndarray  # (m, 3) int32
+    neighbour: np.ndarray  # (m, 3) int32
+    region: np.ndarray  # (m,) int32
+    chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
+
+
+class Star(NamedTuple):
+    """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
+
+    start: np.ndarray  # (n + 1,) int32
+    element: np.ndarray  # (3 m,) int32
+    ahead: np.ndarray  # (3 m,) int32
+    behind: np.ndarray  # (3 m,) int32
+
+
+class Constraints(NamedTuple):
+    """Where each node may go; a chain is a straight piece of outline from its origin along its direction."""
+
+    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
+    chain: np.ndarray  # (n, 2) int32: its chain, or the two that meet in a corner; -1 for none
+    parameter: np.ndarray  # (n,) arc length on the chain
+    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
+    origin: np.ndarray  # (c, d)
+    direction: np.ndarray  # (c, d) unit vectors
+    length: np.ndarray  # (c,)
+
+
+@kernel
+def orientation(ax, ay, bx, by, cx, cy):
+    """Twice the signed area of a triangle, positive if it is counter-clockwise."""
+    return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+
+
+@kernel
+def signed_quality(ax, ay, bx, by, cx, cy):
+    """Quality with the sign of the orientation; nan for three equal points, which every comparison refuses."""
+    ux, uy = bx - ax, by - ay
+    vx, vy = cx - ax, cy - ay
+    wx, wy = cx - bx, cy - by
+    squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
+    return SQRT12 * (ux * vy - vx * uy) / squares
+
+
+@kernel
+def element_quality(position, node, e):
+    """Signed quality of element e."""
+    a, b, c = node[e, 0], node[e, 1], node[e, 2]
+    return signed_quality(
+        position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1]
+    )
+
+
+@kernel
+def worst_in_star(position, star, v, x, y):
+    """Worst signed quality of the star of v were v at (x, y)."""
+    worst = 2.0
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b = star.ahead[k], star.behind[k]
+        q = signed_quality(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1])
+        if not q >= worst:
+            worst = q
+    return worst
+
+
+@kernel
+def tolerable(worst, floor):
+    """Whether this quality needs no comparison with what was before; a negative floor switches every check off."""
+    return floor < 0.0 or (worst >= floor and worst > 0.0)
+
+
+@kernel
+def may_move(position, star, v, x, y, floor):
+    """The guard: moving v to (x, y) leaves its star at least as good as min(floor, the worst there before)."""
+    worst = worst_in_star(position, star, v, x, y)
+    if tolerable(worst, floor):
+        return True
+    return worst > 0.0 and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
+
+
+@kernel
+def squared_distance(position, v, x):
+    """Squared distance from node v to the point x, in any number of dimensions."""
+    total = 0.0
+    for k in range(x.shape[0]):
+        difference = x[k] - position[v, k]
+        total += difference * difference
+    return total
+
+
+@kernel
+def squared_distance_to_edge(ax, ay, bx, by, x, y):
+    """Squared distance from (x, y) to the segment from a to b."""
+    ux, uy = bx - ax, by - ay
+    vx, vy = x - ax, y - ay
+    along = min(1.0, max(0.0, (ux * vx + uy * vy) / (ux * ux + uy * uy)))
+    vx -= along * ux
+    vy -= along * uy
+    return vx * vx + vy * vy
+
+
+@kernel
+def nearest_parameter(constraints, c, x):
+    """Arc length of the point of chain c that is nearest to x."""
+    along = 0.0
+    for k in range(x.shape[0]):
+        along += (x[k] - constraints.origin[c, k]) * constraints.direction[c, k]
+    return min(constraints.length[c], max(0.0, along))
+
+
+@kernel
+def point_on_chain(constraints, c, parameter, out):
+    """The position that belongs to an arc length: nodes on outlines are looked up, so they cannot drift."""
+    for k in range(out.shape[0]):
+        out[k] = constraints.origin[c, k] + parameter * constraints.direction[c, k]

@@ -1,0 +1,197 @@
+"""A scikit-fem mesh as arrays (elements by region, neighbours, names), and back with every name."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from skfem import MeshTri
+from skfem.mesh import MeshTri1
+
+from .kernels.connectivity import fill_star, link_neighbours
+from .kernels.geometry import Elements, Star
+
+__all__ = ["Triangulation", "check_mesh", "codes_of_names"]
+
+
+@dataclass
+class Triangulation:
+    """A working copy of a mesh that kernels may change; everything in it is its own.
+
+    Attributes
+    ----------
+    position
+        (n, 2): the one truth of where a node is.
+    elements
+        (m, 3) arrays of counter-clockwise nodes, neighbours and chains of edges, and (m,) regions.
+    star
+        The elements around every node.
+    mesh
+        The mesh it came from: names, and connectivity that scikit-fem has worked out already.
+    """
+
+    position: NDArray[np.float64]
+    elements: Elements
+    star: Star
+    mesh: MeshTri
+
+    @classmethod
+    def of(cls, mesh: MeshTri) -> "Triangulation":
+        """Check a mesh and take it apart.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If it is not a valid, connected-by-nodes mesh of straight triangles; see `check_mesh`.
+        """
+        check_mesh(mesh)
+        position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
+        node = counter_clockwise(position, mesh.t)
+        neighbour = np.empty_like(node)
+        star = empty_star(len(position), len(node))
+        fill_star(node, star)
+        fold = link_neighbours(node, star, neighbour)
+        if fold >= 0:
+            raise ValueError(
+                f"the mesh is tangled: element {fold} shares an edge with an element on the same side of it "
+                "(overturned or doubled); repair the mesh before adapting it."
+            )
+        chain = np.full_like(node, -1)
+        region = regions_of(mesh, neighbour)
+        return cls(position, Elements(node, neighbour, region, chain), star, mesh)
+
+    @property
+    def nnodes(self) -> int:
+        """Number of nodes."""
+        return len(self.position)
+
+    def refill_star(self) -> None:
+        """Work the stars out anew after edges were flipped."""
+        fill_star(self.elements.node, self.star)
+
+    def areas(self) -> NDArray[np.float64]:
+        """Area of every element, (m,)."""
+        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
+
+    def to_mesh(self) -> MeshTri:
+        """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
+        subdomains = self.mesh.subdomains
+        copied = None if subdomains is None else {name: np.array(rows) for name, rows in subdomains.items()}
+        node = np.sort(self.elements.node, axis=1).T.astype(self.mesh.t.dtype)
+        return replace(
+            self.mesh, doflocs=self.position.T.copy(), t=node, _boundaries=None, _subdomains=copied
+        )
+
+
+def check_mesh(mesh: MeshTri) -> None:
+    """Refuse what is not a mesh of straight, connected, non-degenerate triangles.
+
+    Raises
+    ------
+    TypeError
+        If `mesh` is not exactly a `skfem.MeshTri`; the message names the remedy.
+    ValueError
+        If it is empty, has isolated nodes, coordinates that are not finite or elements without area.
+    """
+    if type(mesh) is not MeshTri1:
+        raise TypeError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
+    if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
+        raise ValueError("mesh must have at least one element; got an empty mesh.")
+    if mesh.p.shape[0] != 2:
+        raise ValueError(f"mesh must have coordinates of shape (2, n); got {mesh.p.shape}.")
+    if not np.all(np.isfinite(mesh.p)):
+        bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
+        raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
+    check_nodes_used(mesh)
+    check_areas(mesh)
+
+
+def remedy_for(mesh: object) -> str:
+    """What to do with a mesh of another class."""
+    name = type(mesh).__name__
+    if "Quad" in name:
+        return "Split the quadrilaterals: mesh.to_meshtri()."
+    if name.endswith("DG"):
+        return "Connect its elements: MeshTri(mesh.p, mesh.t) after mesh.remove_duplicate_nodes()."
+    if name.startswith("MeshTri"):
+        return "Keep its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+    if "Tet" in name or "Hex" in name or "Line" in name:
+        return "Only two-dimensional meshes can be adapted."
+    return "Build one with skfem.MeshTri or kohonen_adapt.read_mesh."
+
+
+def check_nodes_used(mesh: MeshTri) -> None:
+    """Refuse nodes that belong to no element, and elements whose nodes do not exist."""
+    count = mesh.p.shape[1]
+    if mesh.t.min() < 0 or mesh.t.max() >= count:
+        raise ValueError(f"mesh.t must hold node numbers from 0 to {count - 1}; got {mesh.t.min()} to {mesh.t.max()}.")
+    unused = np.flatnonzero(np.bincount(mesh.t.ravel(), minlength=count) == 0)
+    if len(unused):
+        raise ValueError(
+            f"every node must belong to an element; {len(unused)} do not, the first is node {unused[0]}. "
+            "Drop them with mesh.remove_unused_nodes()."
+        )
+
+
+def check_areas(mesh: MeshTri) -> None:
+    """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
+    x, y = mesh.p[:, mesh.t]
+    doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+    longest = np.max((x - np.roll(x, 1, axis=0)) ** 2 + (y - np.roll(y, 1, axis=0)) ** 2, axis=0)
+    flat = np.flatnonzero(~(doubled > 1e-14 * longest))
+    if len(flat):
+        raise ValueError(
+            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}."
+        )
+
+
+def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np.int32]:
+    """Elements as rows of nodes in counter-clockwise order; scikit-fem sorts them by number instead."""
+    node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
+    a, b, c = (position[node[:, k]] for k in range(3))
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    node[clockwise, 1:] = node[clockwise, :0:-1]
+    return node
+
+
+def empty_star(nnodes: int, nelements: int) -> Star:
+    """Room for the elements around every node."""
+    rows = [np.empty(3 * nelements, dtype=np.int32) for _ in range(3)]
+    return Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
+
+
+def codes_of_names(members: list[tuple[NDArray[np.integer], ArrayLike]], count: int) -> NDArray[np.uint64]:
+    """One number for the set of names that each of `count` things carries, 0 for none.
+
+    Parameters
+    ----------
+    members
+        Per name the things that carry it, and how (a small number for each or for all).
+    count
+        How many things there are.
+
+    Notes
+    -----
+    A random number is drawn per name and manner; their sum identifies the set. Two different sets would have to share a
+    sum of 64-bit numbers to be confused.
+    """
+    codes = np.zeros(count, dtype=np.uint64)
+    rng = np.random.default_rng(20260101)
+    for things, manner in members:
+        keys = rng.integers(1, 2**63, size=4, dtype=np.uint64)
+        unique, first = np.unique(np.asarray(things), return_index=True)
+        codes[unique] += keys[np.broadcast_to(manner, np.shape(things))[first]]
+    return codes
+
+
+def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names."""
+    subdomains = mesh.subdomains or {}
+    codes = codes_of_names([(np.asarray(rows), 0) for rows in subdomains.values()], len(neighbour))
+    e, k = np.nonzero(neighbour >= 0)
+    across = neighbour[e, k]
+    joined = codes[e] == codes[across]
+    graph = coo_array((np.ones(joined.sum(), dtype=np.int8), (e[joined], across[joined])), shape=2 * (len(neighbour),))
+    return connected_components(graph, directed=False)[1].astype(np.int32)
