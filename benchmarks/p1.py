@@ -1,4 +1,4 @@
-"""P1 elements on plain arrays: gradients, matrices and Dirichlet solves that the problems share."""
+"""P1 elements on plain arrays that the problems share; apart from the package, so that no change there moves them."""
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix

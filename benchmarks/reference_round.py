@@ -1,4 +1,4 @@
-"""The yardstick of the timings: one round of problem L as scikit-fem users write it. Frozen, so that it does not move."""
+"""The yardstick of the timings: a round of problem L as scikit-fem users write it. Frozen, so that it does not move."""
 
 import time
 
