@@ -1,0 +1,106 @@
+"""Lawson flips: every region constrained Delaunay, as far as the quality rule lets it."""
+
+from .compilation import kernel
+from .geometry import element_quality, signed_quality
+
+COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
+
+
+@kernel
+def in_circle(px, py, qx, qy, rx, ry, sx, sy):
+    """Whether s lies well inside the circle through p, q, r (counter-clockwise); edge pq is to be replaced by rs.
+
+    The angles at r and s over the edge sum up to more than pi: sin(r + s) < 0, relative to the lengths of their legs.
+    """
+    ax, ay, bx, by = px - rx, py - ry, qx - rx, qy - ry
+    cx, cy, dx, dy = qx - sx, qy - sy, px - sx, py - sy
+    cos_r, sin_r = ax * bx + ay * by, ax * by - ay * bx
+    cos_s, sin_s = cx * dx + cy * dy, cx * dy - cy * dx
+    legs = (abs(cos_r) + sin_r) * (abs(cos_s) + sin_s)
+    return sin_r * cos_s + cos_r * sin_s < -COCIRCULAR * legs
+
+
+@kernel
+def should_flip(position, elements, e, k, floor):
+    """Whether the edge opposite to corner k of e is free, not Delaunay, and may be flipped under the quality rule."""
+    node, other = elements.node, elements.neighbour[e, k]
+    if other < 0 or elements.chain[e, k] >= 0:
+        return False
+    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+    s = opposite(node, other, p, q)
+    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
+    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
+    if not in_circle(px, py, qx, qy, rx, ry, sx, sy):
+        return False
+    after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
+    if after <= 0.0:
+        return False
+    return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))
+
+
+@kernel
+def opposite(node, e, p, q):
+    """The corner of element e that is neither p nor q."""
+    for k in range(3):
+        if node[e, k] != p and node[e, k] != q:
+            return node[e, k]
+    return -1
+
+
+@kernel
+def corner_towards(neighbour, e, other):
+    """Local number of the corner of e whose opposite edge is shared with the element `other`."""
+    for k in range(3):
+        if neighbour[e, k] == other:
+            return k
+    return -1
+
+
+@kernel
+def flip_edge(elements, e, k):
+    """Replace the edge pq between e = (r, p, q) and its neighbour (s, q, p) by rs: e = (r, p, s), other = (s, q, r)."""
+    node, neighbour, chain = elements.node, elements.neighbour, elements.chain
+    other = neighbour[e, k]
+    j = corner_towards(neighbour, other, e)
+    k1, k2, j1, j2 = (k + 1) % 3, (k + 2) % 3, (j + 1) % 3, (j + 2) % 3
+    r, s = node[e, k], node[other, j]
+    beyond_e, beyond_other = neighbour[e, k1], neighbour[other, j1]
+    chain_e, chain_other = chain[e, k1], chain[other, j1]
+    node[e, k2], node[other, j2] = s, r
+    neighbour[e, k], chain[e, k] = beyond_other, chain_other
+    neighbour[other, j], chain[other, j] = beyond_e, chain_e
+    neighbour[e, k1], chain[e, k1] = other, -1
+    neighbour[other, j1], chain[other, j1] = e, -1
+    if beyond_other >= 0:
+        neighbour[beyond_other, corner_towards(neighbour, beyond_other, other)] = e
+    if beyond_e >= 0:
+        neighbour[beyond_e, corner_towards(neighbour, beyond_e, e)] = other
+
+
+@kernel
+def flip_edges(position, elements, floor, stack, waiting, limit):
+    """Flip until nothing is left to flip, at most `limit` times; returns the number of flips.
+
+    `stack` (m,) and `waiting` (m,) are scratch: the elements whose edges are still to be looked at.
+    """
+    m = elements.node.shape[0]
+    for e in range(m):
+        stack[e] = m - 1 - e
+        waiting[e] = True
+    height, flips = m, 0
+    while height > 0:
+        height -= 1
+        e = stack[height]
+        waiting[e] = False
+        for k in range(3):
+            if flips < limit and should_flip(position, elements, e, k, floor):
+                other = elements.neighbour[e, k]
+                flip_edge(elements, e, k)
+                flips += 1
+                for again in (other, e):
+                    if not waiting[again]:
+                        waiting[again] = True
+                        stack[height] = again
+                        height += 1
+                break
+    return flips

@@ -1,0 +1,135 @@
+"""Sweeps of density-weighted optimal Delaunay smoothing, and the densities that they weigh with.
+
+Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh optimization
+schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .compilation import kernel
+from .geometry import FREE, HELD, may_move, nearest_parameter, point_on_chain
+from .locate import depth_in_element, side_of_edge, walk
+
+HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+
+
+class Sites(NamedTuple):
+    """A node has one site for every region it touches: the density may differ from region to region."""
+
+    start: np.ndarray  # (n + 1,) int32: the sites of node v stand in rows start[v] to start[v + 1]
+    region: np.ndarray  # (s,) int32
+    element: np.ndarray  # (s,) int32: the element of the density's own mesh that holds the node, in that region
+    weight: np.ndarray  # (s,) density^(2/3), so that the product over an element's corners is its density squared
+
+
+@kernel
+def weight_in_region(sites, v, region):
+    """Weight of node v as seen from one of its regions."""
+    first = sites.start[v]
+    if sites.start[v + 1] == first + 1:
+        return sites.weight[first]
+    for s in range(first, sites.start[v + 1]):
+        if sites.region[s] == region:
+            return sites.weight[s]
+    return sites.weight[first]
+
+
+@kernel
+def weigh_sites(position, sites, base_position, base, log_density):
+    """Look the density up at every site in the mesh it belongs to: linear in its logarithm, region by region."""
+    for v in range(position.shape[0]):
+        for s in range(sites.start[v], sites.start[v + 1]):
+            x, y = position[v, 0], position[v, 1]
+            e = nearest_element(base_position, base, sites.element[s], x, y)
+            sites.element[s] = e
+            total, value = 0.0, 0.0
+            for k in range(3):
+                share = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
+                total += share
+                value += share * log_density[e, k]
+            sites.weight[s] = np.exp(2.0 / 3.0 * value / total)
+
+
+@kernel
+def nearest_element(position, elements, e, x, y):
+    """The element of e's region that holds (x, y); where a concave outline blocks the walk, the best that it came by.
+
+    From there the walk goes on through whichever neighbour holds the point deepest.
+    """
+    e, inside = walk(position, elements, e, x, y)
+    depth = depth_in_element(position, elements.node, e, x, y)
+    while not inside:
+        onward = e
+        for k in range(3):
+            across = elements.neighbour[e, k]
+            if across >= 0 and elements.region[across] == elements.region[e]:
+                other = depth_in_element(position, elements.node, across, x, y)
+                if other > depth:
+                    onward, depth = across, other
+        if onward == e:
+            break
+        e = onward
+    return e
+
+
+@kernel
+def sweep(position, elements, star, constraints, sites, floor, trial):
+    """Move every node to the weighted mean of the circumcentres around it, as far as the guard lets it.
+
+    x <- sum |K| rho_K^2 c_K / sum |K| rho_K^2 over the star, rho_K the geometric mean of its nodes' densities.
+    """
+    for v in range(position.shape[0]):
+        if constraints.kind[v] == HELD:
+            continue
+        circumcentre_mean(position, elements, star, sites, v, trial)
+        if constraints.kind[v] == FREE:
+            step_towards(position, star, v, trial, floor)
+        else:
+            slide_towards(position, star, constraints, v, trial, floor)
+
+
+@kernel
+def circumcentre_mean(position, elements, star, sites, v, out):
+    """Weighted mean of the circumcentres of the star of v; |K| c_K needs no division, so flat elements do no harm."""
+    x, y = position[v, 0], position[v, 1]
+    total, mean_x, mean_y = 0.0, 0.0, 0.0
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b, region = star.ahead[k], star.behind[k], elements.region[star.element[k]]
+        weight = weight_in_region(sites, v, region)
+        weight *= weight_in_region(sites, a, region) * weight_in_region(sites, b, region)
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        aa, bb = ax * ax + ay * ay, bx * bx + by * by
+        total += weight * 2.0 * (ax * by - ay * bx)
+        mean_x += weight * (by * aa - ay * bb)
+        mean_y += weight * (ax * bb - bx * aa)
+    out[0] = x + mean_x / total
+    out[1] = y + mean_y / total
+
+
+@kernel
+def step_towards(position, star, v, target, floor):
+    """Move a free node to the target, or half as far until the guard agrees."""
+    dx, dy = target[0] - position[v, 0], target[1] - position[v, 1]
+    for _ in range(HALVINGS + 1):
+        if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):
+            position[v, 0] += dx
+            position[v, 1] += dy
+            return
+        dx, dy = 0.5 * dx, 0.5 * dy
+
+
+@kernel
+def slide_towards(position, star, constraints, v, target, floor):
+    """Move a node on a chain towards the chain's point nearest to the target, likewise."""
+    chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
+    change = nearest_parameter(constraints, chain, target) - parameter
+    for _ in range(HALVINGS + 1):
+        point_on_chain(constraints, chain, parameter + change, target)
+        if may_move(position, star, v, target[0], target[1], floor):
+            constraints.parameter[v] = parameter + change
+            for k in range(target.shape[0]):
+                position[v, k] = target[k]
+            return
+        change *= 0.5
