@@ -1,0 +1,121 @@
+"""What the loop asks of a problem, and the answers checked."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "order_of", "solve"]
+
+Floats = NDArray[np.float64]
+
+
+class Problem(Protocol):
+    """Anything with these two methods can be adapted.
+
+    It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
+    to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
+    ``solve`` on every mesh but the first) and ``energy_norm(mesh, solution) -> float``.
+    """
+
+    def solve(self, mesh: MeshTri) -> Any:
+        """Solve on the mesh; the solution may be of any type."""
+
+    def indicators(self, mesh: MeshTri, solution: Any) -> ArrayLike:
+        """Error indicators of the energy norm, unsquared, (nelements,)."""
+
+
+def order_of(problem: Problem) -> int:
+    """Degree of the problem's elements, 1 where it does not say."""
+    return getattr(problem, "order", 1)
+
+
+def norm_of(problem: Problem) -> str:
+    """Norm in which the problem wants the error to be small, "energy" where it does not say."""
+    return getattr(problem, "norm", "energy")
+
+
+def check_problem(problem: Problem, rtol: float | None) -> None:
+    """Refuse a problem that the loop cannot use, before anything is solved.
+
+    Raises
+    ------
+    ValueError
+        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order`` or ``norm`` is unknown.
+    """
+    kind = type(problem).__name__
+    missing = [name for name in ("solve", "indicators") if not _offers(problem, name)]
+    if missing:
+        raise ValueError(
+            f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
+            f"{kind} has no {' and no '.join(missing)}."
+        )
+    if rtol is not None and not _offers(problem, "energy_norm"):
+        raise ValueError(
+            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: add it, or use atol."
+        )
+    if norm_of(problem) not in ("energy", "L2"):
+        raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
+    if not isinstance(order_of(problem), int | np.integer) or order_of(problem) < 1:
+        raise ValueError(f"order of the problem must be an integer >= 1; got {order_of(problem)!r}.")
+
+
+def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None, old_solution: Any) -> Any:
+    """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
+    if old_mesh is not None and _offers(problem, "solve_from"):
+        return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
+    return problem.solve(mesh)
+
+
+def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
+    """The problem's indicators (nelements,), as a copy: a problem may write the next ones into the same array.
+
+    Raises
+    ------
+    ValueError
+        If they have another shape, or are not finite numbers >= 0.
+    """
+    values = _as_floats(problem.indicators(mesh, solution))
+    expected = (mesh.t.shape[1],)
+    if values.shape != expected:
+        raise ValueError(f"indicators of the problem must have shape (nelements,) = {expected}; got {values.shape}.")
+    _check_values(values, np.isfinite(values), "finite; check the solution")
+    _check_values(values, values >= 0.0, ">= 0; take their absolute values")
+    return values
+
+
+def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
+    """The problem's energy norm of the solution, or None where it offers none.
+
+    Raises
+    ------
+    ValueError
+        If it is not a finite number >= 0.
+    """
+    if not _offers(problem, "energy_norm"):
+        return None
+    value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
+    return value
+
+
+def _offers(problem: Problem, name: str) -> bool:
+    return callable(getattr(problem, name, None))
+
+
+def _as_floats(values: ArrayLike) -> Floats:
+    array = np.array(values)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"indicators of the problem must be real numbers; got {array.dtype}.")
+    return array.astype(float)
+
+
+def _check_values(values: Floats, good: NDArray[np.bool_], wanted: str) -> None:
+    if not good.all():
+        first = int(np.argmin(good))
+        raise ValueError(
+            f"indicators of the problem must be {wanted}: got {values[first]} at element {first}, "
+            f"{np.sum(~good)} such in all."
+        )
