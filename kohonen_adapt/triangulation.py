@@ -77,12 +77,12 @@ class Triangulation:
 
     def to_mesh(self) -> MeshTri:
         """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
-        subdomains = self.mesh.subdomains
+        subdomains, t = self.mesh.subdomains, self.mesh.t
         copied = None if subdomains is None else {name: np.array(rows) for name, rows in subdomains.items()}
-        node = np.sort(self.elements.node, axis=1).T.astype(self.mesh.t.dtype)
-        return replace(
-            self.mesh, doflocs=self.position.T.copy(), t=node, _boundaries=None, _subdomains=copied
-        )
+        node = np.sort(self.elements.node, axis=1).T
+        t = t.copy() if np.array_equal(node, np.sort(t, axis=0)) else np.ascontiguousarray(node, dtype=t.dtype)
+        position = np.ascontiguousarray(self.position.T)
+        return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=copied)
 
 
 def check_mesh(mesh: MeshTri) -> None:

@@ -25,6 +25,56 @@ class Sites(NamedTuple):
 
 
 @kernel
+def count_sites(elements, star, start):
+    """Sum up the number of regions that every node touches to row starts."""
+    start[0] = 0
+    for v in range(star.start.shape[0] - 1):
+        count = 0
+        for k in range(star.start[v], star.start[v + 1]):
+            if first_of_region(elements, star, v, k):
+                count += 1
+        start[v + 1] = start[v] + count
+
+
+@kernel
+def first_of_region(elements, star, v, k):
+    """Whether row k is the first of the star of v with its region."""
+    region = elements.region[star.element[k]]
+    for j in range(star.start[v], k):
+        if elements.region[star.element[j]] == region:
+            return False
+    return True
+
+
+@kernel
+def fill_sites(elements, star, sites):
+    """List the regions of every node, each with an element to start a search from."""
+    for v in range(star.start.shape[0] - 1):
+        s = sites.start[v]
+        for k in range(star.start[v], star.start[v + 1]):
+            if first_of_region(elements, star, v, k):
+                sites.region[s] = elements.region[star.element[k]]
+                sites.element[s] = star.element[k]
+                s += 1
+
+
+@kernel
+def average_at_sites(area, density, elements, star, log_density):
+    """Logarithm of the density at the corners of all elements: the area-weighted mean of those around, per region."""
+    for e in range(elements.node.shape[0]):
+        region = elements.region[e]
+        for corner in range(3):
+            v = elements.node[e, corner]
+            mass, total = 0.0, 0.0
+            for k in range(star.start[v], star.start[v + 1]):
+                other = star.element[k]
+                if elements.region[other] == region:
+                    mass += area[other] * density[other]
+                    total += area[other]
+            log_density[e, corner] = np.log(mass / total)
+
+
+@kernel
 def weight_in_region(sites, v, region):
     """Weight of node v as seen from one of its regions."""
     first = sites.start[v]

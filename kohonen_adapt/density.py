@@ -1,0 +1,223 @@
+"""From error indicators or sizes to a density of nodes, and from a density to training points."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from .kernels.geometry import Elements
+from .kernels.smooth import Sites, average_at_sites, weigh_sites
+from .quality import area
+from .triangulation import Triangulation, check_mesh
+
+__all__ = ["CallableDensity", "Draw", "ElementDensity", "density_from_indicators", "density_from_sizes", "density_of"]
+
+Floats = NDArray[np.float64]
+
+ZERO = 1e-6  # of the largest value: a density of zero is raised to this
+QUIET = 1e-3  # of the median: an indicator below it says nothing
+CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
+
+
+def density_from_indicators(
+    mesh: MeshTri, indicators: ArrayLike, *, order: int = 1, norm: str = "energy"
+) -> NDArray[np.float64]:
+    """Density of nodes for which all elements would carry the same error.
+
+    Parameters
+    ----------
+    mesh
+        The mesh that the indicators belong to.
+    indicators
+        (nelements,): error of every element in the energy norm, not squared.
+    order
+        Degree p of the elements.
+    norm
+        ``"energy"`` or ``"L2"``: the norm in which the error is to be small.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Nodes per area, positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
+
+    Raises
+    ------
+    ValueError
+        If the indicators have another shape, are negative or not finite, or `order` or `norm` is unknown.
+
+    Notes
+    -----
+    With the error of an element ``eta_K^2 ~ |K| h^(2p) |D^(p+1) u|^2``, minimising the sum over the mesh at a given
+    number of nodes ``int h^-d`` gives ``rho_K ~ (eta_K^2 / |K|^(1 + 2p/d))^(d / (d + q))`` in d dimensions, with
+    q = 2p for the energy norm and, as the L2 error is smaller by another h, q = 2p + 2 for the L2 norm. For p = 1 and
+    d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``. At the optimum for the energy norm all indicators are
+    equal (equidistribution). Indicators are floored at a thousandth of their median, so that no region is emptied on
+    the strength of a small number; all zero gives a constant.
+    """
+    check_mesh(mesh)
+    values = per_element(mesh, indicators, "indicators")
+    if isinstance(order, bool) or order not in (1, 2, 3, 4):
+        raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
+    if norm not in ("energy", "L2"):
+        raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
+    sizes = area(mesh)
+    if not values.any():
+        return np.full(len(values), mesh.p.shape[1] / sizes.sum())
+    median = np.median(values) or np.median(values[values > 0])
+    eta = np.maximum(values, QUIET * median) / values.max()
+    q = 2 * order if norm == "energy" else 2 * order + 2
+    density = (eta**2 / (sizes / sizes.max()) ** (1 + order)) ** (2 / (2 + q))
+    return density * (mesh.p.shape[1] / np.sum(sizes * density))
+
+
+def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> NDArray[np.float64]:
+    """Density of nodes of equilateral triangles with the wanted edge lengths.
+
+    Parameters
+    ----------
+    mesh
+        The mesh that the sizes belong to.
+    sizes
+        (nelements,): wanted edge length at every element, in mesh units.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        ``2 / (sqrt(3) h^2)`` nodes per area: a triangle has half a node and the area ``sqrt(3) h^2 / 4``.
+
+    Raises
+    ------
+    ValueError
+        If the sizes have another shape or are not positive and finite.
+    """
+    check_mesh(mesh)
+    lengths = per_element(mesh, sizes, "sizes")
+    if not np.all(lengths > 0):
+        raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
+    return 2.0 / (np.sqrt(3.0) * lengths**2)
+
+
+def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
+    """Values (nelements,), finite and not negative, as floats."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (mesh.nelements,):
+        raise ValueError(f"{name} must have shape (nelements,) = ({mesh.nelements},); got {array.shape}.")
+    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
+    if len(bad):
+        raise ValueError(f"{name} must be finite and >= 0; element {bad[0]} has {array[bad[0]]}.")
+    return array
+
+
+class Draw(NamedTuple):
+    """Training points (k, 2), the elements of the density's mesh they lie in (k,), and their weights (k,)."""
+
+    points: Floats
+    element: NDArray[np.int32]
+    weights: Floats
+
+
+class ElementDensity:
+    """A density that is constant on every element of the mesh it was estimated on."""
+
+    def __init__(self, triangulation: Triangulation, values: Floats) -> None:
+        self.position, self.elements = snapshot(triangulation)
+        self.values = np.maximum(values, ZERO * values.max())
+        self.masses = triangulation.areas() * self.values
+        self._log_at_corners = np.empty(self.elements.node.shape)
+        average_at_sites(triangulation.areas(), self.values, self.elements, triangulation.star, self._log_at_corners)
+
+    def draw(self, number: int, rng: np.random.Generator) -> Draw:
+        """About `number` points, stratified: every stretch of the summed-up mass gets its share, in random order."""
+        cumulated = np.cumsum(self.masses)
+        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
+        element = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1).astype(np.int32)
+        rng.shuffle(element)
+        return Draw(points_in(self.position, self.elements, element, rng), element, np.ones(number))
+
+    def weigh(self, position: Floats, sites: Sites) -> None:
+        """Look up the weights of `sites` for nodes at these positions."""
+        weigh_sites(position, sites, self.position, self.elements, self._log_at_corners)
+
+
+class CallableDensity:
+    """A density given as a function of position, sampled wherever it is needed."""
+
+    def __init__(self, triangulation: Triangulation, function: Callable[[Floats], ArrayLike]) -> None:
+        self.position, self.elements = snapshot(triangulation)
+        self.function = function
+        self.areas = triangulation.areas()
+        self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
+        points, values = self._candidates(np.random.default_rng(0))
+        self.largest = values.max()
+        self.masses = self.areas * self._floored(values).reshape(len(self.areas), self.share).mean(axis=1)
+
+    def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """As many random points in every element, one element after the other, and the density there."""
+        element = np.repeat(np.arange(len(self.areas), dtype=np.int32), self.share)
+        points = points_in(self.position, self.elements, element, rng)
+        values = self._evaluate(points)
+        if not values.max() > 0:
+            raise ValueError("density must not be zero everywhere; the callable is.")
+        return points, values
+
+    def _evaluate(self, points: Floats) -> Floats:
+        """The function at the rows of an (n, 2) array, checked."""
+        values = np.asarray(self.function(points.T.copy()), dtype=np.float64)
+        if values.shape != (len(points),):
+            raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
+        bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+        if len(bad):
+            raise ValueError(f"density must be finite and >= 0; at {tuple(points[bad[0]])} it is {values[bad[0]]}.")
+        return values
+
+    def _floored(self, values: Floats) -> Floats:
+        return np.maximum(values, ZERO * self.largest)
+
+    def draw(self, number: int, rng: np.random.Generator) -> Draw:
+        """About `number` of many candidates, chosen by the density at each, stratified and in random order."""
+        points, values = self._candidates(rng)
+        cumulated = np.cumsum(np.repeat(self.areas, self.share) * self._floored(values))
+        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
+        chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
+        rng.shuffle(chosen)
+        return Draw(points[chosen], (chosen // self.share).astype(np.int32), np.ones(number))
+
+    def weigh(self, position: Floats, sites: Sites) -> None:
+        """Evaluate the weights of `sites` for nodes at these positions."""
+        weight = self._floored(self._evaluate(position)) ** (2.0 / 3.0)
+        sites.weight[:] = np.repeat(weight, np.diff(sites.start))
+
+
+def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> ElementDensity | CallableDensity:
+    """A user's density, checked, for the mesh of a triangulation.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape than (nelements,), is negative, not finite, or zero everywhere.
+    """
+    if callable(density):
+        return CallableDensity(triangulation, density)
+    values = per_element(triangulation.mesh, density, "density")
+    if not values.any():
+        raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
+    return ElementDensity(triangulation, values)
+
+
+def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
+    """The triangulation as it is now: the map goes on to change its own."""
+    elements = triangulation.elements
+    return triangulation.position.copy(), elements._replace(
+        node=elements.node.copy(), neighbour=elements.neighbour.copy()
+    )
+
+
+def points_in(position: Floats, elements: Elements, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
+    """A random point in each of the given elements, (k, 2)."""
+    u, v = rng.random((2, len(element), 1))
+    outside = u + v > 1.0
+    u, v = np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)
+    a, b, c = (position[elements.node[element, k]] for k in range(3))
+    return a + u * (b - a) + v * (c - a)

@@ -1,0 +1,171 @@
+"""One mesh in, one better mesh out: the nodes move to where the density wants them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from .density import CallableDensity, ElementDensity, density_of
+from .kernels.train import ball_means
+from .schedule import Schedule, widest_radius
+from .som import KohonenMap, scratch_for
+from .triangulation import Triangulation
+
+__all__ = ["Relocation", "relocate", "relocation"]
+
+MISMATCH = 0.6  # logarithm of the mean load of a ball of nodes beyond which mass must still travel as far as its radius
+CENTRES = 200  # balls that are looked at, at least
+
+
+@dataclass(frozen=True)
+class Relocation:
+    """A relocated mesh and what it took.
+
+    Attributes
+    ----------
+    mesh
+        The new mesh.
+    quantization_errors
+        Mean distance of the training points to their winners, one per epoch, in mesh units.
+    max_displacement
+        The longest way that a node went, in mesh units.
+    moved
+        Number of nodes that moved.
+    message
+        Why no node moved, or empty.
+    """
+
+    mesh: MeshTri
+    quantization_errors: tuple[float, ...]
+    max_displacement: float
+    moved: int
+    message: str
+
+
+def relocate(
+    mesh: MeshTri,
+    density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
+    *,
+    schedule: Schedule | None = None,
+    topology: str = "flip",
+    min_quality: float = 0.3,
+    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    seed: int = 0,
+) -> MeshTri:
+    """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri`; it is not modified.
+    density
+        Wanted nodes per area up to a factor, >= 0 and not zero everywhere: (nelements,), or a callable of points x
+        (2, n) that returns (n,). Zeros are raised to 1e-6 of the largest value.
+    schedule
+        None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
+        again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
+        ``topology="flip"`` it makes each region constrained Delaunay.
+    topology
+        ``"flip"`` makes each region constrained Delaunay as far as `min_quality` lets it, ``"fixed"`` keeps ``mesh.t``.
+    min_quality
+        A move or flip is accepted if the worst quality it leaves in what it touches is at least
+        ``min(min_quality, the worst there before)``.
+    pinned
+        Node numbers, and names of boundaries and subdomains, of what stays where it is.
+    seed
+        The same seed gives the same mesh, bit for bit, on one type of CPU.
+
+    Returns
+    -------
+    MeshTri
+        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the mesh is not a valid `skfem.MeshTri` or an argument is out of range; nothing is changed then.
+
+    Notes
+    -----
+    The density is what its own mesh says throughout; training points are drawn from it region by region. Equation 1,
+    the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
+    Kohonen Maps".
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(4)
+    >>> finer_below = ka.relocate(mesh, lambda x: 1 / (0.1 + x[1]))
+    >>> finer_below.p.shape == mesh.p.shape
+    True
+    """
+    return relocation(
+        mesh, density, schedule=schedule, topology=topology, min_quality=min_quality, pinned=pinned, seed=seed
+    ).mesh
+
+
+def relocation(
+    mesh: MeshTri,
+    density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
+    *,
+    schedule: Schedule | None,
+    topology: str,
+    min_quality: float,
+    pinned: Sequence[int | str] | NDArray[np.integer] | str,
+    seed: int,
+) -> Relocation:
+    """`relocate`, with an account of what it took."""
+    if min_quality is None:
+        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
+    som = KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
+    wanted = density_of(som.triangulation, density)
+    rng = np.random.default_rng(seed)
+    if schedule is None:
+        radius = start_radius(som.triangulation, wanted, rng)
+        schedule = Schedule.default(som.triangulation.nnodes, radius=radius, topology=topology)
+    errors = som.learn(wanted.draw, schedule, rng)
+    som.smooth(wanted, schedule.sweeps)
+    moved = som.mesh
+    way = np.sqrt(np.sum((moved.p - mesh.p) ** 2, axis=0))
+    count = int(np.count_nonzero(way))
+    return Relocation(moved, errors, float(way.max()), count, "" if count else why_still(som, schedule))
+
+
+def why_still(som: KohonenMap, schedule: Schedule) -> str:
+    """The reason that no node moved."""
+    if not schedule.sweeps and not any(stage.epochs for stage in schedule.stages):
+        return "the schedule has no epochs and no sweeps"
+    if not som.can_move():
+        return "every node is a corner or pinned"
+    return "every move would have broken the quality rule"
+
+
+def start_radius(
+    triangulation: Triangulation, wanted: ElementDensity | CallableDensity, rng: np.random.Generator
+) -> int:
+    """The largest power of two for which some ball of that many rings has far too much or too little mass per node."""
+    n, star = triangulation.nnodes, triangulation.star
+    mass, scratch = node_masses(triangulation, wanted.masses), scratch_for(triangulation)
+    radius = widest_radius(n)
+    while radius > 2:
+        centres = rng.integers(0, n, max(CENTRES, 4 * n // radius**2)).astype(np.int32)
+        mean = np.empty(len(centres))
+        ball_means(star, mass, centres, radius, scratch, mean)
+        if np.any(np.abs(np.log(mean)) > MISMATCH):
+            break
+        radius //= 2
+    return radius
+
+
+def node_masses(triangulation: Triangulation, masses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mass that each node carries, a third of its elements', 1 on average in every region, (n,).
+
+    Nodes cannot leave their region, so what one region has too much of is none of another's business.
+    """
+    node, region = triangulation.elements.node, triangulation.elements.region
+    degree = np.bincount(node.ravel())
+    nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
+    share = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
+    return np.bincount(node.ravel(), weights=np.repeat(share, 3))

@@ -1,0 +1,177 @@
+"""How a map is trained: radii, epochs, learning rates and numbers of training points."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Schedule", "Stage"]
+
+NARROWEST = 2  # the radius that the default schedule comes down to before it smooths
+WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Epochs of one radius.
+
+    Parameters
+    ----------
+    radius
+        Rings of neighbours that learn with the winner.
+    epochs
+        How often training points are presented.
+    learning_rate
+        Share of the way to the training point that the winner goes, above 0 and at most 1; a pair falls geometrically
+        from the first epoch to the last.
+    points_per_neuron
+        Training points per node and epoch.
+    neighbourhood
+        ``"gaussian"``: ``exp(-ring^2 / (2 s^2))`` with s = radius / 1.5; ``"flat"``: 1 for all rings, as in the paper.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    radius: int
+    epochs: int
+    learning_rate: float | tuple[float, float]
+    points_per_neuron: float = field(default=2.0, kw_only=True)
+    neighbourhood: str = field(default="gaussian", kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "epochs"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+                raise ValueError(f"{name} of a stage must be an integer >= 0; got {value!r}.")
+        if len(self._rate_pair()) != 2 or not all(0 < rate <= 1 for rate in self._rate_pair()):
+            raise ValueError(f"learning_rate must be in (0, 1], one or (first, last); got {self.learning_rate!r}.")
+        if not (self.points_per_neuron > 0 and math.isfinite(self.points_per_neuron)):
+            raise ValueError(f"points_per_neuron must be above zero; got {self.points_per_neuron!r}.")
+        if self.neighbourhood not in ("gaussian", "flat"):
+            raise ValueError(f"neighbourhood must be 'gaussian' or 'flat'; got {self.neighbourhood!r}.")
+
+    def _rate_pair(self) -> tuple[float, ...]:
+        rate = self.learning_rate
+        return tuple(rate) if isinstance(rate, Iterable) else (rate, rate)
+
+    def rates(self) -> NDArray[np.float64]:
+        """Learning rate of each epoch, (epochs,)."""
+        return np.geomspace(*self._rate_pair(), self.epochs)
+
+    def strength(self) -> NDArray[np.float64]:
+        """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
+        ring = np.arange(self.radius + 1)
+        if self.neighbourhood == "flat" or self.radius == 0:
+            return np.ones(len(ring))
+        return np.exp(-0.5 * (ring * WIDTH / self.radius) ** 2)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Stages of training, one after the other, and how they end.
+
+    Parameters
+    ----------
+    stages
+        The stages; none leaves every node where it is.
+    sweeps
+        Sweeps of density-weighted optimal Delaunay smoothing after the stages (`relocate` and `adapt` only).
+    tolerance
+        Stop when the mean distance of the training points to their winners falls below it, in mesh units.
+    fresh
+        Whether every epoch draws training points of its own; otherwise one set serves them all, as in the paper.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a value is out of its range or `stages` holds something else than stages.
+    """
+
+    stages: tuple[Stage, ...]
+    sweeps: int = field(default=0, kw_only=True)
+    tolerance: float | None = field(default=None, kw_only=True)
+    fresh: bool = field(default=True, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stages", tuple(self.stages))
+        wrong = [stage for stage in self.stages if not isinstance(stage, Stage)]
+        if wrong:
+            raise TypeError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
+        if isinstance(self.sweeps, bool) or not isinstance(self.sweeps, int | np.integer) or self.sweeps < 0:
+            raise ValueError(f"sweeps must be an integer >= 0; got {self.sweeps!r}.")
+        if self.tolerance is not None and not self.tolerance >= 0:
+            raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
+
+    @classmethod
+    def paper(
+        cls, epochs: tuple[int, int, int] = (3, 10, 5), learning_rate: tuple[float, float] = (0.3, 0.02)
+    ) -> "Schedule":
+        """The schedule of Lowther and Mai: radius 2, 1, 0, one set of two training points per neuron.
+
+        Parameters
+        ----------
+        epochs
+            Epochs at radius 2, 1 and 0.
+        learning_rate
+            Rate of the first and of the last epoch; it falls geometrically over all epochs together.
+        """
+        if len(epochs) != 3:
+            raise ValueError(f"epochs must be three numbers, for radius 2, 1 and 0; got {epochs!r}.")
+        rates = np.geomspace(*learning_rate, max(sum(epochs), 1))
+        ends = np.cumsum(epochs)
+        stages = [
+            Stage(radius, count, (float(rates[end - count]), float(rates[end - 1])), neighbourhood="flat")
+            for radius, count, end in zip((2, 1, 0), epochs, ends, strict=True)
+            if count
+        ]
+        return cls(tuple(stages), fresh=False)
+
+    @classmethod
+    def default(cls, nnodes: int, *, radius: int | None = None, topology: str = "flip") -> "Schedule":
+        """The measured best: from wide and thin to narrow and dense, ending smoothly.
+
+        Parameters
+        ----------
+        nnodes
+            Number of nodes of the mesh.
+        radius
+            Start radius, halved down to 2; None takes the widest (`widest_radius`). `relocate` takes it from how far
+            the mesh is from the density, because wide radii repeated without need over-concentrate.
+        topology
+            ``"flip"`` ends in ten smoothing sweeps, ``"fixed"`` in radius 1 and 0 (smoothing needs flips).
+
+        Notes
+        -----
+        A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius, so nodes are carried far by
+        wide ones; with ``c / R^2`` points per neuron these cost no more than narrow ones.
+        """
+        if topology not in ("flip", "fixed"):
+            raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+        start = widest_radius(nnodes) if radius is None else radius
+        radii = [start]
+        while radii[-1] // 2 >= NARROWEST:
+            radii.append(radii[-1] // 2)
+        epochs = 3 if start >= 4 else 2
+        stages = [
+            Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=min(2.0, thinness(nnodes, r) / r**2))
+            for r in radii
+            if r >= NARROWEST
+        ]
+        if topology == "fixed":
+            return cls((*stages, Stage(1, 5, (0.3, 0.1)), Stage(0, 5, (0.2, 0.05))))
+        return cls(tuple(stages), sweeps=10)
+
+
+def widest_radius(nnodes: int) -> int:
+    """The largest power of two that is at most 0.6 sqrt(nnodes), and at least 2."""
+    return 2 ** max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))
+
+
+def thinness(nnodes: int, radius: int) -> float:
+    """Training points per neuron and epoch, times the radius squared."""
+    return max(3.0, 0.7 * nnodes**0.25) if radius >= 8 else 2.0

@@ -1,0 +1,292 @@
+"""The Kohonen map: a mesh whose nodes are neurons, and how it is trained."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from .density import CallableDensity, Draw, ElementDensity
+from .kernels.flip import flip_edges
+from .kernels.geometry import HELD
+from .kernels.smooth import Sites, count_sites, fill_sites, sweep
+from .kernels.train import Scratch, learn, search_path
+from .locate import Locator, as_rows
+from .outline import Outline, pinned_nodes
+from .schedule import Schedule, Stage
+from .triangulation import Triangulation
+
+__all__ = ["KohonenMap"]
+
+UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
+UPDATES = 3_000_000  # node updates per compiled call: Python hears Ctrl-C at least every half second
+FLIPS = 2_000_000  # flips per compiled call, likewise
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+
+class KohonenMap:
+    """A self-organizing map whose neurons are the nodes of a mesh and whose topology is the mesh itself.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri`; it is not modified.
+    topology
+        ``"flip"`` keeps every region constrained Delaunay by flips between epochs, ``"fixed"`` keeps the elements.
+    min_quality
+        No update or flip leaves an element worse than this, unless the worst there was worse before. None switches
+        every check off: elements may then overlap (Fig. 7 of the paper).
+    pinned
+        Node numbers, and names of boundaries and subdomains, of what stays where it is.
+
+    Attributes
+    ----------
+    mesh
+        The mesh as it is now, with all its names.
+    search_steps
+        Mean number of steps that the search for a winner walked, one per epoch trained so far.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the mesh is not a valid `skfem.MeshTri`, or an argument is out of range.
+
+    References
+    ----------
+    D. A. Lowther and W. Mai, "On Automatic Mesh Generation using Kohonen Maps", IEEE Trans. Magn.
+    """
+
+    def __init__(
+        self,
+        mesh: MeshTri,
+        *,
+        topology: str = "flip",
+        min_quality: float | None = 0.3,
+        pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    ) -> None:
+        check_options(topology, min_quality)
+        self.triangulation = Triangulation.of(mesh)
+        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned))
+        self.search_steps: list[float] = []
+        self._flips = topology == "flip"
+        self._floor = UNGUARDED if min_quality is None else float(min_quality)
+        self._scratch = scratch_for(self.triangulation)
+
+    @property
+    def mesh(self) -> MeshTri:
+        """The mesh as it is now, with every name it came with."""
+        return self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+
+    def train(
+        self,
+        points: ArrayLike | Callable[[int, np.random.Generator], tuple[ArrayLike, ArrayLike | None]],
+        schedule: Schedule | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        seed: int = 0,
+    ) -> tuple[float, ...]:
+        """Learn training points, equation 1 of the paper.
+
+        Parameters
+        ----------
+        points
+            (2, n), in mesh units, or a callable ``(number, rng) -> (points, weights)`` asked anew in every epoch
+            (once, if the schedule is not fresh); its weights may be None.
+        schedule
+            None takes the default for this mesh, without sweeps.
+        weights
+            (n,), >= 0: the learning rate of each point is multiplied by it, and capped at 1.
+        seed
+            Decides the order in which points are presented, and what the callable's generator gives.
+
+        Returns
+        -------
+        tuple of float
+            Quantisation error of every epoch: the mean distance of the training points to their winners before the
+            update, in mesh units. Times the number of points it is the paper's equation 2.
+
+        Raises
+        ------
+        ValueError
+            If a training point lies outside the mesh, a shape does not fit, or the schedule has sweeps.
+        """
+        schedule = self._schedule_without_sweeps(schedule)
+        locator, rng = Locator(self.triangulation), np.random.default_rng(seed)
+        if callable(points):
+            if weights is not None:
+                raise ValueError("weights must come from the callable when points is one; got both.")
+            return self.learn(lambda number, rng: located(locator, *points(number, rng)), schedule, rng)
+        given = located(locator, points, weights)
+        return self.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
+
+    def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
+        if schedule is None:
+            topology = "flip" if self._flips else "fixed"
+            return replace(Schedule.default(self.triangulation.nnodes, topology=topology), sweeps=0)
+        if schedule.sweeps:
+            raise ValueError(
+                f"train has no density to sweep with; got sweeps = {schedule.sweeps}. Use kohonen_adapt.relocate."
+            )
+        return schedule
+
+    def learn(
+        self, draw: Callable[[int, np.random.Generator], Draw], schedule: Schedule, rng: np.random.Generator
+    ) -> tuple[float, ...]:
+        """Train with points whose elements in the mesh as it is now are known; returns the errors of the epochs."""
+        self._flip()
+        errors: list[float] = []
+        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng):
+            errors.append(self._epoch(stage, rate, shown, slot, winners))
+            self._flip()
+            if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
+                break
+        return tuple(errors)
+
+    def _presentations(
+        self, draw: Callable[[int, np.random.Generator], Draw], schedule: Schedule, rng: np.random.Generator
+    ) -> Iterator[tuple[Stage, float, Draw, Indices, Indices]]:
+        """For every epoch its stage and rate, its points, and where each finds and leaves its last winner.
+
+        Points of a set that is shown again remember their own winner; fresh ones take over that of the last point
+        drawn from the same element.
+        """
+        count = self.triangulation.nnodes
+        winners = self.triangulation.elements.node[:, 0].copy()
+        most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
+        kept = None if schedule.fresh else draw(ceil(most * count), rng)
+        if kept is not None:
+            winners = winners[kept.element]
+        for stage in schedule.stages:
+            for rate in stage.rates():
+                if kept is None:
+                    shown = draw(ceil(stage.points_per_neuron * count), rng)
+                    yield stage, rate, shown, shown.element, winners
+                else:
+                    order = rng.permutation(len(kept.points)).astype(np.int32)
+                    yield stage, rate, Draw(*(column[order] for column in kept)), order, winners
+
+    def _epoch(self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices) -> float:
+        """Present every point once, in chunks; returns the mean distance to the winners."""
+        tri, strength = self.triangulation, stage.strength()
+        region = tri.elements.region[shown.element]
+        chunk = max(1, UPDATES // (1 + 3 * stage.radius * (stage.radius + 1)))
+        total, steps = 0.0, 0
+        for first in range(0, len(slot), chunk):
+            part = slice(first, first + chunk)
+            distance, walked = learn(
+                tri.position, tri.elements, tri.star, self.outline.constraints, shown.points[part], region[part],
+                slot[part], winners, shown.weights[part], rate, strength, self._floor, self._scratch,
+            )  # fmt: skip
+            total, steps = total + distance, steps + walked
+        self.search_steps.append(steps / max(1, len(slot)))
+        return total / max(1, len(slot))
+
+    def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
+        """Sweeps of optimal Delaunay smoothing, weighted with a density, with flips in between."""
+        tri, constraints = self.triangulation, self.outline.constraints
+        sites = sites_of(tri) if sweeps else None
+        for _ in range(sweeps):
+            density.weigh(tri.position, sites)
+            sweep(tri.position, tri.elements, tri.star, constraints, sites, self._floor, self._scratch.trial)
+            self._flip()
+
+    def _flip(self) -> None:
+        """Make every region constrained Delaunay as far as the quality rule allows."""
+        if not self._flips:
+            return
+        tri, m = self.triangulation, len(self.triangulation.elements.node)
+        stack, waiting = np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+        flips = limit = FLIPS
+        while flips == limit:
+            flips = flip_edges(tri.position, tri.elements, self._floor, stack, waiting, limit)
+        tri.refill_star()
+
+    def can_move(self) -> bool:
+        """Whether any node is free to move, to slide, or to leave its corner to another."""
+        constraints = self.outline.constraints
+        return bool(np.any((constraints.kind != HELD) | (constraints.chain[:, 1] >= 0)))
+
+    def search(self, x: ArrayLike, start: int) -> NDArray[np.int32]:
+        """The nodes that the search for the winner of one point visits.
+
+        Parameters
+        ----------
+        x
+            (2,): the point, in mesh units.
+        start
+            The node that the search starts from; it must touch the region of the point.
+
+        Returns
+        -------
+        ndarray (k,)
+            From `start` by ever closer neighbours to the winner, which is last.
+        """
+        tri = self.triangulation
+        element = located(Locator(tri), np.asarray(x, dtype=np.float64).reshape(2, 1), None).element[0]
+        path = np.empty(tri.nnodes + 1, dtype=np.int32)
+        count = search_path(
+            tri.position, tri.elements, tri.star, self.outline.constraints.inner, start,
+            np.asarray(x, dtype=np.float64), tri.elements.region[element], self._scratch, path,
+        )  # fmt: skip
+        return path[:count]
+
+
+def check_options(topology: str, min_quality: float | None) -> None:
+    """Refuse options that the map does not have."""
+    if topology not in ("flip", "fixed"):
+        raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+    if min_quality is not None and not 0 <= min_quality < 1:
+        raise ValueError(f"min_quality must be from 0 to below 1; got {min_quality!r}.")
+
+
+def scratch_for(triangulation: Triangulation) -> Scratch:
+    """Room for the kernels to work in, allocated once."""
+    n, m = triangulation.nnodes, len(triangulation.elements.node)
+    return Scratch(
+        np.zeros(n, dtype=np.int64),
+        np.zeros(m, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+        np.empty(max(n, m), dtype=np.int32),
+        np.empty(m, dtype=np.int32),
+        np.empty(m),
+        np.empty(triangulation.position.shape[1]),
+    )
+
+
+def sites_of(triangulation: Triangulation) -> Sites:
+    """The regions of every node, with room for the weight of each."""
+    elements, star = triangulation.elements, triangulation.star
+    start = np.empty_like(star.start)
+    count_sites(elements, star, start)
+    region, element = (np.empty(start[-1], dtype=np.int32) for _ in range(2))
+    sites = Sites(start, region, element, np.empty(start[-1]))
+    fill_sites(elements, star, sites)
+    return sites
+
+
+def located(locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:
+    """A user's training points with the elements that hold them, checked.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a weight is negative or not finite, or a point lies outside the mesh.
+    """
+    rows = as_rows(points, "points")
+    if len(rows) == 0:
+        raise ValueError("points must hold at least one training point; got none.")
+    weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
+    if weight.shape != (len(rows),):
+        raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
+    if not np.all(np.isfinite(weight) & (weight >= 0)):
+        raise ValueError("weights must be finite and >= 0.")
+    element = locator.find(rows)
+    outside = np.flatnonzero(element < 0)
+    if len(outside):
+        where = tuple(rows[outside[0]].tolist())
+        raise ValueError(f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}.")
+    return Draw(rows, element, weight)
