@@ -1,0 +1,169 @@
+"""The loop: solve, estimate, relocate, and stop when it is enough."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from .density import density_from_indicators
+from .journal import Ending, Journal, StepFailed
+from .problem import Problem, check_problem, energy_norm, estimate, norm_of, order_of, solve
+from .relocate import Relocation, relocation
+from .result import AdaptResult, Pass
+from .schedule import Schedule
+from .som import KohonenMap
+from .stopping import StopTest, failed, interrupted, not_moved
+
+__all__ = ["adapt"]
+
+# The measured best of the map's topologies.
+_TOPOLOGY = "flip"
+
+_NUMBERS = (int, float, np.integer, np.floating)
+
+Relocate = Callable[[MeshTri, NDArray[np.float64], int], Relocation]
+
+
+def adapt(
+    mesh: MeshTri,
+    problem: Problem,
+    *,
+    passes: int = 4,
+    rtol: float | None = None,
+    atol: float | None = None,
+    schedule: Schedule | None = None,
+    topology: str | None = None,
+    min_quality: float = 0.3,
+    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    seed: int = 0,
+    callback: Callable[[Pass], Any] | None = None,
+) -> AdaptResult:
+    """Adapt a mesh to a problem by moving its nodes to where the error is; their number stays the same.
+
+    A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
+    error equal everywhere. The mesh after the last pass is solved and estimated too, so `passes` relocations cost
+    ``passes + 1`` solves. The result is the best mesh seen, the input included.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh of straight elements; it is not modified.
+    problem
+        Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
+        of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
+        "L2": the norm in which the error is to be small), ``solve_from(mesh, old_mesh, old_solution)`` (in place of
+        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``.
+    passes
+        Number of relocations, at most; 0 solves and estimates the input.
+    rtol, atol
+        Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
+    schedule
+        How the map learns; None for the default, which fits itself to every pass.
+    topology
+        "fixed" keeps the connectivity, "flip" makes each region Delaunay; None for the measured best of them.
+    min_quality
+        No move and no flip leaves an element of lower quality than this, or than there was.
+    pinned
+        What stays where it is: node indices, names of boundaries and of subdomains.
+    seed
+        An integer >= 0. Every pass draws its training points from a seed of its own, made from this one.
+    callback
+        Called with every `Pass`, the input's first; returning True stops the loop. What it raises is not caught.
+
+    Returns
+    -------
+    AdaptResult
+        The best pass by estimate (with ``norm = "L2"`` by the square root of the sum of |K| times the squared
+        indicators), never worse than the input; with the history, the status and a message. Print it for a table.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, the problem lacks a method, or its indicators of the input mesh have the wrong
+        shape or are not finite numbers >= 0.
+    Exception
+        Whatever the problem raises on the input mesh, Ctrl-C included. Later that ends the loop, with the status
+        ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
+    """
+    topology = _TOPOLOGY if topology is None else topology
+    pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
+    _check_loop(passes, rtol, atol, seed, callback)
+    _check_map(mesh, schedule, topology, min_quality, pinned)
+    check_problem(problem, rtol)
+    journal = Journal(norm_of(problem))
+
+    def relocate(mesh: MeshTri, indicators: NDArray[np.float64], number: int) -> Relocation:
+        density = density_from_indicators(mesh, indicators, order=order_of(problem), norm=norm_of(problem))
+        return relocation(
+            mesh,
+            density,
+            schedule=schedule,
+            topology=topology,
+            min_quality=min_quality,
+            pinned=pinned,
+            seed=_seed_of_pass(seed, number),
+        )
+
+    try:
+        ending = _loop(mesh, problem, relocate, StopTest(passes, rtol, atol, callback), journal)
+    except KeyboardInterrupt:
+        if not journal.history:
+            raise
+        ending = interrupted(journal)
+    except StepFailed as failure:
+        ending = failed(journal, failure)
+    return journal.result(ending)
+
+
+def _loop(mesh: MeshTri, problem: Problem, relocate: Relocate, stop: StopTest, journal: Journal) -> Ending:
+    """Solve, estimate, stop or relocate, and again."""
+    move = None
+    while True:
+        with journal.timed("solve"):
+            solution = solve(problem, mesh, *journal.last)
+        with journal.timed("estimate"):
+            indicators = estimate(problem, mesh, solution)
+            energy = energy_norm(problem, mesh, solution)
+        journal.record(mesh, solution, indicators, energy, move)
+        if ending := stop(journal, move):
+            return ending
+        with journal.timed("relocate"):
+            move = relocate(mesh, indicators, journal.number)
+        if _same(mesh, move.mesh):
+            return not_moved(journal, move)
+        mesh = move.mesh
+
+
+def _same(before: MeshTri, after: MeshTri) -> bool:
+    """Whether nothing moved and nothing flipped: then there is nothing to solve again."""
+    return np.array_equal(before.p, after.p) and np.array_equal(_triples(before), _triples(after))
+
+
+def _triples(mesh: MeshTri) -> NDArray[np.integer]:
+    return np.unique(np.sort(mesh.t, axis=0), axis=1)
+
+
+def _seed_of_pass(seed: int, number: int) -> int:
+    return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
+
+
+def _check_loop(passes: Any, rtol: Any, atol: Any, seed: Any, callback: Any) -> None:
+    for name, value in (("passes", passes), ("seed", seed)):
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
+            raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        if value is not None and not (isinstance(value, _NUMBERS) and 0.0 <= value < np.inf):
+            raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
+    if callback is not None and not callable(callback):
+        raise ValueError(f"callback must be a function of the pass, or None; got {callback!r}.")
+
+
+def _check_map(mesh: MeshTri, schedule: Any, topology: str, min_quality: float, pinned: Any) -> None:
+    """Refuse what the map would refuse, but before the first solve."""
+    if schedule is not None and not isinstance(schedule, Schedule):
+        raise ValueError(f"schedule must be a kohonen_adapt.Schedule, or None for the default; got {schedule!r}.")
+    if min_quality is None:
+        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
+    KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)

@@ -1,0 +1,129 @@
+"""The record that the loop keeps: its passes, the time they took, and the best of them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from .quality import area, quality
+from .relocate import Relocation
+from .result import AdaptResult, Pass, Status
+
+__all__ = ["Ending", "Journal", "StepFailed"]
+
+Floats = NDArray[np.float64]
+
+
+class StepFailed(Exception):
+    """A step of the loop raised when there was a pass to give back; what it raised is the ``__cause__``."""
+
+    def __init__(self, step: str) -> None:
+        super().__init__(step)
+        self.step = step
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How the loop ended: status, message, and the exception of a failure."""
+
+    status: Status
+    message: str
+    error: Exception | None = None
+
+
+class _Solved(NamedTuple):
+    """A mesh with what is known on it, and its worth: the smaller, the better."""
+
+    mesh: MeshTri
+    solution: Any
+    indicators: Floats
+    worth: float
+
+
+class Journal:
+    """History of a loop. Of the solutions it keeps two, the last (for a warm start) and the best."""
+
+    def __init__(self, norm: str) -> None:
+        self.history: tuple[Pass, ...] = ()
+        self.worths: tuple[float, ...] = ()
+        self._norm = norm
+        self._last: _Solved | None = None
+        self._best: _Solved | None = None
+        self._seconds: dict[str, float] = {}
+
+    @property
+    def number(self) -> int:
+        """Number of the pass in the making."""
+        return len(self.history)
+
+    @property
+    def best_number(self) -> int:
+        """Number of the best pass so far."""
+        return int(np.argmin(self.worths))
+
+    @property
+    def last(self) -> tuple[MeshTri | None, Any]:
+        """Mesh and solution of the last pass, (None, None) before the first."""
+        return (self._last.mesh, self._last.solution) if self._last else (None, None)
+
+    @contextmanager
+    def timed(self, step: str) -> Iterator[None]:
+        """Time one step of a pass; what goes wrong on the input mesh stays as it is, later it is a `StepFailed`."""
+        start = perf_counter()
+        try:
+            yield
+        except Exception as error:
+            if not self.history:
+                raise
+            raise StepFailed(step) from error
+        self._seconds[step] = perf_counter() - start
+
+    def record(
+        self, mesh: MeshTri, solution: Any, indicators: Floats, energy_norm: float | None, move: Relocation | None
+    ) -> None:
+        """Add the pass whose mesh was just solved and estimated; `move` made it, None for the input."""
+        qualities = quality(mesh)
+        entry = Pass(
+            number=self.number,
+            mesh=mesh,
+            estimate=_root_sum(indicators),
+            energy_norm=energy_norm,
+            quantization_errors=move.quantization_errors if move else (),
+            min_quality=float(qualities.min()),
+            mean_quality=float(qualities.mean()),
+            max_displacement=move.max_displacement if move else 0.0,
+            seconds={step: self._seconds.get(step, 0.0) for step in ("solve", "estimate", "relocate")},
+        )
+        worth = _root_sum(indicators * np.sqrt(area(mesh))) if self._norm == "L2" else entry.estimate
+        solved = _Solved(mesh, solution, indicators, worth)
+        best = solved if self._best is None or worth < self._best.worth else self._best
+        history, worths = (*self.history, entry), (*self.worths, worth)
+        # One statement without a call: Ctrl-C cannot fall in the middle of it.
+        self.history, self.worths, self._last, self._best, self._seconds = history, worths, solved, best, {}
+
+    def result(self, ending: Ending) -> AdaptResult:
+        """The best pass with the history and the way the loop ended."""
+        if self._best is None:
+            raise RuntimeError("the journal has no pass to give back.")
+        return AdaptResult(
+            mesh=self._best.mesh,
+            solution=self._best.solution,
+            indicators=self._best.indicators,
+            estimate=_root_sum(self._best.indicators),
+            history=self.history,
+            status=ending.status,
+            message=ending.message,
+            nodes=np.arange(self._best.mesh.p.shape[1]),
+            error=ending.error,
+        )
+
+
+def _root_sum(values: Floats) -> float:
+    """Square root of the sum of squares, scaled so that neither tiny nor huge values are lost."""
+    largest = values.max()
+    return float(largest * np.linalg.norm(values / largest)) if largest > 0.0 else 0.0
