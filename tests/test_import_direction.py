@@ -15,11 +15,11 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 TOWER = [
     *("kernels", "quality"),
     *("triangulation", "outline", "locate", "density"),
-    *("som",),
+    *("schedule", "som"),
     *("relocate",),
     *("result", "problem", "journal", "stopping", "adapt"),
 ]
-GROUND = TOWER[: TOWER.index("som")]
+GROUND = TOWER[: TOWER.index("schedule")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
 BESIDE = {"estimators": GROUND, "magnetostatics": [*GROUND, "estimators"]}
 # What a person touches; nothing but the package's front imports it.
