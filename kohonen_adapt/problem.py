@@ -61,48 +61,6 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
 
 
-def solve(self, mesh: MeshTri) -> Any:
-        """Solve on the mesh; the solution may be of any type."""
-
-    def indicators(self, mesh: MeshTri, solution: Any) -> ArrayLike:
-        """Error indicators of the energy norm, unsquared, (nelements,)."""
-
-
-def order_of(problem: Problem) -> int:
-    """Degree of the problem's elements, 1 where it does not say."""
-    return getattr(problem, "order", 1)
-
-
-def norm_of(problem: Problem) -> str:
-    """Norm in which the problem wants the error to be small, "energy" where it does not say."""
-    return getattr(problem, "norm", "energy")
-
-
-def check_problem(problem: Problem, rtol: float | None) -> None:
-    """Refuse a problem that the loop cannot use, before anything is solved.
-
-    Raises
-    ------
-    ValueError
-        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order`` or ``norm`` is unknown.
-    """
-    kind = type(problem).__name__
-    missing = [name for name in ("solve", "indicators") if not _offers(problem, name)]
-    if missing:
-        raise ValueError(
-            f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
-            f"{kind} has no {' and no '.join(missing)}."
-        )
-    if rtol is not None and not _offers(problem, "energy_norm"):
-        raise ValueError(
-            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: add it, or use atol."
-        )
-    if norm_of(problem) not in ("energy", "L2"):
-        raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
-    if not isinstance(order_of(problem), int | np.integer) or order_of(problem) < 1:
-        raise ValueError(f"order of the problem must be an integer >= 1; got {order_of(problem)!r}.")
-
-
 def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None, old_solution: Any) -> Any:
     """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
     if old_mesh is not None and _offers(problem, "solve_from"):
