@@ -1,0 +1,118 @@
+"""Mesh files in and out: Gmsh MSH 2.2 and 4.1 with physical groups, VTU for ParaView."""
+
+import math
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+from skfem import MeshTri
+
+from ..triangulation import check_mesh
+from .assembly import to_mesh
+from .checks import checked_fields, checked_sets
+from .gmsh_reader import read_msh
+from .gmsh_writer import write_msh
+from .vtu import read_vtu, write_vtu
+from .whole_file import whole_file
+
+__all__ = ["read_mesh", "write_mesh"]
+
+MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
+"""Which version of MSH a suffix asks for; `.msh2` is what Gmsh itself takes for 2.2."""
+
+
+def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
+    """Read a mesh of triangles with the names of its surface and line groups.
+
+    Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
+    dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``.
+    Second-order triangles are read as their corners, an element in several groups is read once, nodes that no triangle
+    uses are dropped. Which part of the area carries a name, and what was left out, is reported through ``logging``.
+    Boundaries come without orientation: the files hold none that Gmsh keeps.
+
+    Parameters
+    ----------
+    path
+        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or a ``.vtu`` file.
+    scale
+        Metres per unit of the file: 1e-3 for a drawing in millimetres. The files do not say.
+
+    Returns
+    -------
+    MeshTri
+        Nodes and elements in the order of their numbers in the file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
+    """
+    path = Path(path)
+    suffix = _suffix(path, "read_mesh")
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale}.")
+    if not path.is_file():
+        raise FileNotFoundError(f"read_mesh expected a mesh file; there is none at '{path}'.")
+    content = read_vtu(path) if suffix == ".vtu" else read_msh(path)
+    return to_mesh(content, path, float(scale))
+
+
+def write_mesh(
+    path: str | PathLike[str],
+    mesh: MeshTri,
+    *,
+    point_data: Mapping[str, ArrayLike] | None = None,
+    cell_data: Mapping[str, ArrayLike] | None = None,
+) -> None:
+    """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
+
+    Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. Sets
+    called ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out, and so is the orientation of boundaries.
+    The file is written whole or not at all.
+
+    Parameters
+    ----------
+    path
+        ``.msh`` writes Gmsh MSH 4.1 and ``.msh2`` MSH 2.2, with a physical group per name and the fields as views.
+        ``.vtu`` is for ParaView: an integer array ``region`` that numbers the combinations of subdomain names, and the
+        names as the arrays ``skfem:s:<name>`` and ``skfem:b:<name>``, which ``skfem.Mesh.load`` understands, too.
+    mesh
+        A `MeshTri`.
+    point_data
+        Fields (nnodes,) by name.
+    cell_data
+        Fields (nelements,) or vectors (2, nelements) by name.
+
+    Raises
+    ------
+    TypeError
+        If `mesh` is not exactly a `MeshTri`.
+    ValueError
+        If the suffix is unknown, the mesh is empty or broken, a name cannot be stored, or a field has another shape or
+        holds a value that is not finite.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    suffix = _suffix(path, "write_mesh")
+    check_mesh(mesh)
+    subdomains = checked_sets(mesh.subdomains, mesh.t.shape[1], "subdomain")
+    boundaries = checked_sets(mesh.boundaries, mesh.facets.shape[1], "boundary")
+    points = checked_fields(point_data, mesh.p.shape[1], "point_data", vectors=False)
+    cells = checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
+    with whole_file(path) as draft:
+        if suffix == ".vtu":
+            write_vtu(draft, mesh, subdomains, boundaries, points, cells)
+        else:
+            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=MSH_VERSION[suffix])
+
+
+def _suffix(path: Path, caller: str) -> str:
+    suffix = path.suffix.lower()
+    known = (*MSH_VERSION, ".vtu")
+    if suffix not in known:
+        raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.")
+    return suffix

@@ -1,0 +1,158 @@
+"""The numbers of one section of a Gmsh file, taken from its front, text or binary."""
+
+import warnings
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from .content import Floats, Ints, nodes_of
+
+__all__ = ["BinaryNumbers", "Numbers", "TextNumbers"]
+
+Table = tuple[int, int, Ints]
+"""Element type, tags per element, and rows of number, tags (the first one the group) and nodes."""
+
+WINDOW = 2**16
+"""How many lines of text are looked at together."""
+
+
+class Numbers(Protocol):
+    """Where the readers of sections get their numbers from."""
+
+    def count(self) -> int:
+        """Take the count that MSH 2.2 writes as text, in binary files too."""
+
+    def ints(self, count: int) -> Ints:
+        """Take `count` numbers of C type int."""
+
+    def sizes(self, count: int) -> Ints:
+        """Take `count` numbers of C type size_t."""
+
+    def floats(self, count: int) -> Floats:
+        """Take `count` numbers of C type double."""
+
+    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of an int and three doubles: numbers (count,) and points (count, 3)."""
+
+    def numbered_elements(self, count: int) -> Iterator[Table]:
+        """Take `count` elements of MSH 2.2."""
+
+
+class TextNumbers:
+    """Numbers of a text file, all of them parsed at once.
+
+    Parameters
+    ----------
+    text
+        The section without its first and last line.
+    """
+
+    def __init__(self, text: bytes) -> None:
+        with warnings.catch_warnings():
+            # numpy warns of text that is no number, or raises, by its version.
+            warnings.simplefilter("error", DeprecationWarning)
+            try:
+                self._numbers = np.fromstring(text, sep=" ")
+            except (DeprecationWarning, ValueError):
+                raise ValueError("a section of numbers holds something else") from None
+        self._position = 0
+
+    def floats(self, count: int) -> Floats:
+        """Take `count` numbers."""
+        start, self._position = self._position, self._position + int(count)
+        if not start <= self._position <= len(self._numbers):
+            raise ValueError("a section ends before its last number")
+        return self._numbers[start : self._position]
+
+    def ints(self, count: int) -> Ints:
+        """Take `count` integers; they are below 2^53, so that nothing is lost."""
+        return self.floats(count).astype(np.int64)
+
+    sizes = ints
+
+    def count(self) -> int:
+        """Take one integer."""
+        return int(self.ints(1)[0])
+
+    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of an integer and three floats."""
+        rows = self.floats(4 * count).reshape(-1, 4)
+        return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+    def numbered_elements(self, count: int) -> Iterator[Table]:
+        """Take `count` lines of number, type, how many tags, tags, nodes; lines of the same make come as one table."""
+        while count > 0:
+            start = self._position
+            _, kind, tags = (int(number) for number in self.ints(3))
+            width = 2 + _width(kind, tags)
+            available = (len(self._numbers) - start) // width
+            rows = self._numbers[start : start + min(available, count, WINDOW) * width].reshape(-1, width)
+            other = (rows[:, 1] != kind) | (rows[:, 2] != tags)
+            run = int(other.argmax()) if other.any() else len(rows)
+            self._position = start
+            table = self.ints(max(run, 1) * width).reshape(-1, width)
+            yield kind, tags, np.delete(table, (1, 2), axis=1)
+            count -= len(table)
+
+
+class BinaryNumbers:
+    """Numbers of a binary file, in the byte order of this machine.
+
+    Parameters
+    ----------
+    data
+        The whole file.
+    position
+        Where the section begins, after its first line.
+    """
+
+    _POINT = np.dtype([("number", np.int32), ("point", np.float64, 3)])
+
+    def __init__(self, data: bytes, position: int) -> None:
+        self._data = data
+        self._position = position
+
+    def _take(self, kind: np.dtype, count: int) -> np.ndarray:
+        taken = np.frombuffer(self._data, kind, int(count), self._position)
+        self._position += taken.nbytes
+        return taken
+
+    def count(self) -> int:
+        """Take a line of text with one integer."""
+        end = self._data.index(b"\n", self._position)
+        start, self._position = self._position, end + 1
+        return int(self._data[start:end])
+
+    def ints(self, count: int) -> Ints:
+        """Take `count` numbers of four bytes."""
+        return self._take(np.dtype(np.int32), count).astype(np.int64)
+
+    def sizes(self, count: int) -> Ints:
+        """Take `count` numbers of eight bytes."""
+        return self._take(np.dtype(np.uint64), count).astype(np.int64)
+
+    def floats(self, count: int) -> Floats:
+        """Take `count` numbers of eight bytes."""
+        return self._take(np.dtype(np.float64), count)
+
+    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of 28 bytes."""
+        rows = self._take(self._POINT, count)
+        return rows["number"].astype(np.int64), rows["point"]
+
+    def numbered_elements(self, count: int) -> Iterator[Table]:
+        """Take `count` elements, each table after a header of its type, how many, and how many tags."""
+        while count > 0:
+            kind, number, tags = (int(part) for part in self.ints(3))
+            if number < 1:
+                raise ValueError(f"a block of elements has {number} of them")
+            width = _width(kind, tags)
+            yield kind, tags, self.ints(number * width).reshape(-1, width)
+            count -= number
+
+
+def _width(kind: int, tags: int) -> int:
+    if tags < 0:
+        raise ValueError(f"an element has {tags} tags")
+    return 1 + tags + nodes_of(kind)

@@ -1,0 +1,152 @@
+"""Read Gmsh's MSH 2.2 and 4.1, text and binary, with every physical group an element is in.
+
+meshio reads these files, too, but it drops the numbers of nodes and elements (and with them their order), reversed
+groups, every group of an element but its first where they have no names, and one of two groups of the same name; files
+of version 4.1 with an untagged part it refuses.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from .content import Content, Floats, Ints, Rows, nodes_of
+from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
+
+__all__ = ["read_msh"]
+
+Block = tuple[int, Rows]
+"""Elements of one type, by numbers of nodes."""
+
+SURFACE = 2
+
+
+def read_msh(path: Path) -> Content:
+    """What a Gmsh file holds.
+
+    Parameters
+    ----------
+    path
+        A file of version 2.2 or 4.1.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or damaged.
+    """
+    data = path.read_bytes()
+    version, binary = _header(data, path)
+    try:
+        return _content(data, version, binary)
+    except (KeyError, OverflowError, ValueError) as error:
+        raise ValueError(f"'{path}' is not a complete Gmsh file: {error}. Write it again with Gmsh.") from error
+
+
+def _header(data: bytes, path: Path) -> tuple[str, bool]:
+    start = data.find(b"$MeshFormat")
+    words = data[start : start + 80].split()[1:4]
+    if start < 0 or len(words) < 3:
+        raise ValueError(f"read_mesh expected a Gmsh file; '{path}' has no section $MeshFormat.")
+    version, kind, size = (word.decode("ascii", "replace") for word in words)
+    if version not in ("2", "2.2", "4.1") or kind not in ("0", "1") or size != "8":
+        raise ValueError(
+            f"read_mesh expected MSH 2.2 or 4.1 with numbers of 8 bytes; '{path}' is MSH {version} with {size} bytes. "
+            "Convert it: gmsh FILE -save -format msh41 -o NEW.msh"
+        )
+    return version, kind == "1"
+
+
+def _content(data: bytes, version: str, binary: bool) -> Content:
+    def section(name: str) -> Numbers:
+        start = data.find(b"\n$" + name.encode()) + 1
+        if start == 0:
+            raise ValueError(f"section ${name} is missing")
+        start = data.index(b"\n", start) + 1
+        # Where a binary section ends shows while it is read; no byte of it may be taken for text before.
+        return BinaryNumbers(data, start) if binary else TextNumbers(data[start : data.index(b"$End", start)])
+
+    if b"\n$PartitionedEntities" in data:
+        raise ValueError("it is partitioned")
+    missing: tuple[int, ...] = ()
+    if version == "4.1":
+        groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
+        numbers, points = _nodes_41(section("Nodes"))
+        blocks, meshed = _elements_41(section("Elements"), groups)
+        missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
+    else:
+        nodes = section("Nodes")
+        numbers, points = nodes.numbered_points(nodes.count())
+        blocks = _elements_22(section("Elements"))
+    order = np.argsort(numbers, kind="stable")
+    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing)
+
+
+def _names(data: bytes) -> dict[tuple[int, int], str]:
+    """Names by (dimension, tag): what stands between the first and the last quote of a line."""
+    start = data.find(b"\n$PhysicalNames")
+    if start < 0:
+        return {}
+    lines = data[start : data.index(b"\n$EndPhysicalNames", start)].decode("utf-8", "replace").split("\n")[3:]
+    names = {}
+    for line in lines:
+        dimension, tag, quoted = line.split(maxsplit=2)
+        names[int(dimension), int(tag)] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
+    return names
+
+
+def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
+    """Physical groups of every entity of the geometry by (dimension, tag); a reversed group has a minus sign."""
+    groups = {}
+    for dimension, count in enumerate(section.sizes(4)):
+        for _ in range(count):
+            tag = int(section.ints(1)[0])
+            section.floats(6 if dimension else 3)
+            groups[dimension, tag] = np.abs(section.ints(section.sizes(1)[0]))
+            if dimension:
+                section.ints(section.sizes(1)[0])
+    return groups
+
+
+def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
+    numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
+    for _ in range(section.sizes(4)[0]):
+        dimension, _, parametric = section.ints(3)
+        count = section.sizes(1)[0]
+        numbers.append(section.sizes(count))
+        width = 3 + (dimension if parametric else 0)
+        points.append(section.floats(count * width).reshape(-1, width)[:, :3])
+    return np.concatenate(numbers), np.concatenate(points)
+
+
+def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple[list[Block], set[tuple[int, int]]]:
+    """Blocks of elements, one per entity and group, and the entities that have any."""
+    blocks, meshed = [], set()
+    for _ in range(section.sizes(4)[0]):
+        dimension, entity, kind = (int(number) for number in section.ints(3))
+        table = section.sizes(section.sizes(1)[0] * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
+        meshed.add((dimension, entity))
+        tags = groups.get((dimension, entity), ())
+        for tag in tags if len(tags) else (0,):
+            blocks.append((kind, Rows(table[:, 1:], np.full(len(table), tag), table[:, 0])))
+    return blocks, meshed
+
+
+def _elements_22(section: Numbers) -> list[Block]:
+    blocks = []
+    for kind, tags, table in section.numbered_elements(section.count()):
+        group = np.abs(table[:, 1]) if tags else np.zeros(len(table), np.int64)
+        blocks.append((kind, Rows(table[:, 1 + tags :], group, table[:, 0])))
+    return blocks
+
+
+def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
+    """The rows of every element type together, numbers of nodes replaced by where they stand in `numbers`."""
+    rows = {}
+    for kind in {kind for kind, _ in blocks}:
+        parts = [part for other, part in blocks if other == kind]
+        nodes = np.concatenate([part.nodes for part in parts])
+        place = np.searchsorted(numbers, nodes).clip(max=len(numbers) - 1)
+        if np.any(numbers[place] != nodes):
+            raise ValueError(f"an element has node {nodes[numbers[place] != nodes][0]}, which is not there")
+        group, number = (np.concatenate([getattr(part, name) for part in parts]) for name in ("group", "number"))
+        rows[kind] = Rows(place, group, number)
+    return rows

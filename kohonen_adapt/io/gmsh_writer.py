@@ -1,0 +1,199 @@
+"""Write Gmsh's MSH 4.1 and 2.2 as text, with a physical group per name.
+
+In MSH 4.1 an element lies on one entity, and an entity may be in several groups. So the elements of every combination
+of names make an entity of their own, which is in all these groups. In MSH 2.2 an element is listed once per group.
+meshio writes one group per element, and breaks a file that has an entity without a node of its own.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from .combinations import combinations
+from .content import Floats, Ints
+
+__all__ = ["write_msh"]
+
+Sets = dict[str, Ints]
+Fields = dict[str, Floats]
+
+CHUNK = 2**16
+"""Lines that are formatted together."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """All elements of one dimension, which is also Gmsh's number for their type.
+
+    Attributes
+    ----------
+    dimension
+        1 for lines, 2 for triangles.
+    nodes
+        (m, dimension + 1).
+    number
+        (m,): their numbers in a file of version 4.1.
+    entity
+        (m,): which entity they lie on, from 0.
+    groups
+        Tags of the groups of every entity.
+    names
+        Names of the groups by tag.
+    """
+
+    dimension: int
+    nodes: Ints
+    number: Ints
+    entity: Ints
+    groups: list[Ints]
+    names: dict[int, str]
+
+
+def write_msh(
+    path: Path,
+    mesh: MeshTri,
+    subdomains: Sets,
+    boundaries: Sets,
+    point_data: Fields,
+    cell_data: Fields,
+    *,
+    version: str,
+) -> None:
+    """Write a mesh to a Gmsh file; arguments as `write_mesh` has checked them.
+
+    Parameters
+    ----------
+    path
+        A file to create.
+    mesh
+        The triangles.
+    subdomains, boundaries
+        Elements and facets by name.
+    point_data, cell_data
+        Fields (nnodes,), and (nelements,) or (2, nelements), by name.
+    version
+        "4.1" or "2.2".
+    """
+    facets = np.unique(np.concatenate([np.empty(0, np.int64), *boundaries.values()]))
+    lines = {name: np.searchsorted(facets, items) for name, items in boundaries.items()}
+    # Tags go on from surfaces to lines, for readers that overlook the dimension of a group.
+    surface = _layer(2, mesh.t.T, subdomains, tag=1, number=1)
+    curve = _layer(1, mesh.facets[:, facets].T, lines, tag=1 + len(subdomains), number=1 + mesh.t.shape[1])
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n")
+        _write_names(stream, [curve, surface])
+        (_write_41 if version == "4.1" else _write_22)(stream, mesh.p, curve, surface)
+        for name, values in point_data.items():
+            _write_field(stream, "NodeData", name, values)
+        for name, values in cell_data.items():
+            _write_field(stream, "ElementData", name, values)
+
+
+def _layer(dimension: int, nodes: Ints, sets: Sets, *, tag: int, number: int) -> Layer:
+    entity, members = combinations(list(sets.values()), len(nodes))
+    names = dict(enumerate(sets, tag))
+    return Layer(dimension, nodes, number + np.arange(len(nodes)), entity, [tag + each for each in members], names)
+
+
+def _write_rows(stream: TextIO, row: str, table: NDArray) -> None:
+    """One line per row of `table`; %r writes a float with as many digits as give it back bit for bit."""
+    for start in range(0, len(table), CHUNK):
+        part = table[start : start + CHUNK]
+        stream.write((row + "\n") * len(part) % tuple(part.ravel().tolist()))
+
+
+def _write_names(stream: TextIO, layers: list[Layer]) -> None:
+    rows = [f'{layer.dimension} {tag} "{name}"\n' for layer in layers for tag, name in layer.names.items()]
+    if rows:
+        stream.write(f"$PhysicalNames\n{len(rows)}\n{''.join(rows)}$EndPhysicalNames\n")
+
+
+def _write_41(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
+    stream.write(f"$Entities\n0 {len(curve.groups)} {len(surface.groups)} 0\n")
+    for layer in (curve, surface):
+        _write_entities(stream, p, layer)
+    stream.write("$EndEntities\n")
+    _write_nodes_41(stream, p, curve, surface)
+    parts = [(layer, tag, which) for layer in (curve, surface) for tag, which in _by_entity(layer.entity)]
+    total = len(curve.number) + len(surface.number)
+    stream.write(f"$Elements\n{len(parts)} {total} 1 {total}\n")
+    for layer, entity, which in parts:
+        stream.write(f"{layer.dimension} {entity + 1} {layer.dimension} {len(which)}\n")
+        table = np.column_stack([layer.number[which], layer.nodes[which] + 1])
+        _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
+    stream.write("$EndElements\n")
+
+
+def _by_entity(entity: Ints) -> list[tuple[int, Ints]]:
+    """Every entity that occurs, and where."""
+    order = np.argsort(entity, kind="stable")
+    found, start = np.unique(entity[order], return_index=True)
+    return list(zip(found.tolist(), np.split(order, start[1:]), strict=True)) if len(found) else []
+
+
+def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
+    """Entities with their bounding boxes and groups, without naming what bounds them."""
+    for entity, which in _by_entity(layer.entity):
+        corners = p[:, layer.nodes[which]]
+        (left, bottom), (right, top) = corners.min(axis=(1, 2)).tolist(), corners.max(axis=(1, 2)).tolist()
+        groups = layer.groups[entity]
+        tags = " ".join(map(str, [len(groups), *groups]))
+        stream.write(f"{entity + 1} {left!r} {bottom!r} 0 {right!r} {top!r} 0 {tags} 0\n")
+
+
+def _write_nodes_41(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
+    """Every node on one entity: a curve where it lies on a named facet, else a surface."""
+    shift = len(curve.groups)
+    owner = np.full(p.shape[1], shift)
+    owner[surface.nodes] = shift + surface.entity[:, None]
+    owner[curve.nodes] = curve.entity[:, None]
+    parts = _by_entity(owner)
+    stream.write(f"$Nodes\n{len(parts)} {p.shape[1]} 1 {p.shape[1]}\n")
+    for entity, which in parts:
+        layer, number = (curve, entity) if entity < shift else (surface, entity - shift)
+        stream.write(f"{layer.dimension} {number + 1} 0 {len(which)}\n")
+        _write_rows(stream, "%d", which + 1)
+        _write_rows(stream, "%r %r 0", p[:, which].T)
+    stream.write("$EndNodes\n")
+
+
+def _write_22(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
+    stream.write(f"$Nodes\n{p.shape[1]}\n")
+    _write_rows(stream, "%d %r %r 0", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
+    tables = [_listing(layer, rank) for rank in range(_most_groups(curve, surface)) for layer in (surface, curve)]
+    stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
+    start = 1
+    for table in tables:
+        # The first listings bear the numbers that fields refer to; further ones of the same elements go on counting.
+        table[:, 0] = start + np.arange(len(table))
+        start += len(table)
+        _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
+    stream.write("$EndElements\n")
+
+
+def _most_groups(*layers: Layer) -> int:
+    return max(1, *(len(groups) for layer in layers for groups in layer.groups))
+
+
+def _listing(layer: Layer, rank: int) -> Ints:
+    """Elements with their group number `rank`: number, type, 2 tags (group, entity), nodes; group 0 is none."""
+    group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
+    listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
+    tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
+    head = np.full((len(listed), 3), [0, layer.dimension, 2])
+    return np.column_stack([head, tags, layer.nodes[listed] + 1])
+
+
+def _write_field(stream: TextIO, section: str, name: str, values: Floats) -> None:
+    """One view; Gmsh wants vectors of three components."""
+    rows = np.atleast_2d(values)
+    if len(rows) == 2:
+        rows = np.vstack([rows, np.zeros(rows.shape[1])])
+    stream.write(f'${section}\n1\n"{name}"\n1\n0\n3\n0\n{len(rows)}\n{rows.shape[1]}\n')
+    table = np.column_stack([1 + np.arange(rows.shape[1]), rows.T])
+    _write_rows(stream, " ".join(["%d"] + ["%r"] * len(rows)), table)
+    stream.write(f"$End{section}\n")
