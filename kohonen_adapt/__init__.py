@@ -1,21 +1,35 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
+from . import estimators
+from .adapt import adapt
 from .density import density_from_indicators, density_from_sizes
-from .locate import interpolate
+from .io import read_mesh, write_mesh
+from .locate import find_elements, interpolate
+from .problem import Problem
 from .quality import quality
 from .relocate import relocate
+from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, Stage
 from .som import KohonenMap
 
 __all__ = [
+    "AdaptResult",
     "KohonenMap",
+    "Pass",
+    "Problem",
     "Schedule",
     "Stage",
+    "Status",
+    "adapt",
     "density_from_indicators",
     "density_from_sizes",
+    "estimators",
+    "find_elements",
     "interpolate",
     "quality",
+    "read_mesh",
     "relocate",
+    "write_mesh",
 ]
 
 __version__ = "0.1.0"

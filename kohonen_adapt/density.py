@@ -8,13 +8,16 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from .kernels.geometry import Elements
-from .kernels.smooth import Sites, average_at_sites, weigh_sites
+from .kernels.smooth import Sites, average_at_sites, count_sites, fill_sites, multiply_factors, update_factors
 from .quality import area
 from .triangulation import Triangulation, check_mesh
 
 __all__ = ["CallableDensity", "Draw", "ElementDensity", "density_from_indicators", "density_from_sizes", "density_of"]
 
 Floats = NDArray[np.float64]
+
+# barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
+QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
 ZERO = 1e-6  # of the largest value: a density of zero is raised to this
 QUIET = 1e-3  # of the median: an indicator below it says nothing
@@ -117,6 +120,10 @@ class Draw(NamedTuple):
     element: NDArray[np.int32]
     weights: Floats
 
+    def reordered(self, order: NDArray[np.integer]) -> "Draw":
+        """The same points in another order."""
+        return Draw(self.points[order], self.element[order], self.weights[order])
+
 
 class ElementDensity:
     """A density that is constant on every element of the mesh it was estimated on."""
@@ -127,6 +134,7 @@ class ElementDensity:
         self.masses = triangulation.areas() * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
         average_at_sites(triangulation.areas(), self.values, self.elements, triangulation.star, self._log_at_corners)
+        self._sites = sites_of(triangulation)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """About `number` points, stratified: every stretch of the summed-up mass gets its share, in random order."""
@@ -136,9 +144,12 @@ class ElementDensity:
         rng.shuffle(element)
         return Draw(points_in(self.position, self.elements, element, rng), element, np.ones(number))
 
-    def weigh(self, position: Floats, sites: Sites) -> None:
-        """Look up the weights of `sites` for nodes at these positions."""
-        weigh_sites(position, sites, self.position, self.elements, self._log_at_corners)
+    def squares(self, triangulation: Triangulation) -> Floats:
+        """Square of the density at every element of the triangulation as it is now, (m,)."""
+        squares = np.empty(len(self.masses))
+        update_factors(triangulation.position, self._sites, self.position, self.elements, self._log_at_corners)
+        multiply_factors(triangulation.elements, self._sites, squares)
+        return squares
 
 
 class CallableDensity:
@@ -149,7 +160,7 @@ class CallableDensity:
         self.function = function
         self.areas = triangulation.areas()
         self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
-        points, values = self._candidates(np.random.default_rng(0))
+        values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
         self.masses = self.areas * self._floored(values).reshape(len(self.areas), self.share).mean(axis=1)
 
@@ -184,10 +195,12 @@ class CallableDensity:
         rng.shuffle(chosen)
         return Draw(points[chosen], (chosen // self.share).astype(np.int32), np.ones(number))
 
-    def weigh(self, position: Floats, sites: Sites) -> None:
-        """Evaluate the weights of `sites` for nodes at these positions."""
-        weight = self._floored(self._evaluate(position)) ** (2.0 / 3.0)
-        sites.weight[:] = np.repeat(weight, np.diff(sites.start))
+    def squares(self, triangulation: Triangulation) -> Floats:
+        """Square of the mean density of every element of the triangulation as it is now, (m,)."""
+        corners = triangulation.position[triangulation.elements.node]
+        points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
+        values = self._evaluate(points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
+        return self._floored(values).mean(axis=0) ** 2
 
 
 def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> ElementDensity | CallableDensity:
@@ -212,6 +225,17 @@ def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
     return triangulation.position.copy(), elements._replace(
         node=elements.node.copy(), neighbour=elements.neighbour.copy()
     )
+
+
+def sites_of(triangulation: Triangulation) -> Sites:
+    """The regions of every node, with the elements around it to start searches from."""
+    elements, star = triangulation.elements, triangulation.star
+    start = np.empty_like(star.start)
+    count_sites(elements, star, start)
+    region, element = (np.empty(start[-1], dtype=np.int32) for _ in range(2))
+    sites = Sites(start, region, element, np.empty(start[-1]))
+    fill_sites(elements, star, sites)
+    return sites
 
 
 def points_in(position: Floats, elements: Elements, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:

@@ -168,4 +168,4 @@ def node_masses(triangulation: Triangulation, masses: NDArray[np.float64]) -> ND
     degree = np.bincount(node.ravel())
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
     share = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
-    return np.bincount(node.ravel(), weights=np.repeat(share, 3))
+    return np.bincount(node.ravel(), weights=np.repeat(share, 3)).astype(np.float64)

@@ -48,20 +48,22 @@ class Stage:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
                 raise ValueError(f"{name} of a stage must be an integer >= 0; got {value!r}.")
-        if len(self._rate_pair()) != 2 or not all(0 < rate <= 1 for rate in self._rate_pair()):
+        if len(self._ends()) != 2 or not all(0 < rate <= 1 for rate in self._ends()):
             raise ValueError(f"learning_rate must be in (0, 1], one or (first, last); got {self.learning_rate!r}.")
         if not (self.points_per_neuron > 0 and math.isfinite(self.points_per_neuron)):
             raise ValueError(f"points_per_neuron must be above zero; got {self.points_per_neuron!r}.")
         if self.neighbourhood not in ("gaussian", "flat"):
             raise ValueError(f"neighbourhood must be 'gaussian' or 'flat'; got {self.neighbourhood!r}.")
 
-    def _rate_pair(self) -> tuple[float, ...]:
+    def _ends(self) -> list[float]:
+        """Learning rate of the first and the last epoch."""
         rate = self.learning_rate
-        return tuple(rate) if isinstance(rate, Iterable) else (rate, rate)
+        return list(rate) if isinstance(rate, Iterable) else [rate, rate]
 
     def rates(self) -> NDArray[np.float64]:
         """Learning rate of each epoch, (epochs,)."""
-        return np.geomspace(*self._rate_pair(), self.epochs)
+        first, last = self._ends()
+        return np.geomspace(first, last, self.epochs)
 
     def strength(self) -> NDArray[np.float64]:
         """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
@@ -80,7 +82,8 @@ class Schedule:
     stages
         The stages; none leaves every node where it is.
     sweeps
-        Sweeps of density-weighted optimal Delaunay smoothing after the stages (`relocate` and `adapt` only).
+        Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only): towards the circumcentres
+        around each node (optimal Delaunay smoothing), or with ``topology="fixed"`` towards the barycentres.
     tolerance
         Stop when the mean distance of the training points to their winners falls below it, in mesh units.
     fresh
@@ -143,7 +146,8 @@ class Schedule:
             Start radius, halved down to 2; None takes the widest (`widest_radius`). `relocate` takes it from how far
             the mesh is from the density, because wide radii repeated without need over-concentrate.
         topology
-            ``"flip"`` ends in ten smoothing sweeps, ``"fixed"`` in radius 1 and 0 (smoothing needs flips).
+            ``"fixed"`` goes on to radius 1, because nothing else repairs what a fixed topology stretches. Both end in
+            ten smoothing sweeps.
 
         Notes
         -----
@@ -163,7 +167,7 @@ class Schedule:
             if r >= NARROWEST
         ]
         if topology == "fixed":
-            return cls((*stages, Stage(1, 5, (0.3, 0.1)), Stage(0, 5, (0.2, 0.05))))
+            stages.append(Stage(1, 5, (0.3, 0.1)))
         return cls(tuple(stages), sweeps=10)
 
 

@@ -11,7 +11,7 @@ from skfem import MeshTri
 from .density import CallableDensity, Draw, ElementDensity
 from .kernels.flip import flip_edges
 from .kernels.geometry import HELD
-from .kernels.smooth import Sites, count_sites, fill_sites, sweep
+from .kernels.smooth import sweep
 from .kernels.train import Scratch, learn, search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
@@ -167,7 +167,7 @@ class KohonenMap:
                     yield stage, rate, shown, shown.element, winners
                 else:
                     order = rng.permutation(len(kept.points)).astype(np.int32)
-                    yield stage, rate, Draw(*(column[order] for column in kept)), order, winners
+                    yield stage, rate, kept.reordered(order), order, winners
 
     def _epoch(self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices) -> float:
         """Present every point once, in chunks; returns the mean distance to the winners."""
@@ -186,12 +186,11 @@ class KohonenMap:
         return total / max(1, len(slot))
 
     def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
-        """Sweeps of optimal Delaunay smoothing, weighted with a density, with flips in between."""
+        """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres."""
         tri, constraints = self.triangulation, self.outline.constraints
-        sites = sites_of(tri) if sweeps else None
         for _ in range(sweeps):
-            density.weigh(tri.position, sites)
-            sweep(tri.position, tri.elements, tri.star, constraints, sites, self._floor, self._scratch.trial)
+            squares = density.squares(tri)
+            sweep(tri.position, tri.star, constraints, squares, self._flips, self._floor, self._scratch.trial)
             self._flip()
 
     def _flip(self) -> None:
@@ -255,17 +254,6 @@ def scratch_for(triangulation: Triangulation) -> Scratch:
         np.empty(m),
         np.empty(triangulation.position.shape[1]),
     )
-
-
-def sites_of(triangulation: Triangulation) -> Sites:
-    """The regions of every node, with room for the weight of each."""
-    elements, star = triangulation.elements, triangulation.star
-    start = np.empty_like(star.start)
-    count_sites(elements, star, start)
-    region, element = (np.empty(start[-1], dtype=np.int32) for _ in range(2))
-    sites = Sites(start, region, element, np.empty(start[-1]))
-    fill_sites(elements, star, sites)
-    return sites
 
 
 def located(locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:

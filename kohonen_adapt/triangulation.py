@@ -1,5 +1,6 @@
 """A scikit-fem mesh as arrays (elements by region, neighbours, names), and back with every name."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -162,7 +163,7 @@ def empty_star(nnodes: int, nelements: int) -> Star:
     return Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
 
 
-def codes_of_names(members: list[tuple[NDArray[np.integer], ArrayLike]], count: int) -> NDArray[np.uint64]:
+def codes_of_names(members: Sequence[tuple[NDArray[np.integer], ArrayLike]], count: int) -> NDArray[np.uint64]:
     """One number for the set of names that each of `count` things carries, 0 for none.
 
     Parameters

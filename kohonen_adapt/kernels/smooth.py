@@ -1,4 +1,4 @@
-"""Sweeps of density-weighted optimal Delaunay smoothing, and the densities that they weigh with.
+"""Sweeps of density-weighted smoothing, and the densities that they weigh with.
 
 Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh optimization
 schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
@@ -21,7 +21,7 @@ class Sites(NamedTuple):
     start: np.ndarray  # (n + 1,) int32: the sites of node v stand in rows start[v] to start[v + 1]
     region: np.ndarray  # (s,) int32
     element: np.ndarray  # (s,) int32: the element of the density's own mesh that holds the node, in that region
-    weight: np.ndarray  # (s,) density^(2/3), so that the product over an element's corners is its density squared
+    factor: np.ndarray  # (s,) density^(2/3), so that the product over an element's corners is its density squared
 
 
 @kernel
@@ -75,19 +75,17 @@ def average_at_sites(area, density, elements, star, log_density):
 
 
 @kernel
-def weight_in_region(sites, v, region):
-    """Weight of node v as seen from one of its regions."""
+def factor_in_region(sites, v, region):
+    """Factor of node v as seen from one of its regions."""
     first = sites.start[v]
-    if sites.start[v + 1] == first + 1:
-        return sites.weight[first]
-    for s in range(first, sites.start[v + 1]):
+    for s in range(first + 1, sites.start[v + 1]):
         if sites.region[s] == region:
-            return sites.weight[s]
-    return sites.weight[first]
+            return sites.factor[s]
+    return sites.factor[first]
 
 
 @kernel
-def weigh_sites(position, sites, base_position, base, log_density):
+def update_factors(position, sites, base_position, base, log_density):
     """Look the density up at every site in the mesh it belongs to: linear in its logarithm, region by region."""
     for v in range(position.shape[0]):
         for s in range(sites.start[v], sites.start[v + 1]):
@@ -99,7 +97,16 @@ def weigh_sites(position, sites, base_position, base, log_density):
                 share = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
                 total += share
                 value += share * log_density[e, k]
-            sites.weight[s] = np.exp(2.0 / 3.0 * value / total)
+            sites.factor[s] = np.exp(2.0 / 3.0 * value / total)
+
+
+@kernel
+def multiply_factors(elements, sites, weight):
+    """Square of the geometric mean of the densities at the corners of every element."""
+    for e in range(elements.node.shape[0]):
+        weight[e] = 1.0
+        for k in range(3):
+            weight[e] *= factor_in_region(sites, elements.node[e, k], elements.region[e])
 
 
 @kernel
@@ -125,15 +132,19 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(position, elements, star, constraints, sites, floor, trial):
-    """Move every node to the weighted mean of the circumcentres around it, as far as the guard lets it.
+def sweep(position, star, constraints, weight, circumcentres, floor, trial):
+    """Move every node to the weighted mean of the centres of the elements around it, as far as the guard lets it.
 
-    x <- sum |K| rho_K^2 c_K / sum |K| rho_K^2 over the star, rho_K the geometric mean of its nodes' densities.
+    x <- sum |K| w_K c_K / sum |K| w_K over the star, with weights w_K = rho_K^2 and c_K the circumcentre, or where
+    nothing flips the barycentre: a circumcentre far outside a stretched element would only tear at it.
     """
     for v in range(position.shape[0]):
         if constraints.kind[v] == HELD:
             continue
-        circumcentre_mean(position, elements, star, sites, v, trial)
+        if circumcentres:
+            circumcentre_mean(position, star, weight, v, trial)
+        else:
+            barycentre_mean(position, star, weight, v, trial)
         if constraints.kind[v] == FREE:
             step_towards(position, star, v, trial, floor)
         else:
@@ -141,19 +152,33 @@ def sweep(position, elements, star, constraints, sites, floor, trial):
 
 
 @kernel
-def circumcentre_mean(position, elements, star, sites, v, out):
+def circumcentre_mean(position, star, weight, v, out):
     """Weighted mean of the circumcentres of the star of v; |K| c_K needs no division, so flat elements do no harm."""
     x, y = position[v, 0], position[v, 1]
     total, mean_x, mean_y = 0.0, 0.0, 0.0
     for k in range(star.start[v], star.start[v + 1]):
-        a, b, region = star.ahead[k], star.behind[k], elements.region[star.element[k]]
-        weight = weight_in_region(sites, v, region)
-        weight *= weight_in_region(sites, a, region) * weight_in_region(sites, b, region)
+        a, b, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         aa, bb = ax * ax + ay * ay, bx * bx + by * by
-        total += weight * 2.0 * (ax * by - ay * bx)
-        mean_x += weight * (by * aa - ay * bb)
-        mean_y += weight * (ax * bb - bx * aa)
+        total += w * 2.0 * (ax * by - ay * bx)
+        mean_x += w * (by * aa - ay * bb)
+        mean_y += w * (ax * bb - bx * aa)
+    out[0] = x + mean_x / total
+    out[1] = y + mean_y / total
+
+
+@kernel
+def barycentre_mean(position, star, weight, v, out):
+    """Weighted mean of the barycentres of the star of v."""
+    x, y = position[v, 0], position[v, 1]
+    total, mean_x, mean_y = 0.0, 0.0, 0.0
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b = star.ahead[k], star.behind[k]
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        w = weight[star.element[k]] * (ax * by - ay * bx)
+        total += w
+        mean_x += w * (ax + bx) / 3.0
+        mean_y += w * (ay + by) / 3.0
     out[0] = x + mean_x / total
     out[1] = y + mean_y / total
 

@@ -164,7 +164,7 @@ def move_free(position, star, v, x, step, floor, trial):
 
 @kernel
 def slide(position, star, constraints, v, target, step, floor, trial):
-    """Equation 1 along a chain: the arc length moves towards that of the chain's point nearest to the training point."""
+    """Equation 1 along a chain: the arc length moves towards that of the chain's point nearest to x, the target."""
     chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
     parameter += step * (target - parameter)
     point_on_chain(constraints, chain, parameter, trial)
@@ -219,7 +219,7 @@ def relabel_edge(elements, star, a, b, chain):
 
 @kernel
 def jump(position, elements, star, constraints, v, x, step, floor, trial):
-    """The jump around a corner (Fig. 3 of the paper): v goes on along the nearer chain, its follower takes the corner."""
+    """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
     onto, away = constraints.chain[v, 0], constraints.chain[v, 1]
     distance, target = distance_to_chain(constraints, onto, x)
     distance_away, target_away = distance_to_chain(constraints, away, x)
@@ -305,9 +305,7 @@ def learn(
     total, steps = 0.0, 0
     for t in range(points.shape[0]):
         x = points[t]
-        winner, distance, walked = find_winner(
-            position, elements, star, inner, winners[slot[t]], x, region[t], scratch
-        )
+        winner, distance, walked = find_winner(position, elements, star, inner, winners[slot[t]], x, region[t], scratch)
         winners[slot[t]] = winner
         total += distance
         steps += walked
@@ -316,9 +314,7 @@ def learn(
         first, last = 0, 1
         for ring in range(radius + 1):
             if ring > 0:
-                end = gather_ring(
-                    elements, star, inner, region[t], queue, first, last, scratch.node_stamp, stamp
-                )
+                end = gather_ring(elements, star, inner, region[t], queue, first, last, scratch.node_stamp, stamp)
                 first, last = last, end
             for i in range(first, last):
                 update(position, elements, star, constraints, queue[i], x, step * strength[ring], floor, scratch.trial)
