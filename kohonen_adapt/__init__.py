@@ -11,6 +11,7 @@ from .relocate import relocate
 from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, Stage
 from .som import KohonenMap
+from .warmup import warmup
 
 __all__ = [
     "AdaptResult",
@@ -29,6 +30,7 @@ __all__ = [
     "quality",
     "read_mesh",
     "relocate",
+    "warmup",
     "write_mesh",
 ]
 
