@@ -1,0 +1,6 @@
+"""Linear magnetostatics in the plane: the vector potential A_z on a triangular mesh."""
+
+from kohonen_adapt.magnetostatics.material import Material
+from kohonen_adapt.magnetostatics.problem import Magnetostatics
+
+__all__ = ["Magnetostatics", "Material"]
