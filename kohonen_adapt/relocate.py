@@ -16,7 +16,7 @@ from .triangulation import Triangulation
 __all__ = ["Relocation", "relocate", "relocation"]
 
 MISMATCH = 0.6  # logarithm of the mean load of a ball of nodes beyond which mass must still travel as far as its radius
-CENTRES = 200  # balls that are looked at, at least
+CENTRES = 50  # balls that are looked at, at least
 
 
 @dataclass(frozen=True)

@@ -200,7 +200,7 @@ class KohonenMap:
         tri, m = self.triangulation, len(self.triangulation.elements.node)
         stack, waiting = np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
         flips = limit = FLIPS
-        while flips == limit:
+        while flips >= limit:
             flips = flip_edges(tri.position, tri.elements, self._floor, stack, waiting, limit)
         tri.refill_star()
 

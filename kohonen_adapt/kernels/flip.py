@@ -7,7 +7,7 @@ COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on 
 
 
 @kernel
-def in_circle(px, py, qx, qy, rx, ry, sx, sy):
+def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
     """Whether s lies well inside the circle through p, q, r (counter-clockwise); edge pq is to be replaced by rs.
 
     The angles at r and s over the edge sum up to more than pi: sin(r + s) < 0, relative to the lengths of their legs.
@@ -16,35 +16,26 @@ def in_circle(px, py, qx, qy, rx, ry, sx, sy):
     cx, cy, dx, dy = qx - sx, qy - sy, px - sx, py - sy
     cos_r, sin_r = ax * bx + ay * by, ax * by - ay * bx
     cos_s, sin_s = cx * dx + cy * dy, cx * dy - cy * dx
-    legs = (abs(cos_r) + sin_r) * (abs(cos_s) + sin_s)
-    return sin_r * cos_s + cos_r * sin_s < -COCIRCULAR * legs
+    total = sin_r * cos_s + cos_r * sin_s
+    return total < 0.0 and total < -COCIRCULAR * (abs(cos_r) + sin_r) * (abs(cos_s) + sin_s)
 
 
 @kernel
-def should_flip(position, elements, e, k, floor):
+def should_flip(position, elements, e, k, other, floor):
     """Whether the edge opposite to corner k of e is free, not Delaunay, and may be flipped under the quality rule."""
-    node, other = elements.node, elements.neighbour[e, k]
-    if other < 0 or elements.chain[e, k] >= 0:
+    node = elements.node
+    if elements.chain[e, k] >= 0:
         return False
     p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    s = opposite(node, other, p, q)
+    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
     px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    if not in_circle(px, py, qx, qy, rx, ry, sx, sy):
+    if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
         return False
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     if after <= 0.0:
         return False
     return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))
-
-
-@kernel
-def opposite(node, e, p, q):
-    """The corner of element e that is neither p nor q."""
-    for k in range(3):
-        if node[e, k] != p and node[e, k] != q:
-            return node[e, k]
-    return -1
 
 
 @kernel
@@ -78,29 +69,42 @@ def flip_edge(elements, e, k):
 
 
 @kernel
-def flip_edges(position, elements, floor, stack, waiting, limit):
-    """Flip until nothing is left to flip, at most `limit` times; returns the number of flips.
+def push(stack, waiting, height, e):
+    """Put an element on the stack unless it waits there already; returns the new height."""
+    if waiting[e]:
+        return height
+    waiting[e] = True
+    stack[height] = e
+    return height + 1
 
-    `stack` (m,) and `waiting` (m,) are scratch: the elements whose edges are still to be looked at.
+
+@kernel
+def flip_edges(position, elements, floor, stack, waiting, limit):
+    """Flip until nothing is left to flip, or about `limit` times; returns the number of flips.
+
+    `stack` (m,) and `waiting` (m,) False are scratch: the elements whose edges are to be looked at again. Every edge is
+    seen from the element of lower number once, then wherever a flip changed something beside it.
     """
-    m = elements.node.shape[0]
-    for e in range(m):
-        stack[e] = m - 1 - e
-        waiting[e] = True
-    height, flips = m, 0
-    while height > 0:
-        height -= 1
-        e = stack[height]
-        waiting[e] = False
-        for k in range(3):
-            if flips < limit and should_flip(position, elements, e, k, floor):
-                other = elements.neighbour[e, k]
-                flip_edge(elements, e, k)
-                flips += 1
-                for again in (other, e):
-                    if not waiting[again]:
-                        waiting[again] = True
-                        stack[height] = again
-                        height += 1
-                break
+    flips = 0
+    for first in range(elements.node.shape[0]):
+        if flips >= limit:
+            break
+        for side in range(3):
+            other = elements.neighbour[first, side]
+            if other <= first or not should_flip(position, elements, first, side, other, floor):
+                continue
+            flip_edge(elements, first, side)
+            flips += 1
+            height = push(stack, waiting, push(stack, waiting, 0, other), first)
+            while height > 0:
+                height -= 1
+                e = stack[height]
+                waiting[e] = False
+                for k in range(3):
+                    across = elements.neighbour[e, k]
+                    if across >= 0 and should_flip(position, elements, e, k, across, floor):
+                        flip_edge(elements, e, k)
+                        flips += 1
+                        height = push(stack, waiting, push(stack, waiting, height, across), e)
+                        break
     return flips

@@ -153,16 +153,6 @@ def find_winner(position, elements, star, inner, v, x, region, scratch):
 
 
 @kernel
-def move_free(position, star, v, x, step, floor, trial):
-    """Equation 1 of the paper for a node in the plane."""
-    for k in range(trial.shape[0]):
-        trial[k] = position[v, k] + step * (x[k] - position[v, k])
-    if may_move(position, star, v, trial[0], trial[1], floor):
-        for k in range(trial.shape[0]):
-            position[v, k] = trial[k]
-
-
-@kernel
 def slide(position, star, constraints, v, target, step, floor, trial):
     """Equation 1 along a chain: the arc length moves towards that of the chain's point nearest to x, the target."""
     chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
@@ -259,12 +249,9 @@ def hand_over(constraints, v, next_node, onto, away, parameter):
 
 
 @kernel
-def update(position, elements, star, constraints, v, x, step, floor, trial):
-    """Move one neuron as its constraint lets it."""
-    kind = constraints.kind[v]
-    if kind == FREE:
-        move_free(position, star, v, x, step, floor, trial)
-    elif kind == SLIDING:
+def move_bound(position, elements, star, constraints, v, x, step, floor, trial):
+    """Move a neuron that its constraint keeps on an outline."""
+    if constraints.kind[v] == SLIDING:
         target = nearest_parameter(constraints, constraints.chain[v, 0], x)
         slide(position, star, constraints, v, target, step, floor, trial)
     elif constraints.chain[v, 1] >= 0:
@@ -299,9 +286,11 @@ def learn(
 
     `winners[slot[t]]` is the last winner of point t (or of points like it): the search starts there, and the new one
     is kept there. `strength[ring]` is the neighbourhood function, its length the radius plus one. Learning rate times
-    weight is capped at 1.
+    weight is capped at 1. Free neurons are moved here and not in a function of their own: its call would take longer
+    than its work.
     """
-    inner, queue, radius = constraints.inner, scratch.queue, strength.shape[0] - 1
+    kind, inner = constraints.kind, constraints.inner
+    queue, radius = scratch.queue, strength.shape[0] - 1
     total, steps = 0.0, 0
     for t in range(points.shape[0]):
         x = points[t]
@@ -316,8 +305,16 @@ def learn(
             if ring > 0:
                 end = gather_ring(elements, star, inner, region[t], queue, first, last, scratch.node_stamp, stamp)
                 first, last = last, end
+            share = step * strength[ring]
             for i in range(first, last):
-                update(position, elements, star, constraints, queue[i], x, step * strength[ring], floor, scratch.trial)
+                v = queue[i]
+                if kind[v] != FREE:
+                    move_bound(position, elements, star, constraints, v, x, share, floor, scratch.trial)
+                    continue
+                new_x = position[v, 0] + share * (x[0] - position[v, 0])
+                new_y = position[v, 1] + share * (x[1] - position[v, 1])
+                if may_move(position, star, v, new_x, new_y, floor):
+                    position[v, 0], position[v, 1] = new_x, new_y
     return total, steps
 
 

@@ -64,7 +64,7 @@ def _check_filled(mesh: MeshTri, number: NDArray[np.int64]) -> None:
     empty = np.flatnonzero(number < 0)
     if not empty.size:
         return
-    inside = [repr(name) for name in sorted(mesh.subdomains) if empty[0] in mesh.subdomains[name]]
+    inside = [repr(name) for name, elements in sorted((mesh.subdomains or {}).items()) if empty[0] in elements]
     where = f"in subdomain {', '.join(inside)}" if inside else "in no subdomain"
     raise ValueError(
         f"every element needs a material; {empty.size} of {number.size} have none, "

@@ -1,0 +1,8 @@
+"""``python -m kohonen_adapt`` is the command ``kohonen-adapt``."""
+
+import sys
+
+from .cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,284 @@
+"""Pictures of an adaptation: meshes, indicators, field lines and the estimate over the passes (needs matplotlib)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from .quality import area
+from .result import AdaptResult, Pass
+from .triangulation import codes_of_names
+
+__all__ = [
+    "adaptation_figure",
+    "draw_field_lines",
+    "draw_indicators",
+    "draw_mesh",
+    "draw_passes",
+    "indicator_scale",
+]
+
+Floats = NDArray[np.float64]
+
+UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
+"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
+
+DECADES = 3
+"""How far below the largest indicator the colours reach."""
+
+# Okabe and Ito's colours, which the colour-blind tell apart.
+BLUE, VERMILION = "#0072b2", "#d55e00"
+# One hue, without its dark end, so that black lines stand out on every shade.
+PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")
+
+OUTLINE = 0.9
+"""Width of the lines around regions, points."""
+
+
+def adaptation_figure(
+    before: AdaptResult,
+    after: AdaptResult,
+    *,
+    potential: ArrayLike,
+    magnitude: ArrayLike,
+    magnitude_label: str,
+    indicator_label: str = "error indicator of an element",
+    lines_title: str = "Field lines",
+    unit: str = "m",
+    errors: Sequence[float] | None = None,
+) -> Figure:
+    """Mesh and indicators before and after, field lines, and the estimate over the passes, on one page.
+
+    Parameters
+    ----------
+    before
+        The input: the result of ``adapt(..., passes=0)``.
+    after
+        The adapted result.
+    potential
+        (nnodes,), nodal values on ``after.mesh``; their contours are the field lines.
+    magnitude
+        (nelements,), what is coloured under the field lines.
+    magnitude_label, indicator_label
+        Labels of the colour bars, with units.
+    lines_title
+        What the contours are.
+    unit
+        Unit of the axes: "m" or "mm" for a mesh in metres, "" for one without a unit.
+    errors
+        The exact error of every pass, where it is known.
+
+    Returns
+    -------
+    Figure
+        To be saved by ``figure.savefig(path)``.
+
+    Raises
+    ------
+    ValueError
+        If an array has the wrong shape or the unit is unknown.
+    """
+    figure = Figure(figsize=(13.0, 7.6), dpi=160, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
+    panels = figure.subplots(2, 3)
+    norm = indicator_scale(before.indicators, after.indicators)
+    for column, (word, result) in enumerate([("before", before), ("after", after)]):
+        draw_mesh(panels[0, column], result.mesh, unit=unit)
+        panels[0, column].set_title(f"Mesh {word}: {result.mesh.p.shape[1]} nodes")
+        shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, unit=unit)
+        panels[1, column].set_title(f"Error indicators {word}")
+    figure.colorbar(shades, ax=panels[1, 1], label=indicator_label, extend="min")
+    colours = draw_field_lines(panels[0, 2], after.mesh, potential, magnitude, unit=unit)
+    figure.colorbar(colours, ax=panels[0, 2], label=magnitude_label, extend="max")
+    panels[0, 2].set_title(f"{lines_title} after")
+    draw_passes(panels[1, 2], after.history, errors=errors)
+    panels[1, 2].set_title("Estimate over the passes")
+    return figure
+
+
+def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
+    """Draw the edges of a mesh, the outlines of its regions thicker.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    unit
+        Unit of the axes, "m", "mm" or "".
+    """
+    # Thinner lines on finer meshes, down to where they would vanish.
+    width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
+    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), _outline(mesh))
+    _draw_facets(axes, mesh, inner, unit, "0.4", width)
+    _draw_outline(axes, mesh, unit, "black")
+    _set_axes(axes, mesh, unit)
+
+
+def draw_indicators(
+    axes: Axes, mesh: MeshTri, indicators: ArrayLike, *, norm: Normalize | None = None, unit: str = "m"
+) -> PolyCollection:
+    """Colour every element by its error indicator.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    indicators
+        (nelements,), unsquared.
+    norm
+        The scale, for several pictures on one; by default that of these indicators.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Returns
+    -------
+    PolyCollection
+        For ``figure.colorbar``.
+    """
+    values = _per(mesh.t.shape[1], indicators, "indicators", "nelements")
+    shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colormaps["viridis"])
+    _draw_outline(axes, mesh, unit, "white")
+    _set_axes(axes, mesh, unit)
+    return shades
+
+
+def draw_field_lines(
+    axes: Axes, mesh: MeshTri, potential: ArrayLike, magnitude: ArrayLike, *, lines: int = 20, unit: str = "m"
+) -> PolyCollection:
+    """Draw contours of a nodal potential, for A_z the flux lines, over a quantity that is constant per element.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    potential
+        (nnodes,); between neighbouring lines it changes by the same amount.
+    magnitude
+        (nelements,); the colours end where 1 % of the area has more.
+    lines
+        How many contours.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Returns
+    -------
+    PolyCollection
+        For ``figure.colorbar``.
+    """
+    potential = _per(mesh.p.shape[1], potential, "potential", "nnodes")
+    magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
+    norm = Normalize(0.0, _level_of_share(magnitude, area(mesh), 0.99))
+    colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
+    x, y = _factor(unit) * mesh.p
+    low, high = potential.min(), potential.max()
+    if high > low:
+        levels = np.linspace(low, high, lines + 2)[1:-1]
+        axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
+    _draw_outline(axes, mesh, unit, "black")
+    _set_axes(axes, mesh, unit)
+    return colours
+
+
+def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] | None = None) -> None:
+    """Draw the estimate over the passes, in per cent of the energy norm where every pass has one.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    history
+        The passes.
+    errors
+        The exact error of every pass, in the same norm.
+    """
+    norms = [step.energy_norm for step in history]
+    percent = all(norms)
+    scale = np.array([100.0 / norm if percent and norm else 1.0 for norm in norms])
+    number = [step.number for step in history]
+    axes.plot(number, scale * [step.estimate for step in history], "o-", color=BLUE, label="estimate")
+    if errors is not None:
+        axes.plot(
+            number, scale * _per(len(history), errors, "errors", "passes"), "s--", color=VERMILION, label="exact error"
+        )
+        axes.legend()
+    counts = sorted({step.mesh.p.shape[1] for step in history})
+    axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
+    axes.set_ylabel("energy error (% of the energy norm)" if percent else "energy error")
+    axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+
+
+def indicator_scale(*indicators: ArrayLike) -> Normalize:
+    """One logarithmic scale for several arrays of indicators: three decades below the largest of them."""
+    largest = max((float(np.max(values)) for values in indicators), default=0.0)
+    return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
+
+
+def _draw_elements(
+    axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
+) -> PolyCollection:
+    x, y = _factor(unit) * mesh.p
+    # Edges in the colour of their element leave no light seams between elements.
+    return axes.tripcolor(
+        x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
+    )
+
+
+def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
+    segments = _factor(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
+    axes.add_collection(LineCollection(segments, colors=colour, linewidths=width, capstyle="round", rasterized=True))
+
+
+def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
+    _draw_facets(axes, mesh, _outline(mesh), unit, colour, OUTLINE)
+
+
+def _outline(mesh: MeshTri) -> NDArray[np.integer]:
+    """Facets on the rim and between elements of different subdomain names."""
+    sets = [(np.asarray(elements), 0) for elements in (mesh.subdomains or {}).values()]
+    codes = codes_of_names(sets, mesh.t.shape[1])
+    one, other = mesh.f2t
+    return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
+
+
+def _set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
+    """Equal scales, a little room around the mesh, units."""
+    low, high = (_factor(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
+    room = 0.02 * np.max(high - low)
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
+    axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
+
+
+def _factor(unit: str) -> float:
+    if unit not in UNITS:
+        raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
+    return UNITS[unit]
+
+
+def _level_of_share(values: Floats, weights: Floats, share: float) -> float:
+    """The value that this share of the weights does not exceed."""
+    order = np.argsort(values)
+    running = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(running, share * running[-1])])
+
+
+def _per(count: int, values: ArrayLike, name: str, counted: str) -> Floats:
+    array = np.asarray(values, dtype=float)
+    if array.shape != (count,):
+        raise ValueError(f"{name} must have shape ({counted},) = ({count},); got {array.shape}.")
+    return array
