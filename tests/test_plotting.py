@@ -1,0 +1,161 @@
+"""Pictures: what is drawn, on which scale, with which units, and how fast."""
+
+import time
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+from skfem import MeshTri
+
+from kohonen_adapt import plotting
+from kohonen_adapt.result import AdaptResult, Pass, Status
+
+
+def two_regions(levels=3):
+    mesh = MeshTri().refined(levels)
+    return mesh.with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
+
+
+def a_pass(number, mesh, estimate, energy_norm=2.0):
+    return Pass(number, mesh, estimate, energy_norm, (), 0.5, 0.9, 0.0, {})
+
+
+def a_result(mesh, indicators, estimates=(1.0, 0.5)):
+    history = tuple(a_pass(number, mesh, estimate) for number, estimate in enumerate(estimates))
+    nodes = np.arange(mesh.p.shape[1])
+    return AdaptResult(mesh, None, indicators, estimates[-1], history, Status.MAX_PASSES, "Done.", nodes)
+
+
+def axes():
+    return Figure().subplots()
+
+
+def test_the_page(tmp_path):
+    mesh = two_regions()
+    before, after = a_result(mesh, np.linspace(0.1, 2.0, 128)), a_result(mesh, np.full(128, 0.3))
+    figure = plotting.adaptation_figure(
+        before,
+        after,
+        potential=mesh.p[0],
+        magnitude=np.linspace(0.0, 1.0, 128),
+        magnitude_label="|B| (T)",
+        unit="mm",
+        errors=[0.9, 0.4],
+    )
+    figure.savefig(tmp_path / "page.png", dpi=50)
+    assert (tmp_path / "page.png").stat().st_size > 10_000
+    labels = [each.get_xlabel() for each in figure.axes] + [each.get_ylabel() for each in figure.axes]
+    for label in (
+        "x (mm)",
+        "y (mm)",
+        "|B| (T)",
+        "error indicator of an element",
+        "relocations, with 81 nodes",
+        "energy error (% of the energy norm)",
+    ):
+        assert label in labels
+    shades = [each.collections[0] for each in figure.axes if "indicators" in each.get_title()]
+    assert len(shades) == 2 and shades[0].norm is shades[1].norm
+    assert (shades[0].norm.vmin, shades[0].norm.vmax) == pytest.approx((2e-3, 2.0))
+
+
+def test_nothing_is_cut_off():
+    """Every title, label and number lies inside the page, and no two titles meet."""
+    mesh = two_regions()
+    result = a_result(mesh, np.linspace(0.1, 2.0, 128))
+    figure = plotting.adaptation_figure(
+        result, result, potential=mesh.p[0], magnitude=np.ones(128), magnitude_label="flux density |B| (T)"
+    )
+    figure.draw_without_rendering()
+    page = figure.bbox
+    for each in figure.axes:
+        box = each.get_tightbbox()
+        assert box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 and box.y1 <= page.y1
+    boxes = [each.title.get_window_extent() for each in figure.axes if each.get_title()]
+    assert len(boxes) == 6
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
+
+
+def test_a_mesh_is_drawn_with_every_edge_once_and_its_regions_outlined():
+    mesh, drawing = two_regions(2), axes()
+    plotting.draw_mesh(drawing, mesh)
+    thin, thick = drawing.collections
+    assert len(thin.get_segments()) + len(thick.get_segments()) == mesh.facets.shape[1]
+    assert len(thick.get_segments()) == 16 + 4  # the rim and the interface
+    assert (drawing.get_xlabel(), drawing.get_ylabel()) == ("x (m)", "y (m)")
+    assert drawing.get_aspect() == 1.0
+
+
+def test_lengths_are_drawn_in_the_unit():
+    mesh, drawing = two_regions(2), axes()
+    plotting.draw_mesh(drawing, mesh, unit="mm")
+    assert np.max(np.concatenate(drawing.collections[0].get_segments())) == pytest.approx(1000.0)
+    plotting.draw_mesh(drawing, mesh, unit="")
+    assert drawing.get_xlabel() == "x"
+    with pytest.raises(ValueError, match="unit must be one of '', 'm', 'mm'; got 'inch'"):
+        plotting.draw_mesh(drawing, mesh, unit="inch")
+
+
+def test_field_lines_are_contours_of_the_potential():
+    mesh, drawing = two_regions(), axes()
+    colours = plotting.draw_field_lines(drawing, mesh, mesh.p[0], np.ones(128), lines=3)
+    contours = next(each for each in drawing.collections if hasattr(each, "levels"))
+    assert_allclose(contours.levels, [0.25, 0.5, 0.75])
+    assert colours.norm.vmax == 1.0
+
+
+def test_a_constant_potential_has_no_field_lines():
+    mesh, drawing = two_regions(), axes()
+    plotting.draw_field_lines(drawing, mesh, np.zeros(81), np.zeros(128))
+    assert not any(hasattr(each, "levels") for each in drawing.collections)
+
+
+def test_colours_end_where_a_hundredth_of_the_area_has_more():
+    mesh = MeshTri().refined(4)
+    magnitude = np.ones(512)
+    magnitude[:4] = 50.0  # a spike on less than a hundredth
+    assert plotting.draw_field_lines(axes(), mesh, mesh.p[0], magnitude).norm.vmax == 1.0
+
+
+def test_indicators_that_are_all_zero_can_be_drawn():
+    mesh = two_regions()
+    assert plotting.draw_indicators(axes(), mesh, np.zeros(128)).norm.vmax == 1.0
+
+
+@pytest.mark.parametrize(
+    ("energy_norm", "wanted", "label"),
+    [(2.0, [50.0, 25.0], "energy error (% of the energy norm)"), (None, [1.0, 0.5], "energy error")],
+)
+def test_passes(energy_norm, wanted, label):
+    drawing = axes()
+    history = [a_pass(0, two_regions(), 1.0, energy_norm), a_pass(1, two_regions(), 0.5, energy_norm)]
+    plotting.draw_passes(drawing, history)
+    assert_allclose(drawing.lines[0].get_ydata(), wanted)
+    assert drawing.get_ylabel() == label
+    assert drawing.get_ylim()[0] == 0.0
+
+
+def test_wrong_shapes():
+    mesh = two_regions()
+    with pytest.raises(ValueError, match=r"indicators must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        plotting.draw_indicators(axes(), mesh, np.ones(81))
+    with pytest.raises(ValueError, match=r"potential must have shape \(nnodes,\) = \(81,\); got \(3,\)"):
+        plotting.draw_field_lines(axes(), mesh, np.ones(3), np.ones(128))
+    with pytest.raises(ValueError, match=r"magnitude must have shape \(nelements,\) = \(128,\); got \(2, 128\)"):
+        plotting.draw_field_lines(axes(), mesh, np.ones(81), np.ones((2, 128)))
+    with pytest.raises(ValueError, match=r"errors must have shape \(passes,\) = \(1,\); got \(2,\)"):
+        plotting.draw_passes(axes(), [a_pass(0, mesh, 1.0)], errors=[1.0, 2.0])
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_elements_take_seconds(tmp_path):
+    mesh = MeshTri.init_tensor(*(np.linspace(0, 1, 225),) * 2)
+    result = a_result(mesh, np.linspace(0.1, 2.0, mesh.t.shape[1]))
+    start = time.process_time()
+    figure = plotting.adaptation_figure(
+        result, result, potential=mesh.p[0], magnitude=np.ones(mesh.t.shape[1]), magnitude_label="|B| (T)"
+    )
+    figure.savefig(tmp_path / "page.png")
+    assert mesh.t.shape[1] > 100_000
+    assert time.process_time() - start < 60.0
