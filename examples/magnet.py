@@ -1,0 +1,67 @@
+"""A permanent magnet in an iron core with an air gap: adapt its Gmsh mesh, print a table, write files and a figure."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+
+MESH = Path(__file__).with_name("c_core.msh")
+
+PROBLEM = Magnetostatics(
+    {
+        "iron": Material(permeability=1000.0),
+        "magnet": Material(permeability=1.05, remanence=(0.0, 1.2)),
+        "air": Material(),
+    },
+    potential={"outer": 0.0},
+)
+
+
+def adapt(callback=None):
+    """The problem on the mesh as Gmsh made it, and on the adapted one."""
+    mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
+    return ka.adapt(mesh, PROBLEM, passes=0), ka.adapt(mesh, PROBLEM, passes=4, callback=callback)
+
+
+def write(result, folder):
+    """The field for ParaView and the mesh for Gmsh."""
+    field = result.solution
+    ka.write_mesh(
+        folder / "magnet.vtu",
+        result.mesh,
+        point_data={"A (Wb per m)": field.potential},
+        cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
+    )
+    ka.write_mesh(folder / "magnet.msh", result.mesh)
+
+
+def draw(before, after, folder):
+    """Meshes, indicators, flux lines and the estimate over the passes."""
+    from kohonen_adapt.plotting import adaptation_figure  # needs matplotlib, the rest does not
+
+    figure = adaptation_figure(
+        before,
+        after,
+        potential=after.solution.potential,
+        magnitude=np.hypot(*after.solution.flux_density),
+        magnitude_label="flux density |B| (T)",
+        indicator_label="error indicator of an element, $\\sqrt{\\mathrm{J/m}}$",
+        lines_title="Flux lines",
+        unit="mm",
+    )
+    figure.savefig(folder / "magnet.png")
+
+
+def main(folder="."):
+    before, after = adapt()
+    print(after)
+    write(after, Path(folder))
+    draw(before, after, Path(folder))
+    return before, after
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
