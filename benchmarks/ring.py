@@ -32,6 +32,26 @@ def spread(mass: np.ndarray) -> tuple[float, float]:
     return float(mass.std() / mass.mean()), float(mass.max() / mass.min())
 
 
+def figures(mesh: MeshTri) -> dict[str, float]:
+    """Both spreads of both masses; the nodal one is what movement reports."""
+    result = {}
+    for kind, mass in {"nodal": nodal_mass(mesh), "exact": exact_mass(mesh)}.items():
+        result[f"cv {kind}"], result[f"max/min {kind}"] = spread(mass)
+    return result
+
+
+class Ring:
+    """The monitor as if it were a solution, with the nodal mass as indicator, for the baseline of refinement."""
+
+    def solve(self, mesh: MeshTri) -> np.ndarray:
+        """The monitor at the nodes."""
+        return monitor(mesh.p)
+
+    def indicators(self, mesh: MeshTri, solution: np.ndarray) -> np.ndarray:
+        """Nodal mass of every element."""
+        return nodal_mass(mesh)
+
+
 def _barycentres(n: int) -> np.ndarray:
     """Barycentric coordinates (3, n * n) of the barycentres of n * n congruent parts of a triangle."""
     i, j = np.divmod(np.arange(n * n), n)

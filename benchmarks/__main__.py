@@ -1,0 +1,30 @@
+"""Command of the benchmarks: `python -m benchmarks [L H R M F speed warmup drift spread] [--seeds 5] [--quick]`."""
+
+import argparse
+
+from benchmarks import drift, speed, spread, warmup
+from benchmarks.cases import PROBLEMS, cases
+from benchmarks.report import comparison
+
+CHECKS = {"speed": speed.report, "warmup": warmup.report, "drift": drift.report, "spread": spread.report}
+
+
+def main() -> None:
+    """Print the comparisons and checks that are asked for, by default the comparisons of all problems."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join([*PROBLEMS, *CHECKS])}")
+    parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
+    parser.add_argument("--quick", action="store_true", help="small meshes only")
+    options = parser.parse_args()
+    for name in options.what or PROBLEMS:
+        if name in PROBLEMS:
+            for case in cases(name, options.quick):
+                print(comparison(case, range(options.seeds)) + "\n", flush=True)
+        elif name in CHECKS:
+            print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
+        else:
+            parser.error(f"{name} is not one of {' '.join([*PROBLEMS, *CHECKS])}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""The comparison of one case as a table: a row per method, medians over the seeds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import kohonen_adapt as ka
+from benchmarks import compare
+from benchmarks.cases import Case
+from benchmarks.compare import Outcome
+from benchmarks.table import Cell, aligned
+
+
+def comparison(case: Case, seeds: Sequence[int]) -> str:
+    """Run every method on the case and return the table."""
+    ka.warmup()
+    start = compare.uniform(case)
+    nodes = start.mesh.p.shape[1]
+    refined = compare.refinement(case, nodes)
+    rows = [_row("uniform", case, [start], start), _row(f"refined {_indicators(case)}", case, [refined], start)]
+    notes = []
+    for topology in compare.TOPOLOGIES:
+        outcomes = [compare.adapted(case, topology, seed) for seed in seeds]
+        rows.append(_row(f"map, {topology}", case, outcomes, start, topology))
+        notes += _note(case, topology, outcomes)
+    header = ["", "N", "T", *start.figures, "ratio", "worst", "target", "", "min q", "mean q"]
+    header += [f"{step} s" for step in compare.STEPS]
+    return "\n".join([case.title, aligned(header, rows), *notes])
+
+
+def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topology: str | None = None) -> list[Cell]:
+    """N, T, figures, ratio to the uniform mesh, worst seed, target and whether met, qualities, seconds by step."""
+    error = next(iter(start.figures))
+    figures = [_median([outcome.figures[name] for outcome in outcomes]) for name in start.figures]
+    qualities = [ka.quality(outcome.mesh) for outcome in outcomes]
+    return [
+        name,
+        int(_median([outcome.mesh.p.shape[1] for outcome in outcomes])),
+        int(_median([outcome.mesh.t.shape[1] for outcome in outcomes])),
+        *figures,
+        _median([outcome.figures[error] for outcome in outcomes]) / start.figures[error],
+        max(outcome.figures[case.judged] for outcome in outcomes) if topology else None,
+        case.targets.get(topology),
+        compare.verdict(case, topology, outcomes) if topology else "",
+        min(float(values.min()) for values in qualities),
+        _median([float(values.mean()) for values in qualities]),
+        *(f"{_median([outcome.seconds[step] for outcome in outcomes]):.4f}" for step in compare.STEPS),
+    ]
+
+
+def _note(case: Case, topology: str, outcomes: list[Outcome]) -> list[str]:
+    """Say so where the returned mesh is not that of the last pass."""
+    earlier = [outcome for outcome in outcomes if outcome.last is not None]
+    if not earlier:
+        return []
+    last = _median([(outcome.last or outcome.figures)[case.judged] for outcome in outcomes])
+    return [
+        f"  map, {topology}: {len(earlier)} of {len(outcomes)} seeds returned an earlier pass than the last; "
+        f"median {case.judged} of the last pass {last:#.4g}"
+    ]
+
+
+def _indicators(case: Case) -> str:
+    return "(squared)" if case.squared else "(unsquared)"
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values))

@@ -1,0 +1,46 @@
+"""First compile, start from the cache, and import time, each in a process of its own."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+
+from benchmarks.table import aligned
+
+_COMPILE = (
+    "import time, kohonen_adapt as ka; start = time.perf_counter(); ka.warmup(); print(time.perf_counter() - start)"
+)
+_IMPORT = (
+    "import time, skfem, numba; start = time.perf_counter(); import kohonen_adapt; print(time.perf_counter() - start)"
+)
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Seconds beside their targets."""
+    with tempfile.TemporaryDirectory() as cache:
+        first, _ = _seconds(_COMPILE, cache)
+        warm, whole = _seconds(_COMPILE, cache)
+        extra = min(_seconds(_IMPORT, cache)[0] for _ in range(3))
+    rows = [
+        ["every kernel, empty cache", first, 20.0],
+        ["every kernel, next process", warm, 2.0],
+        ["that process as a whole, imports included", whole, None],
+        ["import beyond scikit-fem and numba", extra, 1.0],
+    ]
+    return aligned(["warmup", "seconds", "target", ""], [[*row, _verdict(*row[1:])] for row in rows])
+
+
+def _seconds(code: str, cache: str) -> tuple[float, float]:
+    """What the code prints, and the wall time of its process."""
+    start = time.perf_counter()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    return float(done.stdout), time.perf_counter() - start
+
+
+def _verdict(seconds: float, target: float | None) -> str:
+    if target is None:
+        return ""
+    return "met" if seconds <= target else "missed"
