@@ -99,9 +99,9 @@ def holding_element(position, elements, star, v, x, region, scratch):
 def nearest_reached(position, elements, e, x, scratch):
     """The circle check: the nearest node that x reaches from element e within its region, ties to the lowest index.
 
-    Elements are entered through the nearest edge first, and only while that is nearer than the best node so far. A
-    shortest way around a slit or a hole bends at a node, which is nearer than what lies behind it; so what is found is
-    the nearest of the nodes that the flood of the circle through them reaches.
+    A node counts if the disc around x that just reaches it joins it to x within the region. So every element carries
+    the least distance that a way to it must go to (that of the farthest edge it crosses), elements are entered in the
+    order of it, and a node nearer than that does not count: it lies behind a slit or a corner that the disc misses.
     """
     stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
     region = elements.region[e]
@@ -114,23 +114,33 @@ def nearest_reached(position, elements, e, x, scratch):
                 near = i
         if reach[near] > best:
             break
-        e = frontier[near]
+        e, entered = frontier[near], reach[near]
         count -= 1
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(3):
             v = elements.node[e, k]
             distance = squared_distance(position, v, x)
-            if distance < best or (distance == best and v < winner):
+            if distance >= entered and (distance < best or (distance == best and v < winner)):
                 winner, best = v, distance
         for k in range(3):
             across = elements.neighbour[e, k]
-            if across < 0 or elements.region[across] != region or scratch.element_stamp[across] == stamp:
+            if across < 0 or elements.region[across] != region:
                 continue
+            waiting, known = count, scratch.element_stamp[across] == stamp
+            if known:
+                waiting = 0
+                while waiting < count and frontier[waiting] != across:
+                    waiting += 1
+                if waiting == count:
+                    continue
             a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
             distance = squared_distance_to_edge(
                 position[a, 0], position[a, 1], position[b, 0], position[b, 1], x[0], x[1]
             )
-            if distance <= best:
+            distance = max(distance, entered)
+            if known:
+                reach[waiting] = min(reach[waiting], distance)
+            elif distance <= best:
                 scratch.element_stamp[across] = stamp
                 frontier[count], reach[count] = across, distance
                 count += 1
