@@ -1,7 +1,7 @@
 """One case by three methods in one run: uniform mesh, scikit-fem's refinement, and this package."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -85,12 +85,10 @@ def adapted(case: Case, topology: str, seed: int) -> Outcome:
     )
 
 
-def verdict(case: Case, topology: str, outcomes: list[Outcome]) -> str:
-    """Whether the median, and the worst within its tolerance, reach the target."""
-    target = case.targets.get(topology)
+def verdict(target: float | None, judged: Sequence[float]) -> str:
+    """Whether the median over the seeds, and the worst within its tolerance, reach the target."""
     if target is None:
         return ""
-    judged = [outcome.figures[case.judged] for outcome in outcomes]
     if np.median(judged) > target:
         return "missed"
     return "met" if max(judged) <= TOLERANCE_OF_WORST * target else "worst missed"

@@ -31,17 +31,18 @@ def comparison(case: Case, seeds: Sequence[int]) -> str:
 def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topology: str | None = None) -> list[Cell]:
     """N, T, figures, ratio to the uniform mesh, worst seed, target and whether met, qualities, seconds by step."""
     error = next(iter(start.figures))
-    figures = [_median([outcome.figures[name] for outcome in outcomes]) for name in start.figures]
+    target = case.targets.get(topology)
+    judged = [outcome.figures[case.judged] for outcome in outcomes]
     qualities = [ka.quality(outcome.mesh) for outcome in outcomes]
     return [
         name,
         int(_median([outcome.mesh.p.shape[1] for outcome in outcomes])),
         int(_median([outcome.mesh.t.shape[1] for outcome in outcomes])),
-        *figures,
+        *(_median([outcome.figures[figure] for outcome in outcomes]) for figure in start.figures),
         _median([outcome.figures[error] for outcome in outcomes]) / start.figures[error],
-        max(outcome.figures[case.judged] for outcome in outcomes) if topology else None,
-        case.targets.get(topology),
-        compare.verdict(case, topology, outcomes) if topology else "",
+        max(judged) if topology else None,
+        target,
+        compare.verdict(target, judged),
         min(float(values.min()) for values in qualities),
         _median([float(values.mean()) for values in qualities]),
         *(f"{_median([outcome.seconds[step] for outcome in outcomes]):.4f}" for step in compare.STEPS),
@@ -49,15 +50,16 @@ def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topolog
 
 
 def _note(case: Case, topology: str, outcomes: list[Outcome]) -> list[str]:
-    """Say so where the returned mesh is not that of the last pass."""
-    earlier = [outcome for outcome in outcomes if outcome.last is not None]
+    """Say so where the returned mesh, the best by its estimate, is not that of the last pass."""
+    earlier = sum(outcome.last is not None for outcome in outcomes)
     if not earlier:
         return []
-    last = _median([(outcome.last or outcome.figures)[case.judged] for outcome in outcomes])
-    return [
-        f"  map, {topology}: {len(earlier)} of {len(outcomes)} seeds returned an earlier pass than the last; "
-        f"median {case.judged} of the last pass {last:#.4g}"
-    ]
+    last = [(outcome.last or outcome.figures)[case.judged] for outcome in outcomes]
+    note = (
+        f"  map, {topology}: {earlier} of {len(outcomes)} seeds returned an earlier pass than the last; "
+        f"{case.judged} of the last pass {_median(last):#.4g}, worst {max(last):#.4g}"
+    )
+    return [" ".join((note, compare.verdict(case.targets.get(topology), last))).rstrip()]
 
 
 def _indicators(case: Case) -> str:
