@@ -85,9 +85,11 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
         raise ValueError(
             f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {given.shape}."
         )
-    if not np.all(np.isfinite(given)):
-        raise ValueError(f"potential of {name!r} must be finite; it is not at {np.sum(~np.isfinite(given))} nodes.")
-    return np.broadcast_to(given, x.shape[1:])
+    everywhere = np.broadcast_to(given, x.shape[1:])
+    bad = np.count_nonzero(~np.isfinite(everywhere))
+    if bad:
+        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {everywhere.size} nodes.")
+    return everywhere
 
 
 def _check_tied(mesh: MeshTri, fixed: Bools) -> None:
