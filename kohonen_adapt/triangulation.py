@@ -188,8 +188,11 @@ def codes_of_names(members: Sequence[tuple[NDArray[np.integer], ArrayLike]], cou
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the region of every element: a connected set of elements that carry the same subdomain names."""
-    subdomains = mesh.subdomains or {}
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
+
+    What scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no subdomain: its numbers are not those of elements.
+    """
+    subdomains = {name: rows for name, rows in (mesh.subdomains or {}).items() if not name.startswith("gmsh:")}
     codes = codes_of_names([(np.asarray(rows), 0) for rows in subdomains.values()], len(neighbour))
     e, k = np.nonzero(neighbour >= 0)
     across = neighbour[e, k]
