@@ -104,13 +104,21 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> NDArray[np.float64]:
 
 def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
     """Values (nelements,), finite and not negative, as floats."""
-    array = np.asarray(values, dtype=np.float64)
+    array = np.asarray(values)
     if array.shape != (mesh.nelements,):
         raise ValueError(f"{name} must have shape (nelements,) = ({mesh.nelements},); got {array.shape}.")
+    array = as_reals(array, name)
     bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
     if len(bad):
         raise ValueError(f"{name} must be finite and >= 0; element {bad[0]} has {array[bad[0]]}.")
     return array
+
+
+def as_reals(array: NDArray, name: str) -> Floats:
+    """An array as floats, refused where that would lose something."""
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be real numbers; got {array.dtype}.")
+    return array.astype(np.float64)
 
 
 class Draw(NamedTuple):
@@ -162,25 +170,29 @@ class CallableDensity:
         self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
         values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
+        if not self.largest > 0:
+            raise ValueError(
+                f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
+                "Give it a small positive value where few nodes are wanted."
+            )
         self.masses = self.areas * self._floored(values).reshape(len(self.areas), self.share).mean(axis=1)
 
     def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """As many random points in every element, one element after the other, and the density there."""
         element = np.repeat(np.arange(len(self.areas), dtype=np.int32), self.share)
         points = points_in(self.position, self.elements, element, rng)
-        values = self._evaluate(points)
-        if not values.max() > 0:
-            raise ValueError("density must not be zero everywhere; the callable is.")
-        return points, values
+        return points, self._evaluate(points)
 
     def _evaluate(self, points: Floats) -> Floats:
         """The function at the rows of an (n, 2) array, checked."""
-        values = np.asarray(self.function(points.T.copy()), dtype=np.float64)
+        values = np.asarray(self.function(points.T.copy()))
         if values.shape != (len(points),):
             raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
+        values = as_reals(values, "density")
         bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
         if len(bad):
-            raise ValueError(f"density must be finite and >= 0; at {tuple(points[bad[0]])} it is {values[bad[0]]}.")
+            where = tuple(points[bad[0]].tolist())
+            raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
         return values
 
     def _floored(self, values: Floats) -> Floats:
