@@ -1,6 +1,6 @@
 """Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -101,6 +101,8 @@ def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> 
         If an entry is neither an integer nor a name.
     """
     mask = np.zeros(mesh.p.shape[1], dtype=bool)
+    if not isinstance(pinned, Iterable):
+        raise TypeError(f"pinned must be a sequence of node numbers and names; got {pinned!r}.")
     for entry in [pinned] if isinstance(pinned, str) else pinned:
         if isinstance(entry, str):
             mask[nodes_of_name(mesh, entry)] = True

@@ -46,11 +46,11 @@ class Stage:
     def __post_init__(self) -> None:
         for name in ("radius", "epochs"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+            if not is_count(value):
                 raise ValueError(f"{name} of a stage must be an integer >= 0; got {value!r}.")
-        if len(self._ends()) != 2 or not all(0 < rate <= 1 for rate in self._ends()):
+        if not are_two_rates(self._ends()):
             raise ValueError(f"learning_rate must be in (0, 1], one or (first, last); got {self.learning_rate!r}.")
-        if not (self.points_per_neuron > 0 and math.isfinite(self.points_per_neuron)):
+        if not (is_number(self.points_per_neuron) and 0 < self.points_per_neuron < math.inf):
             raise ValueError(f"points_per_neuron must be above zero; got {self.points_per_neuron!r}.")
         if self.neighbourhood not in ("gaussian", "flat"):
             raise ValueError(f"neighbourhood must be 'gaussian' or 'flat'; got {self.neighbourhood!r}.")
@@ -101,13 +101,17 @@ class Schedule:
     fresh: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.stages, Iterable):
+            raise TypeError(
+                f"stages must be a sequence of kohonen_adapt.Stage; got {self.stages!r}. Put it in a tuple."
+            )
         object.__setattr__(self, "stages", tuple(self.stages))
         wrong = [stage for stage in self.stages if not isinstance(stage, Stage)]
         if wrong:
             raise TypeError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
-        if isinstance(self.sweeps, bool) or not isinstance(self.sweeps, int | np.integer) or self.sweeps < 0:
+        if not is_count(self.sweeps):
             raise ValueError(f"sweeps must be an integer >= 0; got {self.sweeps!r}.")
-        if self.tolerance is not None and not self.tolerance >= 0:
+        if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):
             raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
 
     @classmethod
@@ -123,8 +127,10 @@ class Schedule:
         learning_rate
             Rate of the first and of the last epoch; it falls geometrically over all epochs together.
         """
-        if len(epochs) != 3:
-            raise ValueError(f"epochs must be three numbers, for radius 2, 1 and 0; got {epochs!r}.")
+        if not isinstance(epochs, Iterable) or len(epochs) != 3 or not all(is_count(count) for count in epochs):
+            raise ValueError(f"epochs must be three integers >= 0, for radius 2, 1 and 0; got {epochs!r}.")
+        if not isinstance(learning_rate, Iterable) or not are_two_rates(learning_rate):
+            raise ValueError(f"learning_rate must be (first, last), both in (0, 1]; got {learning_rate!r}.")
         rates = np.geomspace(*learning_rate, max(sum(epochs), 1))
         ends = np.cumsum(epochs)
         stages = [
@@ -156,6 +162,10 @@ class Schedule:
         """
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+        if not is_count(nnodes):
+            raise ValueError(f"nnodes must be an integer >= 0; got {nnodes!r}.")
+        if radius is not None and not is_count(radius):
+            raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         start = widest_radius(nnodes) if radius is None else radius
         radii = [start]
         while radii[-1] // 2 >= NARROWEST:
@@ -169,6 +179,22 @@ class Schedule:
         if topology == "fixed":
             stages.append(Stage(1, 5, (0.3, 0.1)))
         return cls(tuple(stages), sweeps=10)
+
+
+def is_count(value: object) -> bool:
+    """Whether it is an integer of at least 0."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 0
+
+
+def is_number(value: object) -> bool:
+    """Whether it is a real number."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def are_two_rates(rates: Iterable) -> bool:
+    """Whether these are two numbers above 0 and at most 1."""
+    rates = list(rates)
+    return len(rates) == 2 and all(is_number(rate) and 0 < rate <= 1 for rate in rates)
 
 
 def widest_radius(nnodes: int) -> int:
