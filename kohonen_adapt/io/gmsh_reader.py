@@ -47,7 +47,7 @@ def _header(data: bytes, path: Path) -> tuple[str, bool]:
     if start < 0 or len(words) < 3:
         raise ValueError(f"read_mesh expected a Gmsh file; '{path}' has no section $MeshFormat.")
     version, kind, size = (word.decode("ascii", "replace") for word in words)
-    if version not in ("2", "2.2", "4.1") or kind not in ("0", "1") or size != "8":
+    if version not in ("2", "2.0", "2.1", "2.2", "4.1") or kind not in ("0", "1") or size != "8":
         raise ValueError(
             f"read_mesh expected MSH 2.2 or 4.1 with numbers of 8 bytes; '{path}' is MSH {version} with {size} bytes. "
             "Convert it: gmsh FILE -save -format msh41 -o NEW.msh"
