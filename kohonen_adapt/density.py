@@ -138,7 +138,7 @@ class ElementDensity:
 
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
         self.position, self.elements = snapshot(triangulation)
-        self.values = np.maximum(values, ZERO * values.max())
+        self.values = without_zeros(values, values.max())
         self.masses = triangulation.areas() * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
         average_at_sites(triangulation.areas(), self.values, self.elements, triangulation.star, self._log_at_corners)
@@ -175,7 +175,7 @@ class CallableDensity:
                 f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
                 "Give it a small positive value where few nodes are wanted."
             )
-        self.masses = self.areas * self._floored(values).reshape(len(self.areas), self.share).mean(axis=1)
+        self.masses = self.areas * without_zeros(values, self.largest).reshape(len(self.areas), self.share).mean(axis=1)
 
     def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """As many random points in every element, one element after the other, and the density there."""
@@ -195,13 +195,10 @@ class CallableDensity:
             raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
         return values
 
-    def _floored(self, values: Floats) -> Floats:
-        return np.maximum(values, ZERO * self.largest)
-
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """About `number` of many candidates, chosen by the density at each, stratified and in random order."""
         points, values = self._candidates(rng)
-        cumulated = np.cumsum(np.repeat(self.areas, self.share) * self._floored(values))
+        cumulated = np.cumsum(np.repeat(self.areas, self.share) * without_zeros(values, self.largest))
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
         rng.shuffle(chosen)
@@ -212,7 +209,7 @@ class CallableDensity:
         corners = triangulation.position[triangulation.elements.node]
         points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
         values = self._evaluate(points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
-        return self._floored(values).mean(axis=0) ** 2
+        return without_zeros(values, self.largest).mean(axis=0) ** 2
 
 
 def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> ElementDensity | CallableDensity:
@@ -229,6 +226,11 @@ def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> E
     if not values.any():
         raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
     return ElementDensity(triangulation, values)
+
+
+def without_zeros(values: Floats, largest: float) -> Floats:
+    """Zeros raised to a millionth of the largest value; smaller ones are meant: at a corner 1e-6 is soon passed."""
+    return np.where(values == 0.0, ZERO * largest, values)
 
 
 def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:

@@ -16,7 +16,7 @@ TOWER = [
     *("kernels", "quality"),
     *("triangulation", "outline", "locate", "density"),
     *("schedule", "som"),
-    *("relocate",),
+    *("relocate", "warmup"),
     *("result", "problem", "journal", "stopping", "adapt"),
 ]
 GROUND = TOWER[: TOWER.index("schedule")]
