@@ -1,0 +1,140 @@
+"""Slow twins: the same things said in plain Python, without a clever order, kernels or shared code."""
+
+import math
+
+import numpy as np
+
+
+def nearest_node(position, x, candidates=None):
+    """The nearest of the candidates by looking at each, ties to the lowest number; and its distance."""
+    numbers = np.arange(len(position)) if candidates is None else np.unique(candidates)
+    distance = np.sqrt(((position[numbers] - x) ** 2).sum(axis=1))
+    return int(numbers[np.argmin(distance)]), float(distance.min())
+
+
+def distance_to_segment(a, b, x):
+    """From the point x to the segment from a to b."""
+    share = np.clip(np.dot(x - a, b - a) / np.dot(b - a, b - a), 0.0, 1.0)
+    return math.dist(x, a + share * (b - a))
+
+
+def flooded(position, node, neighbour, region, holder, x, radius):
+    """Elements reached from the holder, within its region, by crossing edges that meet the disc around x."""
+    reached, waiting = {holder}, [holder]
+    while waiting:
+        e = waiting.pop()
+        for k in range(3):
+            across = neighbour[e, k]
+            if across < 0 or across in reached or region[across] != region[e]:
+                continue
+            a, b = position[node[e, k - 2]], position[node[e, k - 1]]
+            if distance_to_segment(a, b, x) <= radius * (1 + 1e-12):
+                reached.add(across)
+                waiting.append(across)
+    return reached
+
+
+def canonical_winner(position, node, neighbour, region, holder, x):
+    """The nearest node of an element that the flood of the disc through that node reaches; None where none counts."""
+    distance = np.sqrt(((position - x) ** 2).sum(axis=1))
+    for v in np.lexsort([np.arange(len(position)), distance]):
+        reached = flooded(position, node, neighbour, region, holder, x, distance[v])
+        if any(v in node[e] for e in reached):
+            return int(v), float(distance[v])
+    return None
+
+
+def holders(position, node, region, x, number):
+    """Elements of a region that hold x; on an edge more than one."""
+    found = []
+    for e in np.flatnonzero(region == number):
+        a, b, c = position[node[e]]
+        sides = [cross(b - a, x - a), cross(c - b, x - b), cross(a - c, x - c)]
+        if min(sides) >= -1e-12 * abs(cross(b - a, c - a)):
+            found.append(int(e))
+    return found
+
+
+def cross(u, w):
+    """Third component of the cross product."""
+    return u[0] * w[1] - u[1] * w[0]
+
+
+def star_of(node, v):
+    """Elements around a node."""
+    return np.flatnonzero((node == v).any(axis=1))
+
+
+def worst_quality(position, node, elements):
+    """Lowest signed quality of some counter-clockwise elements."""
+    return min(signed_quality(*position[node[e]]) for e in elements)
+
+
+def signed_quality(a, b, c):
+    """4 sqrt(3) |K| / sum of squared edges, negative where the triangle runs clockwise."""
+    squares = math.dist(a, b) ** 2 + math.dist(b, c) ** 2 + math.dist(c, a) ** 2
+    return 2 * math.sqrt(3) * cross(b - a, c - a) / squares
+
+
+def rings(node, region, winner, radius, number):
+    """Lists of nodes 0, 1, ... `radius` edges away from the winner, within a region and its outline."""
+    inside = node[region == number]
+    found, seen = [[winner]], {winner}
+    for _ in range(radius):
+        ring = {int(v) for u in found[-1] for row in inside[(inside == u).any(axis=1)] for v in row} - seen
+        found.append(sorted(ring))
+        seen |= ring
+    return found
+
+
+class SlowMap:
+    """Equation 1 of the paper with the guard, for nodes in the plane; nodes on outlines stay where they are."""
+
+    def __init__(self, position, node, neighbour, region, movable, floor):
+        self.position, self.node, self.neighbour, self.region = position.copy(), node, neighbour, region
+        self.movable, self.floor = movable, floor
+        self.stars = [star_of(node, v) for v in range(len(position))]
+        self.refused = 0
+
+    def winner(self, x, number):
+        """The canonical winner of a point of a region."""
+        holder = holders(self.position, self.node, self.region, x, number)[0]
+        return canonical_winner(self.position, self.node, self.neighbour, self.region, holder, x)
+
+    def move(self, v, x, step):
+        """A guarded step of a share of the way."""
+        before, worst = self.position[v].copy(), worst_quality(self.position, self.node, self.stars[v])
+        self.position[v] = before + step * (x - before)
+        after = worst_quality(self.position, self.node, self.stars[v])
+        if after <= 0 or after < min(self.floor, worst):
+            self.position[v] = before
+            self.refused += 1
+
+    def present(self, x, number, rate, strength):
+        """One training point; returns the distance to its winner."""
+        winner, distance = self.winner(x, number)
+        nearby = rings(self.node, self.region, winner, len(strength) - 1, number)
+        for ring, share in zip(nearby, strength, strict=True):
+            for v in ring:
+                if self.movable[v]:
+                    self.move(v, x, rate * share)
+        return distance
+
+
+def circumcentre(a, b, c):
+    """The point as far from all three corners."""
+    matrix = 2 * np.array([b - a, c - a])
+    return np.linalg.solve(matrix, np.array([b @ b - a @ a, c @ c - a @ a]))
+
+
+def smoothing_target(position, node, weight, v, centre):
+    """Mean of the centres of the elements around v, weighted with area times weight."""
+    elements = star_of(node, v)
+    masses = [weight[e] * cross(*(position[node[e]][1:] - position[node[e]][0])) for e in elements]
+    return np.average([centre(*position[node[e]]) for e in elements], axis=0, weights=masses)
+
+
+def locally_delaunay(a, b, c, d):
+    """Whether d lies outside the circle through the counter-clockwise a, b, c, or nearly on it."""
+    centre = circumcentre(a, b, c)
+    return math.dist(centre, d) >= math.dist(centre, a) * (1 - 1e-8)

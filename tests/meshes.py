@@ -1,0 +1,168 @@
+"""Meshes that the tests share: regular, bad, concave, with slits, holes, several regions and names."""
+
+import numpy as np
+from scipy.spatial import Delaunay
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+
+def square(n, low=0.0, high=1.0):
+    """n x n squares, cut in halves."""
+    ticks = np.linspace(low, high, n + 1)
+    return MeshTri.init_tensor(ticks, ticks)
+
+
+def generic_square(n, seed=0):
+    """A Delaunay mesh of the unit square: corners, random outline nodes and random inner nodes."""
+    rng = np.random.default_rng(seed)
+    side = np.linspace(0, 1, n + 1)[1:-1] + rng.uniform(-0.3, 0.3, n - 1) / n
+    zero, one = np.zeros(n - 1), np.ones(n - 1)
+    edges = [np.array(pair) for pair in ((side, zero), (side, one), (zero, side), (one, side))]
+    inner = rng.uniform(0.3 / n, 1 - 0.3 / n, (2, (n - 1) ** 2))
+    p = np.hstack([np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]), *edges, inner])
+    return without_flat_elements(p, Delaunay(p.T).simplices.T)
+
+
+def without_flat_elements(p, t):
+    """A mesh of these elements but for those that three nodes in a line gave."""
+    x, y = p[:, t]
+    doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+    return MeshTri(p, np.ascontiguousarray(t[:, doubled > 1e-12]))
+
+
+def l_shape(n):
+    """(-1, 1)^2 without its quadrant x > 0 > y, in n x n squares per unit."""
+    mesh = square(2 * n, -1.0, 1.0)
+    x, y = centres(mesh)
+    return kept(mesh, (x < 0) | (y > 0))
+
+
+def holed(n):
+    """The unit square without its middle third; n a multiple of 3."""
+    mesh = square(n)
+    x, y = centres(mesh)
+    return kept(mesh, (np.abs(x - 0.5) > 1 / 6) | (np.abs(y - 0.5) > 1 / 6))
+
+
+def comb(n):
+    """Three teeth on a back: deep concave outlines; n a multiple of 5."""
+    mesh = square(n)
+    x, y = centres(mesh)
+    return kept(mesh, (y < 0.2) | (np.floor(5 * x) % 2 == 0))
+
+
+def slit(n, tip=0.6):
+    """The unit square cut along y = 1/2 from x = 0 to the tip: nodes are there twice; n even."""
+    mesh = square(n)
+    x, y = mesh.p
+    doubled = np.flatnonzero((np.abs(y - 0.5) < 1e-9) & (x < tip - 1e-9))
+    p = np.hstack([mesh.p, mesh.p[:, doubled]])
+    twin = np.arange(mesh.p.shape[1])
+    twin[doubled] = mesh.p.shape[1] + np.arange(len(doubled))
+    above = centres(mesh)[1] > 0.5
+    return MeshTri(p, np.where(above, twin[mesh.t], mesh.t))
+
+
+def inset(n):
+    """The unit square with a square "core" in its middle and "air" around it; n a multiple of 4."""
+    core = lambda x: (np.abs(x[0] - 0.5) < 0.25) & (np.abs(x[1] - 0.5) < 0.25)  # noqa: E731
+    return square(n).with_subdomains({"core": core, "air": lambda x: ~core(x)})
+
+
+def junction(n):
+    """Three subdomains that meet in a T at (1/2, 1/2); n even."""
+    return square(n).with_subdomains(
+        {
+            "left": lambda x: (x[0] < 0.5) & (x[1] > 0.5),
+            "right": lambda x: (x[0] > 0.5) & (x[1] > 0.5),
+            "bottom": lambda x: x[1] < 0.5,
+        }
+    )
+
+
+def named(n):
+    """Every kind of name on one mesh: overlapping, missing and empty ones, sides, inner lines and loose ends."""
+    mesh = square(n)
+    mesh = mesh.with_subdomains(
+        {
+            "west": lambda x: x[0] < 0.5,
+            "south": lambda x: x[1] < 0.25,
+            "all": lambda x: x[0] < 2,
+            "nothing": np.array([], dtype=np.int64),
+        }
+    )
+    across = mesh.facets_satisfying(lambda x: (np.abs(x[1] - 0.75) < 1e-9) & (x[0] > 0.25) & (x[0] < 0.75))
+    interface = mesh.facets_satisfying(lambda x: np.abs(x[0] - 0.5) < 1e-9)
+    west = np.zeros(mesh.t.shape[1], dtype=bool)
+    west[mesh.subdomains["west"]] = True
+    return mesh.with_boundaries(
+        {
+            "floor": lambda x: x[1] == 0.0,
+            "corner": lambda x: (x[0] == 0.0) | (x[1] == 0.0),
+            "half": mesh.facets_satisfying(lambda x: (x[1] == 1.0) & (x[0] < 0.5)),
+            "crack": across,
+            "seam": OrientedBoundary(interface, (~west[mesh.f2t[0, interface]]).astype(np.int64)),
+            "nowhere": np.array([], dtype=np.int64),
+        }
+    )
+
+
+def perturbed(mesh, seed=0, rounds=3, reach=1.5, worst=0.02):
+    """The same mesh with its inner nodes thrown about: valid, far from Delaunay, with slivers."""
+    rng = np.random.default_rng(seed)
+    p, t = mesh.p.copy(), mesh.t
+    inner = np.setdiff1d(np.arange(p.shape[1]), np.concatenate([mesh.boundary_nodes(), outline_nodes(mesh)]))
+    around = [np.flatnonzero((t == v).any(axis=0)) for v in range(p.shape[1])]
+    sign = np.sign(doubled_areas(p, t))
+    size = np.sqrt(np.abs(doubled_areas(p, t)).mean())
+    for v in rng.permutation(np.repeat(inner, rounds)):
+        before = p[:, v].copy()
+        p[:, v] += rng.uniform(-reach, reach, 2) * size
+        star = t[:, around[v]]
+        if np.any(sign[around[v]] * doubled_areas(p, star) < worst * size**2):
+            p[:, v] = before
+    return MeshTri(p, t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+
+
+def outline_nodes(mesh):
+    """Nodes on interfaces between subdomains and on named facets."""
+    facets = [np.asarray(rows) for rows in (mesh.boundaries or {}).values()]
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    for rows in (mesh.subdomains or {}).values():
+        member = np.zeros(mesh.t.shape[1], dtype=bool)
+        member[rows] = True
+        facets.append(inner[member[mesh.f2t[0, inner]] != member[mesh.f2t[1, inner]]])
+    return np.unique(mesh.facets[:, np.concatenate(facets).astype(np.int64)]) if facets else np.array([], dtype=int)
+
+
+def centres(mesh):
+    """Barycentres of the elements, (2, nelements)."""
+    return mesh.p[:, mesh.t].mean(axis=1)
+
+
+def kept(mesh, mask):
+    """The mesh of these elements only."""
+    return mesh.remove_elements(np.flatnonzero(~mask))
+
+
+def doubled_areas(p, t):
+    """Twice the signed areas."""
+    x, y = p[:, t]
+    return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+
+
+def area_of(mesh, elements=slice(None)):
+    """Total area of some elements."""
+    return 0.5 * np.abs(doubled_areas(mesh.p, mesh.t[:, elements])).sum()
+
+
+def length_of(mesh, facets):
+    """Total length of some facets."""
+    ends = mesh.p[:, mesh.facets[:, np.asarray(facets)]]
+    return np.hypot(*(ends[:, 1] - ends[:, 0])).sum()
+
+
+def peak(mesh, x, y, contrast=1e3, width=0.1):
+    """A density per element with one peak, `contrast` times as high as the rest."""
+    at = centres(mesh)
+    return 1.0 + contrast * np.exp(-((at[0] - x) ** 2 + (at[1] - y) ** 2) / width**2)
