@@ -1,7 +1,7 @@
 """Lawson flips: every region constrained Delaunay, as far as the quality rule lets it."""
 
 from .compilation import kernel
-from .geometry import element_quality, signed_quality
+from .geometry import FLAT, element_quality, signed_quality
 
 COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
 
@@ -33,7 +33,7 @@ def should_flip(position, elements, e, k, other, floor):
     if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
         return False
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
-    if after <= 0.0:
+    if after <= FLAT:
         return False
     return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))
 

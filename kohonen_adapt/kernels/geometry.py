@@ -8,6 +8,7 @@ import numpy as np
 from .compilation import kernel
 
 SQRT12 = 2.0 * math.sqrt(3.0)
+FLAT = 1e-12  # a quality below it is rounding: no move or flip may leave such an element, whatever the rule says
 FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
 
 
@@ -81,7 +82,7 @@ def worst_in_star(position, star, v, x, y):
 @kernel
 def tolerable(worst, floor):
     """Whether this quality needs no comparison with what was before; a negative floor switches every check off."""
-    return floor < 0.0 or (worst >= floor and worst > 0.0)
+    return floor < 0.0 or (worst >= floor and worst > FLAT)
 
 
 @kernel
@@ -97,7 +98,7 @@ def star_tolerable(position, star, v, x, y, floor):
         wx, wy = vx - ux, vy - uy
         doubled = ux * vy - vx * uy
         squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
-        if not (doubled > 0.0 and SQRT12 * doubled >= floor * squares):
+        if not (doubled > FLAT * squares and SQRT12 * doubled >= floor * squares):
             return floor < 0.0
     return True
 
@@ -110,7 +111,7 @@ def may_move(position, star, v, x, y, floor):
     if star_tolerable(position, star, v, position[v, 0], position[v, 1], floor):
         return False
     worst = worst_in_star(position, star, v, x, y)
-    return worst > 0.0 and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
+    return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
 
 
 @kernel

@@ -10,6 +10,7 @@ import numpy as np
 
 from .compilation import kernel
 from .geometry import (
+    FLAT,
     FREE,
     HELD,
     SLIDING,
@@ -241,7 +242,7 @@ def jump(position, elements, star, constraints, v, x, step, floor, trial):
         worst_in_star(position, star, v, position[v, 0], position[v, 1]),
         worst_in_star(position, star, next_node, position[next_node, 0], position[next_node, 1]),
     )
-    if not (tolerable(after, floor) or (after > 0.0 and after >= before)):
+    if not (tolerable(after, floor) or (after > FLAT and after >= before)):
         for k in range(trial.shape[0]):
             position[v, k], position[next_node, k] = position[next_node, k], trial[k]
         return
