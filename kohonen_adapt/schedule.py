@@ -153,7 +153,7 @@ class Schedule:
             the mesh is from the density, because wide radii repeated without need over-concentrate.
         topology
             ``"fixed"`` goes on to radius 1, because nothing else repairs what a fixed topology stretches. Both end in
-            ten smoothing sweeps.
+            twelve smoothing sweeps.
 
         Notes
         -----
@@ -178,7 +178,7 @@ class Schedule:
         ]
         if topology == "fixed":
             stages.append(Stage(1, 5, (0.3, 0.1)))
-        return cls(tuple(stages), sweeps=10)
+        return cls(tuple(stages), sweeps=12)
 
 
 def is_count(value: object) -> bool:

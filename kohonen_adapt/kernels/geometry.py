@@ -91,6 +91,7 @@ def star_tolerable(position, star, v, x, y, floor):
 
     The same as `tolerable` of `worst_in_star` in a third of the time: no divisions, and branches that go one way.
     """
+    least = max(floor, FLAT) / SQRT12
     for k in range(star.start[v], star.start[v + 1]):
         a, b = star.ahead[k], star.behind[k]
         ux, uy = position[a, 0] - x, position[a, 1] - y
@@ -98,7 +99,7 @@ def star_tolerable(position, star, v, x, y, floor):
         wx, wy = vx - ux, vy - uy
         doubled = ux * vy - vx * uy
         squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
-        if not (doubled > FLAT * squares and SQRT12 * doubled >= floor * squares):
+        if not doubled > least * squares:
             return floor < 0.0
     return True
 

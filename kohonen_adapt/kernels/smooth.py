@@ -12,6 +12,7 @@ from .compilation import kernel
 from .geometry import FREE, HELD, may_move, nearest_parameter, point_on_chain
 from .locate import depth_in_element, side_of_edge, walk
 
+RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 
 
@@ -186,7 +187,7 @@ def barycentre_mean(position, star, weight, v, out):
 @kernel
 def step_towards(position, star, v, target, floor):
     """Move a free node to the target, or half as far until the guard agrees."""
-    dx, dy = target[0] - position[v, 0], target[1] - position[v, 1]
+    dx, dy = RELAXATION * (target[0] - position[v, 0]), RELAXATION * (target[1] - position[v, 1])
     for _ in range(HALVINGS + 1):
         if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):
             position[v, 0] += dx
@@ -199,7 +200,7 @@ def step_towards(position, star, v, target, floor):
 def slide_towards(position, star, constraints, v, target, floor):
     """Move a node on a chain towards the chain's point nearest to the target, likewise."""
     chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
-    change = nearest_parameter(constraints, chain, target) - parameter
+    change = RELAXATION * (nearest_parameter(constraints, chain, target) - parameter)
     for _ in range(HALVINGS + 1):
         point_on_chain(constraints, chain, parameter + change, target)
         if may_move(position, star, v, target[0], target[1], floor):
