@@ -1,0 +1,130 @@
+"""Schedules: the paper's, the default one, and what a stage says."""
+
+import numpy as np
+import pytest
+
+from kohonen_adapt import Schedule, Stage
+
+
+def test_the_papers_schedule():
+    schedule = Schedule.paper()
+    assert [(stage.radius, stage.epochs) for stage in schedule.stages] == [(2, 3), (1, 10), (0, 5)]
+    assert {stage.neighbourhood for stage in schedule.stages} == {"flat"}
+    assert {stage.points_per_neuron for stage in schedule.stages} == {2.0}
+    assert schedule.fresh is False
+    assert schedule.sweeps == 0
+    assert schedule.tolerance is None
+
+
+@pytest.mark.parametrize("epochs", [(3, 10, 5), (1, 1, 1), (0, 4, 0), (5, 0, 2), (1, 0, 0)])
+def test_the_papers_rate_falls_geometrically_over_all_epochs_together(epochs):
+    schedule = Schedule.paper(epochs, (0.5, 0.01))
+    rates = np.concatenate([stage.rates() for stage in schedule.stages])
+    np.testing.assert_allclose(rates, np.geomspace(0.5, 0.01, sum(epochs)), rtol=1e-12)
+    assert [stage.epochs for stage in schedule.stages] == [count for count in epochs if count]
+
+
+def test_no_epochs_are_no_stages():
+    assert Schedule.paper((0, 0, 0)).stages == ()
+
+
+def test_rates_fall_geometrically_from_the_first_to_the_last_epoch():
+    assert Stage(1, 3, (0.4, 0.1)).rates() == pytest.approx([0.4, 0.2, 0.1], rel=1e-14)
+    assert Stage(1, 2, 0.3).rates().tolist() == [0.3, 0.3]
+    assert Stage(1, 1, (0.4, 0.1)).rates().tolist() == [0.4]
+    assert Stage(1, 0, 0.3).rates().shape == (0,)
+
+
+def test_neighbourhoods():
+    assert Stage(3, 1, 0.3, neighbourhood="flat").strength().tolist() == [1, 1, 1, 1]
+    assert Stage(0, 1, 0.3).strength().tolist() == [1]
+    ring = np.arange(5)
+    np.testing.assert_allclose(Stage(4, 1, 0.3).strength(), np.exp(-(ring**2) / (2 * (4 / 1.5) ** 2)), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("nnodes", "widest"), [(4, 2), (100, 4), (833, 16), (3201, 32), (12545, 64)])
+def test_the_default_halves_the_radius_down_to_2(nnodes, widest):
+    assert widest <= 0.6 * np.sqrt(nnodes) < 2 * widest or widest == 2
+    schedule = Schedule.default(nnodes)
+    radii = [stage.radius for stage in schedule.stages]
+    assert radii == [2**k for k in range(widest.bit_length() - 1, 0, -1)]
+    assert schedule.fresh
+    assert schedule.sweeps > 0
+
+
+def test_the_default_starts_where_it_is_told():
+    assert [stage.radius for stage in Schedule.default(12545, radius=8).stages] == [8, 4, 2]
+    assert [stage.radius for stage in Schedule.default(12545, radius=2).stages] == [2]
+
+
+@pytest.mark.parametrize("nnodes", [1, 50, 1000, 10**6])
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_the_default_costs_no_more_per_node_at_wide_radii(nnodes, topology):
+    for stage in Schedule.default(nnodes, topology=topology).stages:
+        assert stage.points_per_neuron <= 2
+        assert stage.points_per_neuron * stage.radius**2 <= max(3.0, 0.7 * nnodes**0.25)
+        assert max(stage.rates()) <= 0.3
+
+
+def test_a_fixed_topology_comes_down_to_radius_1():
+    assert Schedule.default(1000, topology="fixed").stages[-1].radius == 1
+
+
+def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
+    stage = Stage(1, 1, 0.3)
+    schedule = Schedule([stage])
+    assert schedule.stages == (stage,)
+    with pytest.raises(AttributeError):
+        schedule.sweeps = 3
+    with pytest.raises(AttributeError):
+        stage.radius = 3
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Stage(-1, 1, 0.3), r"radius of a stage must be an integer >= 0; got -1\."),
+        (lambda: Stage(1.5, 1, 0.3), r"radius of a stage must be an integer >= 0; got 1\.5\."),
+        (lambda: Stage(True, 1, 0.3), r"radius of a stage must be an integer >= 0; got True\."),
+        (lambda: Stage(1, -2, 0.3), r"epochs of a stage must be an integer >= 0; got -2\."),
+        (lambda: Stage(1, "2", 0.3), r"epochs of a stage must be an integer >= 0; got '2'\."),
+        (lambda: Stage(1, 1, 0.0), r"learning_rate must be in \(0, 1\], one or \(first, last\); got 0\.0\."),
+        (lambda: Stage(1, 1, 1.1), r"learning_rate must be in \(0, 1\], .* got 1\.1\."),
+        (lambda: Stage(1, 1, np.nan), r"learning_rate must be in \(0, 1\], .* got nan\."),
+        (lambda: Stage(1, 1, (0.3, 0.0)), r"learning_rate must be in \(0, 1\], .* got \(0\.3, 0\.0\)\."),
+        (lambda: Stage(1, 1, (0.3, 0.2, 0.1)), r"learning_rate must be .* got \(0\.3, 0\.2, 0\.1\)\."),
+        (lambda: Stage(1, 1, "a"), r"learning_rate must be .* got 'a'\."),
+        (lambda: Stage(1, 1, 0.3, points_per_neuron=0), r"points_per_neuron must be above zero; got 0\."),
+        (lambda: Stage(1, 1, 0.3, points_per_neuron=np.inf), r"points_per_neuron must be above zero; got inf\."),
+        (lambda: Stage(1, 1, 0.3, points_per_neuron="a"), r"points_per_neuron must be above zero; got 'a'\."),
+        (lambda: Stage(1, 1, 0.3, neighbourhood="box"), r"neighbourhood must be 'gaussian' or 'flat'; got 'box'\."),
+        (lambda: Schedule((), sweeps=-1), r"sweeps must be an integer >= 0; got -1\."),
+        (lambda: Schedule((), sweeps=1.5), r"sweeps must be an integer >= 0; got 1\.5\."),
+        (lambda: Schedule((), tolerance=-1e-3), r"tolerance must be None or >= 0; got -0\.001\."),
+        (lambda: Schedule((), tolerance=np.nan), r"tolerance must be None or >= 0; got nan\."),
+        (lambda: Schedule((), tolerance="a"), r"tolerance must be None or >= 0; got 'a'\."),
+        (
+            lambda: Schedule.paper((3, 10)),
+            r"epochs must be three integers >= 0, for radius 2, 1 and 0; got \(3, 10\)\.",
+        ),
+        (lambda: Schedule.paper((3, -1, 2)), r"epochs must be three integers >= 0, .* got \(3, -1, 2\)\."),
+        (lambda: Schedule.paper(3), r"epochs must be three integers >= 0, .* got 3\."),
+        (lambda: Schedule.paper(learning_rate=0.3), r"learning_rate must be \(first, last\), .* got 0\.3\."),
+        (lambda: Schedule.paper(learning_rate=(0.0, 0.3)), r"learning_rate must be \(first, last\), both in \(0, 1\]"),
+        (lambda: Schedule.default(-5), r"nnodes must be an integer >= 0; got -5\."),
+        (lambda: Schedule.default(100, radius=-3), r"radius must be an integer >= 0, or None; got -3\."),
+        (lambda: Schedule.default(100, topology="recycle"), r"topology must be 'fixed' or 'flip'; got 'recycle'\."),
+    ],
+)
+def test_values_out_of_range(build, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        build()
+
+
+def test_stages_of_another_kind():
+    with pytest.raises(TypeError, match=r"^stages of a schedule must be kohonen_adapt\.Stage; got 3\."):
+        Schedule((3,))
+    with pytest.raises(
+        TypeError, match=r"^stages must be a sequence of kohonen_adapt\.Stage; got Stage\(.*Put it in a t"
+    ):
+        Schedule(Stage(1, 1, 0.3))
