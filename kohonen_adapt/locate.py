@@ -105,10 +105,13 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> NDArray[np.fl
     >>> ka.interpolate(mesh, 2 * mesh.p[0], np.array([[0.3, 2.0], [0.4, 0.0]])).round(12)
     array([0.6, nan])
     """
-    values = np.asarray(values, dtype=np.float64)
-    if values.shape != (mesh.p.shape[1],):
-        raise ValueError(f"values must have shape (nodes,) = ({mesh.p.shape[1]},); got {values.shape}.")
-    locator, points = Locator(Triangulation.of(mesh)), as_rows(x)
+    triangulation = Triangulation.of(mesh)
+    values = np.asarray(values)
+    if values.shape != (triangulation.nnodes,):
+        raise ValueError(f"values must have shape (nodes,) = ({triangulation.nnodes},); got {values.shape}.")
+    if values.dtype.kind not in "biuf":
+        raise ValueError(f"values must be real numbers; got {values.dtype}. Interpolate the parts of complex ones.")
+    locator, points = Locator(triangulation), as_rows(x)
     found = locator.find(points)
     weights = np.empty((len(points), 3))
     kernels.barycentric(locator.position, locator.elements.node, points, found, weights)
