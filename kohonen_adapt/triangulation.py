@@ -115,7 +115,7 @@ def remedy_for(mesh: object) -> str:
     if "Quad" in name:
         return "Split the quadrilaterals: mesh.to_meshtri()."
     if name.endswith("DG"):
-        return "Connect its elements: MeshTri(mesh.p, mesh.t) after mesh.remove_duplicate_nodes()."
+        return "Connect its elements: MeshTri(mesh.p, mesh.dofs.element_dofs).remove_duplicate_nodes()."
     if name.startswith("MeshTri"):
         return "Keep its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
     if "Tet" in name or "Hex" in name or "Line" in name:
