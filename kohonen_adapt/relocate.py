@@ -127,7 +127,7 @@ def relocation(
     wanted = density_of(som.triangulation, density)
     rng = np.random.default_rng(seed)
     if schedule is None:
-        radius = start_radius(som.triangulation, wanted, rng)
+        radius = start_radius(som, wanted, rng)
         schedule = Schedule.default(som.triangulation.nnodes, radius=radius, topology=topology)
     errors = som.learn(wanted.draw, schedule, rng)
     som.smooth(wanted, schedule.sweeps)
@@ -146,17 +146,15 @@ def why_still(som: KohonenMap, schedule: Schedule) -> str:
     return "every move would have broken the quality rule"
 
 
-def start_radius(
-    triangulation: Triangulation, wanted: ElementDensity | CallableDensity, rng: np.random.Generator
-) -> int:
+def start_radius(som: KohonenMap, wanted: ElementDensity | CallableDensity, rng: np.random.Generator) -> int:
     """The largest power of two for which some ball of that many rings has far too much or too little mass per node."""
-    n, star = triangulation.nnodes, triangulation.star
-    mass, scratch = node_masses(triangulation, wanted.masses), scratch_for(triangulation)
+    tri, inner, scratch = som.triangulation, som.outline.constraints.inner, scratch_for(som.triangulation)
+    n, mass = tri.nnodes, node_masses(tri, wanted.masses)
     radius = widest_radius(n)
     while radius > 2:
         centres = rng.integers(0, n, max(CENTRES, 4 * n // radius**2)).astype(np.int32)
         mean = np.empty(len(centres))
-        ball_means(star, mass, centres, radius, scratch, mean)
+        ball_means(tri.elements, tri.star, inner, mass, centres, radius, scratch, mean)
         if np.any(np.abs(np.log(mean)) > MISMATCH):
             break
         radius //= 2

@@ -21,7 +21,7 @@ from .triangulation import Triangulation
 __all__ = ["KohonenMap"]
 
 UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
-UPDATES = 3_000_000  # node updates per compiled call: Python hears Ctrl-C at least every half second
+UPDATES = 5_000_000  # node updates per compiled call: Python hears Ctrl-C at least every half second
 FLIPS = 2_000_000  # flips per compiled call, likewise
 
 Floats = NDArray[np.float64]
@@ -249,9 +249,10 @@ def scratch_for(triangulation: Triangulation) -> Scratch:
         np.zeros(n, dtype=np.int64),
         np.zeros(m, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
-        np.empty(max(n, m), dtype=np.int32),
+        np.empty(max(n, m) + 1, dtype=np.int32),
         np.empty(m, dtype=np.int32),
         np.empty(m),
+        np.empty(n, dtype=np.bool_),
         np.empty(triangulation.position.shape[1]),
     )
 

@@ -91,17 +91,22 @@ def star_tolerable(position, star, v, x, y, floor):
 
     The same as `tolerable` of `worst_in_star` in a third of the time: no divisions, and branches that go one way.
     """
-    least = max(floor, FLAT) / SQRT12
+    least = 2.0 * max(floor, FLAT) / SQRT12
     for k in range(star.start[v], star.start[v + 1]):
         a, b = star.ahead[k], star.behind[k]
         ux, uy = position[a, 0] - x, position[a, 1] - y
         vx, vy = position[b, 0] - x, position[b, 1] - y
-        wx, wy = vx - ux, vy - uy
-        doubled = ux * vy - vx * uy
-        squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
-        if not doubled > least * squares:
+        half_squares = ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy
+        if not ux * vy - vx * uy > least * half_squares:
             return floor < 0.0
     return True
+
+
+@kernel
+def mark_sound(position, star, floor, sound):
+    """Mark the nodes whose stars are tolerable; guarded moves never end that, so their guard need not look back."""
+    for v in range(position.shape[0]):
+        sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
 
 
 @kernel

@@ -14,11 +14,13 @@ from .geometry import (
     FREE,
     HELD,
     SLIDING,
+    mark_sound,
     may_move,
     nearest_parameter,
     point_on_chain,
     squared_distance,
     squared_distance_to_edge,
+    star_tolerable,
     tolerable,
     worst_in_star,
 )
@@ -31,9 +33,10 @@ class Scratch(NamedTuple):
     node_stamp: np.ndarray  # (n,) int64
     element_stamp: np.ndarray  # (m,) int64
     counter: np.ndarray  # (1,) int64
-    queue: np.ndarray  # (max(n, m),) int32
+    queue: np.ndarray  # (max(n, m) + 1,) int32
     frontier: np.ndarray  # (m,) int32: elements that the flood may enter
     reach: np.ndarray  # (m,) float64: squared distance from the point to the edge it would enter through
+    sound: np.ndarray  # (n,) bool: stars that the quality rule finds nothing wrong with
     trial: np.ndarray  # (d,) a position
 
 
@@ -49,15 +52,14 @@ def closest_neighbour(position, elements, star, inner, v, x, region):
     """The neighbour of v within the region that is nearest to x, if nearer than v itself, else v."""
     best, nearest = squared_distance(position, v, x), v
     for k in range(star.start[v], star.start[v + 1]):
-        if not inner[v] and elements.region[star.element[k]] != region:
-            continue
-        distance = squared_distance(position, star.ahead[k], x)
-        if distance < best:
-            best, nearest = distance, star.ahead[k]
-        if not inner[v]:
-            distance = squared_distance(position, star.behind[k], x)
+        if inner[v] or elements.region[star.element[k]] == region:
+            distance = squared_distance(position, star.ahead[k], x)
             if distance < best:
-                best, nearest = distance, star.behind[k]
+                best, nearest = distance, star.ahead[k]
+            if not inner[v]:  # around an inner node the one behind is the next element's ahead
+                distance = squared_distance(position, star.behind[k], x)
+                if distance < best:
+                    best, nearest = distance, star.behind[k]
     return nearest
 
 
@@ -164,18 +166,6 @@ def find_winner(position, elements, star, inner, v, x, region, scratch):
 
 
 @kernel
-def slide(position, star, constraints, v, target, step, floor, trial):
-    """Equation 1 along a chain: the arc length moves towards that of the chain's point nearest to x, the target."""
-    chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
-    parameter += step * (target - parameter)
-    point_on_chain(constraints, chain, parameter, trial)
-    if may_move(position, star, v, trial[0], trial[1], floor):
-        constraints.parameter[v] = parameter
-        for k in range(trial.shape[0]):
-            position[v, k] = trial[k]
-
-
-@kernel
 def distance_to_chain(constraints, c, x):
     """Squared distance from x to the chain's nearest point, and the arc length of that point."""
     parameter = nearest_parameter(constraints, c, x)
@@ -260,32 +250,29 @@ def hand_over(constraints, v, next_node, onto, away, parameter):
 
 
 @kernel
-def move_bound(position, elements, star, constraints, v, x, step, floor, trial):
-    """Move a neuron that its constraint keeps on an outline."""
-    if constraints.kind[v] == SLIDING:
-        target = nearest_parameter(constraints, constraints.chain[v, 0], x)
-        slide(position, star, constraints, v, target, step, floor, trial)
-    elif constraints.chain[v, 1] >= 0:
-        jump(position, elements, star, constraints, v, x, step, floor, trial)
-
-
-@kernel
 def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp):
-    """Append the next ring of neighbours within the region to the queue; returns its new end."""
+    """Append the next ring of neighbours within the region to the queue; returns its new end.
+
+    Around inner nodes every neighbour is written and only new ones are kept: which are new no branch could predict.
+    """
     end = last
     for i in range(first, last):
         v = queue[i]
+        if inner[v]:
+            for k in range(star.start[v], star.start[v + 1]):
+                other = star.ahead[k]
+                queue[end] = other
+                end += stamps[other] != stamp
+                stamps[other] = stamp
+            continue
         for k in range(star.start[v], star.start[v + 1]):
-            if not inner[v] and elements.region[star.element[k]] != region:
+            if elements.region[star.element[k]] != region:
                 continue
-            if stamps[star.ahead[k]] != stamp:
-                stamps[star.ahead[k]] = stamp
-                queue[end] = star.ahead[k]
-                end += 1
-            if not inner[v] and stamps[star.behind[k]] != stamp:
-                stamps[star.behind[k]] = stamp
-                queue[end] = star.behind[k]
-                end += 1
+            for other in (star.ahead[k], star.behind[k]):
+                if stamps[other] != stamp:
+                    stamps[other] = stamp
+                    queue[end] = other
+                    end += 1
     return end
 
 
@@ -297,35 +284,47 @@ def learn(
 
     `winners[slot[t]]` is the last winner of point t (or of points like it): the search starts there, and the new one
     is kept there. `strength[ring]` is the neighbourhood function, its length the radius plus one. Learning rate times
-    weight is capped at 1. Free neurons are moved here and not in a function of their own: its call would take longer
-    than its work.
+    weight is capped at 1. Neurons are moved here and not in a function of their own: its call would take longer than
+    its work.
     """
-    kind, inner = constraints.kind, constraints.inner
+    kind, inner, sound = constraints.kind, constraints.inner, scratch.sound
     queue, radius = scratch.queue, strength.shape[0] - 1
-    total, steps = 0.0, 0
+    mark_sound(position, star, floor, sound)
+    total, steps, parameter = 0.0, 0, 0.0
     for t in range(points.shape[0]):
         x = points[t]
         winner, distance, walked = find_winner(position, elements, star, inner, winners[slot[t]], x, region[t], scratch)
         winners[slot[t]] = winner
         total += distance
         steps += walked
-        stamp, step = next_stamp(scratch), min(1.0, rate * weights[t])
+        stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
         queue[0], scratch.node_stamp[winner] = winner, stamp
         first, last = 0, 1
         for ring in range(radius + 1):
             if ring > 0:
                 end = gather_ring(elements, star, inner, region[t], queue, first, last, scratch.node_stamp, stamp)
                 first, last = last, end
-            share = step * strength[ring]
+            step = rate_of_point * strength[ring]
             for i in range(first, last):
                 v = queue[i]
-                if kind[v] != FREE:
-                    move_bound(position, elements, star, constraints, v, x, share, floor, scratch.trial)
+                if kind[v] == FREE:
+                    new_x = position[v, 0] + step * (x[0] - position[v, 0])
+                    new_y = position[v, 1] + step * (x[1] - position[v, 1])
+                elif kind[v] == SLIDING:
+                    chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
+                    parameter += step * (nearest_parameter(constraints, chain, x) - parameter)
+                    new_x = constraints.origin[chain, 0] + parameter * constraints.direction[chain, 0]
+                    new_y = constraints.origin[chain, 1] + parameter * constraints.direction[chain, 1]
+                else:
+                    if constraints.chain[v, 1] >= 0:
+                        jump(position, elements, star, constraints, v, x, step, floor, scratch.trial)
                     continue
-                new_x = position[v, 0] + share * (x[0] - position[v, 0])
-                new_y = position[v, 1] + share * (x[1] - position[v, 1])
-                if may_move(position, star, v, new_x, new_y, floor):
+                if star_tolerable(position, star, v, new_x, new_y, floor) or (
+                    not sound[v] and may_move(position, star, v, new_x, new_y, floor)
+                ):
                     position[v, 0], position[v, 1] = new_x, new_y
+                    if kind[v] == SLIDING:
+                        constraints.parameter[v] = parameter
     return total, steps
 
 
@@ -348,24 +347,15 @@ def search_path(position, elements, star, inner, v, x, region, scratch, path):
 
 
 @kernel
-def ball_means(star, mass, centres, radius, scratch, mean):
-    """Mean of a nodal quantity over the nodes within `radius` rings of each centre."""
+def ball_means(elements, star, inner, mass, centres, radius, scratch, mean):
+    """Mean of a nodal quantity over the nodes within `radius` rings of each centre, in one region of it."""
     queue, stamps = scratch.queue, scratch.node_stamp
     for i in range(centres.shape[0]):
-        stamp = next_stamp(scratch)
+        stamp, region = next_stamp(scratch), elements.region[star.element[star.start[centres[i]]]]
         queue[0], stamps[centres[i]] = centres[i], stamp
         first, last = 0, 1
         for _ in range(radius):
-            end = last
-            for j in range(first, last):
-                v = queue[j]
-                for k in range(star.start[v], star.start[v + 1]):
-                    for other in (star.ahead[k], star.behind[k]):
-                        if stamps[other] != stamp:
-                            stamps[other] = stamp
-                            queue[end] = other
-                            end += 1
-            first, last = last, end
+            first, last = last, gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp)
         total = 0.0
         for j in range(last):
             total += mass[queue[j]]
