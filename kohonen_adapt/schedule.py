@@ -183,7 +183,7 @@ class Schedule:
 
 def is_count(value: object) -> bool:
     """Whether it is an integer of at least 0."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 0
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
 
 
 def is_number(value: object) -> bool:

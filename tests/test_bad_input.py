@@ -61,12 +61,15 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize("call", CALLS)
-@pytest.mark.parametrize("broken", BROKEN)
+AREAS_ONLY = ("indicators", "sizes")  # do not ask whether elements overlap
+
+
+@pytest.mark.parametrize(
+    ("broken", "call"),
+    [(name, call) for name in BROKEN for call in CALLS if not ("tangled" in BROKEN[name][1] and call in AREAS_ONLY)],
+)
 def test_broken_meshes(broken, call):
     mesh, message = BROKEN[broken]
-    if call in ("indicators", "sizes") and "tangled" in message:
-        pytest.skip("areas are all that these need")
     with pytest.raises(ValueError, match=f"^{message}"):
         CALLS[call](mesh)
 

@@ -19,10 +19,12 @@ def side_of_edge(position, node, e, k, x, y):
 @kernel
 def depth_in_element(position, node, e, x, y):
     """Smallest barycentric coordinate of (x, y) in element e: negative outside."""
-    s0 = side_of_edge(position, node, e, 0, x, y)
-    s1 = side_of_edge(position, node, e, 1, x, y)
-    s2 = side_of_edge(position, node, e, 2, x, y)
-    return min(s0, s1, s2) / (s0 + s1 + s2)
+    least, doubled = np.inf, 0.0
+    for k in range(3):
+        side = side_of_edge(position, node, e, k, x, y)
+        least = min(least, side)
+        doubled += side
+    return least / doubled
 
 
 @kernel
