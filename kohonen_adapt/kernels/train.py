@@ -293,7 +293,9 @@ def learn(
     total, steps, parameter = 0.0, 0, 0.0
     for t in range(points.shape[0]):
         x = points[t]
-        winner, distance, walked = find_winner(position, elements, star, inner, winners[slot[t]], x, region[t], scratch)
+        winner, distance, walked = find_winner(
+            position, elements, star, inner, np.int64(winners[slot[t]]), x, region[t], scratch
+        )
         winners[slot[t]] = winner
         total += distance
         steps += walked
