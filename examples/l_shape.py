@@ -77,18 +77,20 @@ def draw(before, after, errors, path):
 
 
 def main(folder="."):
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     mesh, problem = start_mesh(), LShape()
     before, after = ka.adapt(mesh, problem, passes=0), ka.adapt(mesh, problem, passes=4)
     errors = [problem.error(step.mesh, problem.solve(step.mesh)) for step in after.history]
     print(after)
     print("exact error:", ", ".join(f"{error:.4f}" for error in errors))
     ka.write_mesh(
-        Path(folder) / "l_shape.vtu",
+        folder / "l_shape.vtu",
         after.mesh,
         point_data={"u": after.solution},
         cell_data={"indicator": after.indicators},
     )
-    draw(before, after, errors, Path(folder) / "l_shape.png")
+    draw(before, after, errors, folder / "l_shape.png")
     return after, errors
 
 

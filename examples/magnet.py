@@ -56,10 +56,12 @@ def draw(before, after, folder):
 
 
 def main(folder="."):
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     before, after = adapt()
     print(after)
-    write(after, Path(folder))
-    draw(before, after, Path(folder))
+    write(after, folder)
+    draw(before, after, folder)
     return before, after
 
 
