@@ -147,7 +147,9 @@ def draw_indicators(
         For ``figure.colorbar``.
     """
     values = _per(mesh.t.shape[1], indicators, "indicators", "nelements")
-    shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colormaps["viridis"])
+    colours = colormaps["viridis"]
+    colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
+    shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
     _draw_outline(axes, mesh, unit, "white")
     _set_axes(axes, mesh, unit)
     return shades
