@@ -25,7 +25,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
-from kohonen_adapt import Schedule, Stage
+from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.density import density_of
 from kohonen_adapt.relocate import relocation, start_radius
 from kohonen_adapt.triangulation import Triangulation
@@ -287,8 +287,8 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
     function = lambda x: 1 / (0.01 + x[0] ** 2 + x[1] ** 2)  # noqa: E731
 
     def radius(mesh, density):
-        tri = Triangulation.of(mesh)
-        return start_radius(tri, density_of(tri, density), np.random.default_rng(0))
+        som = KohonenMap(mesh)
+        return start_radius(som, density_of(som.triangulation, density), np.random.default_rng(0))
 
     assert radius(mesh, function) == 16
     assert radius(mesh, lambda x: np.ones(x.shape[1])) == 2
