@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Schedule", "Stage"]
 
-NARROWEST = 2  # the radius that the default schedule comes down to before it smooths
+SWEEPS = 8  # more of them over-concentrate: the error of later passes would rise again
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -149,16 +149,17 @@ class Schedule:
         nnodes
             Number of nodes of the mesh.
         radius
-            Start radius, halved down to 2; None takes the widest (`widest_radius`). `relocate` takes it from how far
+            Start radius, halved down to 1; None takes the widest (`widest_radius`). `relocate` takes it from how far
             the mesh is from the density, because wide radii repeated without need over-concentrate.
         topology
-            ``"fixed"`` goes on to radius 1, because nothing else repairs what a fixed topology stretches. Both end in
-            twelve smoothing sweeps.
+            ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches.
 
         Notes
         -----
         A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius, so nodes are carried far by
-        wide ones; with ``c / R^2`` points per neuron these cost no more than narrow ones.
+        wide ones; with ``c / R^2`` points per neuron these cost no more than narrow ones. Radius 1, whose node density
+        lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead of it, hold each
+        other in check over many passes.
         """
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
@@ -167,18 +168,18 @@ class Schedule:
         if radius is not None and not is_count(radius):
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         start = widest_radius(nnodes) if radius is None else radius
-        radii = [start]
-        while radii[-1] // 2 >= NARROWEST:
-            radii.append(radii[-1] // 2)
         epochs = 3 if start >= 4 else 2
         stages = [
             Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=min(2.0, thinness(nnodes, r) / r**2))
-            for r in radii
-            if r >= NARROWEST
+            for r in halved(start)
         ]
-        if topology == "fixed":
-            stages.append(Stage(1, 5, (0.3, 0.1)))
-        return cls(tuple(stages), sweeps=12)
+        local = Stage(1, 2, 0.3) if topology == "flip" else Stage(1, 5, (0.3, 0.1))
+        return cls((*stages, local), sweeps=SWEEPS)
+
+
+def halved(radius: int) -> list[int]:
+    """The radius and its halves, down to 2."""
+    return [radius >> step for step in range(max(0, int(radius).bit_length() - 1))]
 
 
 def is_count(value: object) -> bool:
