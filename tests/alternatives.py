@@ -134,6 +134,28 @@ def smoothing_target(position, node, weight, v, centre):
     return np.average([centre(*position[node[e]]) for e in elements], axis=0, weights=masses)
 
 
+def slow_sweep(position, node, weight, axes, centre, share, floor):
+    """One sweep over nodes in order; `axes[v]` are the coordinates that v may change. Returns the new positions."""
+    position = position.copy()
+    for v, free in axes.items():
+        before, star = position[v].copy(), star_of(node, v)
+        worst = worst_quality(position, node, star)
+        way = np.zeros(2)
+        way[free] = share * (smoothing_target(position, node, weight, v, centre) - before)[free]
+        for part in (1.0, 0.5, 0.25, 0.125):
+            position[v] = before + part * way
+            after = worst_quality(position, node, star)
+            if after > 0 and after >= min(floor, worst):
+                break
+            position[v] = before
+    return position
+
+
+def barycentre(a, b, c):
+    """The mean of the corners."""
+    return (a + b + c) / 3
+
+
 def locally_delaunay(a, b, c, d):
     """Whether d lies outside the circle through the counter-clockwise a, b, c, or nearly on it."""
     centre = circumcentre(a, b, c)

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from alternatives import SlowMap, nearest_node, rings
+from alternatives import SlowMap, barycentre, circumcentre, nearest_node, rings, slow_sweep
 from meshes import centres, doubled_areas, generic_square, holed, inset, outline_nodes, perturbed, square
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.density import density_of
+from kohonen_adapt.kernels.smooth import RELAXATION
 
 NOTHING = 1e-300  # a learning rate that moves no node
 
@@ -207,6 +209,25 @@ def test_an_unchecked_map_that_flips_comes_to_an_end():
     som = KohonenMap(square(12), min_quality=None)
     points = np.random.default_rng(0).random((2, 300)) ** 3
     assert len(som.train(points, Schedule((Stage(0, 3, 0.9), Stage(3, 3, 0.9))))) == 6
+
+
+@pytest.mark.parametrize("min_quality", [0.0, 0.5])
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_a_sweep_moves_nodes_towards_the_weighted_centres_of_their_elements(topology, min_quality):
+    mesh = perturbed(square(6), 4, worst=0.3)
+    som = KohonenMap(mesh, topology=topology, min_quality=min_quality)
+    som.train(np.array([[0.5], [0.5]]), one(0, NOTHING))  # flips what there is to flip
+    tri = som.triangulation
+    density = density_of(tri, np.random.default_rng(0).uniform(1, 3, mesh.t.shape[1]))
+    x, y = mesh.p
+    axes = {v: [k for k, at in enumerate((x[v], y[v])) if at not in (0, 1)] for v in range(mesh.p.shape[1])}
+    axes = {v: free for v, free in axes.items() if free}
+    centre = circumcentre if topology == "flip" else barycentre
+    squares = density.squares(tri)
+    wanted = slow_sweep(tri.position, tri.elements.node, squares, axes, centre, RELAXATION, min_quality)
+    som.smooth(density, 1)
+    assert np.abs(tri.position - wanted).max() < 1e-12
+    assert np.all((wanted != mesh.p.T).any(axis=1).sum() > 0.8 * len(axes))
 
 
 def test_training_goes_on_from_where_it_was():

@@ -23,9 +23,9 @@ CONCAVE = {
 }
 
 
-def amid_an_epoch(mesh, seed, min_quality=0.05):
+def amid_an_epoch(mesh, seed):
     """A map whose nodes went far since its elements were made, as in the middle of an epoch."""
-    som = KohonenMap(mesh, topology="fixed", min_quality=min_quality)
+    som = KohonenMap(mesh, topology="fixed", min_quality=0.05)
     rng = np.random.default_rng(seed)
     element = rng.choice(mesh.t.shape[1], 150, p=(weights := rng.random(mesh.t.shape[1]) ** 6) / weights.sum())
     som.train(points_in(mesh.p, mesh.t, element, rng), Schedule((Stage(2, 2, 0.8),)), seed=seed)
@@ -69,7 +69,9 @@ def test_in_a_convex_region_it_is_the_nearest_of_all_nodes(kind, moved):
 
 
 def test_on_a_tangled_map_the_search_ends_at_a_node():
-    som = amid_an_epoch(square(6), 0, min_quality=None)
+    som = KohonenMap(square(6), topology="fixed", min_quality=None)
+    cluster = 0.4 + 0.1 * np.random.default_rng(0).random((2, 100))
+    som.train(cluster, Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)))
     assert np.any(som.triangulation.areas() < 0)
     for x, _, start, region in searches(som, 100, 1):
         winner, distance = search(som, start, x, region)
