@@ -43,18 +43,19 @@ def test_neighbourhoods():
 
 
 @pytest.mark.parametrize(("nnodes", "widest"), [(4, 2), (100, 4), (833, 16), (3201, 32), (12545, 64)])
-def test_the_default_halves_the_radius_down_to_2(nnodes, widest):
+def test_the_default_halves_the_radius_down_to_1(nnodes, widest):
     assert widest <= 0.6 * np.sqrt(nnodes) < 2 * widest or widest == 2
     schedule = Schedule.default(nnodes)
     radii = [stage.radius for stage in schedule.stages]
-    assert radii == [2**k for k in range(widest.bit_length() - 1, 0, -1)]
+    assert radii == [2**k for k in range(widest.bit_length() - 1, -1, -1)]
     assert schedule.fresh
     assert schedule.sweeps > 0
 
 
 def test_the_default_starts_where_it_is_told():
-    assert [stage.radius for stage in Schedule.default(12545, radius=8).stages] == [8, 4, 2]
-    assert [stage.radius for stage in Schedule.default(12545, radius=2).stages] == [2]
+    assert [stage.radius for stage in Schedule.default(12545, radius=8).stages] == [8, 4, 2, 1]
+    assert [stage.radius for stage in Schedule.default(12545, radius=2).stages] == [2, 1]
+    assert [stage.radius for stage in Schedule.default(12545, radius=0).stages] == [1]
 
 
 @pytest.mark.parametrize("nnodes", [1, 50, 1000, 10**6])
