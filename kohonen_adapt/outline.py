@@ -96,13 +96,12 @@ def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> 
     Raises
     ------
     ValueError
-        If a name is unknown or both a boundary and a subdomain, or an index is out of range.
-    TypeError
-        If an entry is neither an integer nor a name.
+        If a name is unknown or both a boundary and a subdomain, an index is out of range, or an entry is neither an
+        integer nor a name.
     """
     mask = np.zeros(mesh.p.shape[1], dtype=bool)
     if not isinstance(pinned, Iterable):
-        raise TypeError(f"pinned must be a sequence of node numbers and names; got {pinned!r}.")
+        raise ValueError(f"pinned must be a sequence of node numbers and names; got {pinned!r}.")
     for entry in [pinned] if isinstance(pinned, str) else pinned:
         if isinstance(entry, str):
             mask[nodes_of_name(mesh, entry)] = True
@@ -111,7 +110,7 @@ def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> 
                 raise ValueError(f"pinned nodes must be from 0 to {len(mask) - 1}; got {entry}.")
             mask[entry] = True
         else:
-            raise TypeError(f"pinned must hold node numbers and names; got {entry!r}.")
+            raise ValueError(f"pinned must hold node numbers and names; got {entry!r}.")
     return mask
 
 

@@ -84,7 +84,7 @@ def relocate(
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         If the mesh is not a valid `skfem.MeshTri` or an argument is out of range; nothing is changed then.
 
     Notes
@@ -122,7 +122,7 @@ def relocation(
     if not is_count(seed):
         raise ValueError(f"seed must be an integer >= 0; got {seed!r}.")
     if schedule is not None and not isinstance(schedule, Schedule):
-        raise TypeError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
+        raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
     som = KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
     wanted = density_of(som.triangulation, density)
     rng = np.random.default_rng(seed)

@@ -91,7 +91,7 @@ class Schedule:
 
     Raises
     ------
-    ValueError, TypeError
+    ValueError
         If a value is out of its range or `stages` holds something else than stages.
     """
 
@@ -102,13 +102,13 @@ class Schedule:
 
     def __post_init__(self) -> None:
         if not isinstance(self.stages, Iterable):
-            raise TypeError(
+            raise ValueError(
                 f"stages must be a sequence of kohonen_adapt.Stage; got {self.stages!r}. Put it in a tuple."
             )
         object.__setattr__(self, "stages", tuple(self.stages))
         wrong = [stage for stage in self.stages if not isinstance(stage, Stage)]
         if wrong:
-            raise TypeError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
+            raise ValueError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
         if not is_count(self.sweeps):
             raise ValueError(f"sweeps must be an integer >= 0; got {self.sweeps!r}.")
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):

@@ -52,7 +52,7 @@ class KohonenMap:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         If the mesh is not a valid `skfem.MeshTri`, or an argument is out of range.
 
     References

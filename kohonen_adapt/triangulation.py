@@ -43,7 +43,7 @@ class Triangulation:
 
         Raises
         ------
-        ValueError, TypeError
+        ValueError
             If it is not a valid, connected-by-nodes mesh of straight triangles; see `check_mesh`.
         """
         check_mesh(mesh)
@@ -91,13 +91,12 @@ def check_mesh(mesh: MeshTri) -> None:
 
     Raises
     ------
-    TypeError
-        If `mesh` is not exactly a `skfem.MeshTri`; the message names the remedy.
     ValueError
-        If it is empty, has isolated nodes, coordinates that are not finite or elements without area.
+        If `mesh` is not exactly a `skfem.MeshTri` (the message names the remedy), is empty, or has isolated nodes,
+        coordinates that are not finite or elements without area.
     """
     if type(mesh) is not MeshTri1:
-        raise TypeError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
+        raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
     if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
         raise ValueError("mesh must have at least one element; got an empty mesh.")
     if mesh.p.shape[0] != 2:

@@ -88,7 +88,7 @@ def test_vtu_of_other_elements(tmp_path):
 
 @pytest.mark.parametrize("mesh", [skfem.MeshQuad(), MeshTri2(), skfem.MeshTet(), skfem.MeshTri1DG()])
 def test_write_refuses_other_meshes(tmp_path, mesh):
-    with pytest.raises(TypeError, match=r"mesh must be a skfem\.MeshTri; got Mesh"):
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got Mesh"):
         write_mesh(tmp_path / "mesh.msh", mesh)
 
 

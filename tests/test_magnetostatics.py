@@ -483,7 +483,7 @@ def test_extreme_numbers_have_no_finite_solution():
 
 def test_other_meshes_and_fields_are_refused():
     problem = Magnetostatics({"air": AIR}, potential={"outer": 0.0})
-    with pytest.raises(TypeError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad1"):
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad1"):
         problem.solve(MeshQuad().with_subdomains({"air": everywhere}).with_boundaries({"outer": everywhere}))
     mesh, other = random_mesh(), random_mesh(cells=4)
     field = loaded().solve(other)

@@ -123,9 +123,9 @@ def test_values_out_of_range(build, message):
 
 
 def test_stages_of_another_kind():
-    with pytest.raises(TypeError, match=r"^stages of a schedule must be kohonen_adapt\.Stage; got 3\."):
+    with pytest.raises(ValueError, match=r"^stages of a schedule must be kohonen_adapt\.Stage; got 3\."):
         Schedule((3,))
     with pytest.raises(
-        TypeError, match=r"^stages must be a sequence of kohonen_adapt\.Stage; got Stage\(.*Put it in a t"
+        ValueError, match=r"^stages must be a sequence of kohonen_adapt\.Stage; got Stage\(.*Put it in a t"
     ):
         Schedule(Stage(1, 1, 0.3))

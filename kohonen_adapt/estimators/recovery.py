@@ -51,9 +51,8 @@ def recovery(
     Raises
     ------
     ValueError
-        For arguments of the wrong shape, not finite or not positive, and for a broken mesh.
-    TypeError
-        For a mesh other than a plain `MeshTri`.
+        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
+        `MeshTri`.
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     corner = _corners(mesh, _regions(mesh, discrete))

@@ -52,9 +52,8 @@ def residual(
     Raises
     ------
     ValueError
-        For arguments of the wrong shape, not finite or not positive, and for a broken mesh.
-    TypeError
-        For a mesh other than a plain `MeshTri`.
+        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
+        `MeshTri`.
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.

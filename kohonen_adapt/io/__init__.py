@@ -88,11 +88,9 @@ def write_mesh(
 
     Raises
     ------
-    TypeError
-        If `mesh` is not exactly a `MeshTri`.
     ValueError
-        If the suffix is unknown, the mesh is empty or broken, a name cannot be stored, or a field has another shape or
-        holds a value that is not finite.
+        If the suffix is unknown, the mesh is empty, broken or not exactly a `MeshTri`, a name cannot be stored, or a
+        field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
     """

@@ -96,7 +96,7 @@ class Magnetostatics:
 
         Raises
         ------
-        ValueError, TypeError
+        ValueError
             See the class; for a broken mesh or one of another kind.
         numpy.linalg.LinAlgError
             If the equations have no finite solution (a kind of ValueError).
