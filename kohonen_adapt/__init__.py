@@ -1,17 +1,17 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
 from . import estimators
-from .adapt import adapt
 from .density import density_from_indicators, density_from_sizes
 from .io import read_mesh, write_mesh
 from .locate import find_elements, interpolate
+from .loop import adapt
+from .precompile import warmup
 from .problem import Problem
-from .quality import quality
-from .relocate import relocate
+from .relocation import relocate
 from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, Stage
 from .som import KohonenMap
-from .warmup import warmup
+from .triangles import quality
 
 __all__ = [
     "AdaptResult",

@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from .kernels.geometry import Elements
 from .kernels.smooth import Sites, average_at_sites, count_sites, fill_sites, multiply_factors, update_factors
-from .quality import area
+from .triangles import area
 from .triangulation import Triangulation, check_mesh
 
 __all__ = ["CallableDensity", "Draw", "ElementDensity", "density_from_indicators", "density_from_sizes", "density_of"]

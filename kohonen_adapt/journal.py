@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from .quality import area, quality
-from .relocate import Relocation
+from .relocation import Relocation
 from .result import AdaptResult, Pass, Status
+from .triangles import area, quality
 
 __all__ = ["Ending", "Journal", "StepFailed"]
 

@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .quality import area
 from .result import AdaptResult, Pass
+from .triangles import area
 from .triangulation import codes_of_names
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .journal import Ending, Journal, StepFailed
-from .relocate import Relocation
+from .relocation import Relocation
 from .result import Pass, Status
 
 __all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved"]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from kohonen_adapt.adapt import adapt
-from kohonen_adapt.relocate import Relocation
+from kohonen_adapt.loop import adapt
+from kohonen_adapt.relocation import Relocation
 from kohonen_adapt.result import AdaptResult, Status
 
 MESH = MeshTri().refined(2)
@@ -16,7 +16,7 @@ NODES = MESH.p.shape[1]
 ELEMENTS = MESH.t.shape[1]
 
 # The package gives the name `adapt` to the function; the module stands behind it.
-LOOP = importlib.import_module("kohonen_adapt.adapt")
+LOOP = importlib.import_module("kohonen_adapt.loop")
 
 
 @dataclass

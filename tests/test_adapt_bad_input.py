@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from kohonen_adapt.adapt import adapt
-from kohonen_adapt.relocate import Relocation
+from kohonen_adapt.loop import adapt
+from kohonen_adapt.relocation import Relocation
 from kohonen_adapt.result import Status
 
 MESH = MeshTri().refined(2)
 ELEMENTS = MESH.t.shape[1]
 
 # The package gives the name `adapt` to the function; the module stands behind it.
-LOOP = importlib.import_module("kohonen_adapt.adapt")
+LOOP = importlib.import_module("kohonen_adapt.loop")
 
 
 class Constant:

@@ -7,11 +7,11 @@ import pytest
 from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace
 
-from kohonen_adapt.adapt import adapt
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.locate import interpolate
-from kohonen_adapt.quality import area
+from kohonen_adapt.loop import adapt
 from kohonen_adapt.result import Status
+from kohonen_adapt.triangles import area
 
 
 class Corner:

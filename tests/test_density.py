@@ -8,7 +8,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
 from kohonen_adapt.density import density_of
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import Triangulation
 
 POWERS = [(order, norm) for order in (1, 2, 3, 4) for norm in ("energy", "L2")]

@@ -7,7 +7,7 @@ from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, M
 from skfem.helpers import dot, grad
 
 from kohonen_adapt import estimators
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 BOTH = [estimators.residual, estimators.recovery]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kohonen_adapt as ka
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -13,11 +13,11 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
-    *("kernels", "quality"),
+    *("kernels", "triangles"),
     *("triangulation", "outline", "locate", "density"),
     *("schedule", "som"),
-    *("relocate", "warmup"),
-    *("result", "problem", "journal", "stopping", "adapt"),
+    *("relocation", "precompile"),
+    *("result", "problem", "journal", "stopping", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("schedule")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
@@ -79,11 +79,11 @@ def test_guests_stay_in_their_rooms(path):
 
 
 def test_the_rules_are_rules():
-    loop = set(allowed_rooms("adapt"))
+    loop = set(allowed_rooms("loop"))
     assert not loop & {*BESIDE, *TOP}
     assert allowed_rooms("kernels") == []
     assert "magnetostatics" not in allowed_rooms("estimators")
-    assert not {"som", "relocate", "adapt"} & set(chain.from_iterable(BESIDE.values()))
+    assert not {"som", "relocation", "loop"} & set(chain.from_iterable(BESIDE.values()))
 
 
 def in_a_fresh_process(code, tmp_path):

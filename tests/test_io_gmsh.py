@@ -10,7 +10,7 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 from kohonen_adapt.io import read_mesh, write_mesh
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 
 def groups_in_gmsh(path):

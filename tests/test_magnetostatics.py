@@ -7,7 +7,7 @@ from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.magnetostatics.problem import RESIDUAL_SCALE
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 MU0 = 4e-7 * np.pi
 MAGNETISATION = 1e6  # A/m, of the magnets with exact fields

@@ -6,7 +6,7 @@ from meshes import generic_square, perturbed, square
 from skfem import MeshTri
 
 from kohonen_adapt import quality
-from kohonen_adapt.quality import area, signed_area
+from kohonen_adapt.triangles import area, signed_area
 from kohonen_adapt.triangulation import Triangulation
 
 

@@ -27,7 +27,7 @@ import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.density import density_of
-from kohonen_adapt.relocate import relocation, start_radius
+from kohonen_adapt.relocation import relocation, start_radius
 from kohonen_adapt.triangulation import Triangulation
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip"])

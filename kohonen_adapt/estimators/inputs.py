@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import check_mesh
 
 __all__ = ["DiscreteFlux", "discrete_flux"]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from skfem import MeshTri
 
-from ..quality import area
+from ..triangles import area
 from .content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
 
 __all__ = ["to_mesh"]

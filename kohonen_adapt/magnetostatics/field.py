@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.locate import find_elements, interpolate
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 __all__ = ["Field"]
 

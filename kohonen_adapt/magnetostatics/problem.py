@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.coefficients import coefficients
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.material import Material
 from kohonen_adapt.magnetostatics.system import Value, fixed_values, solve_potential
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import check_mesh
 
 __all__ = ["RESIDUAL_SCALE", "Magnetostatics"]

@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.coefficients import Coefficients, named
-from kohonen_adapt.quality import area
+from kohonen_adapt.triangles import area
 
 __all__ = ["Value", "fixed_values", "solve_potential"]
 

@@ -10,7 +10,7 @@ from skfem import MeshTri
 from .density import density_from_indicators
 from .journal import Ending, Journal, StepFailed
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, order_of, solve
-from .relocate import Relocation, relocation
+from .relocation import Relocation, relocation
 from .result import AdaptResult, Pass
 from .schedule import Schedule
 from .som import KohonenMap

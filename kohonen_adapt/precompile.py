@@ -4,7 +4,7 @@ import numpy as np
 from skfem import MeshTri
 
 from .locate import interpolate
-from .relocate import relocate
+from .relocation import relocate
 from .schedule import Schedule, Stage
 from .som import KohonenMap
 
