@@ -153,7 +153,7 @@ class ElementDensity:
         return Draw(points_in(self.position, self.elements, element, rng), element, np.ones(number))
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Square of the density at every element of the triangulation as it is now, (m,)."""
+        """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
         squares = np.empty(len(self.masses))
         update_factors(triangulation.position, self._sites, self.position, self.elements, self._log_at_corners)
         multiply_factors(triangulation.elements, self._sites, squares)
@@ -205,7 +205,7 @@ class CallableDensity:
         return Draw(points[chosen], (chosen // self.share).astype(np.int32), np.ones(number))
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Square of the mean density of every element of the triangulation as it is now, (m,)."""
+        """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
         corners = triangulation.position[triangulation.elements.node]
         points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
         values = self._evaluate(points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
@@ -229,8 +229,11 @@ def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> E
 
 
 def without_zeros(values: Floats, largest: float) -> Floats:
-    """Zeros raised to a millionth of the largest value; smaller ones are meant: at a corner 1e-6 is soon passed."""
-    return np.where(values == 0.0, ZERO * largest, values)
+    """Shares of the largest value, as only ratios matter; zeros raised to a millionth of it.
+
+    Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
+    """
+    return np.where(values == 0.0, ZERO, values / largest)
 
 
 def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:

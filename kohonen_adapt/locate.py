@@ -120,6 +120,8 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> NDArray[np.fl
 
 def as_rows(x: ArrayLike, name: str = "x") -> NDArray[np.float64]:
     """Points of shape (2, n) as an (n, 2) array of the kernels."""
+    if np.iscomplexobj(x):
+        raise ValueError(f"{name} must be real numbers; got complex ones.")
     points = np.asarray(x, dtype=np.float64)
     if points.ndim != 2 or points.shape[0] != 2:
         raise ValueError(f"{name} must have shape (2, n); got {points.shape}.")

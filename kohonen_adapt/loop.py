@@ -12,7 +12,7 @@ from .journal import Ending, Journal, StepFailed
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, order_of, solve
 from .relocation import Relocation, relocation
 from .result import AdaptResult, Pass
-from .schedule import Schedule
+from .schedule import Schedule, check_training, is_count
 from .som import KohonenMap
 from .stopping import StopTest, failed, interrupted, not_moved
 
@@ -89,8 +89,9 @@ def adapt(
     """
     topology = _TOPOLOGY if topology is None else topology
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
-    _check_loop(passes, rtol, atol, seed, callback)
-    _check_map(mesh, schedule, topology, min_quality, pinned)
+    _check_loop(passes, rtol, atol, callback)
+    check_training(schedule, seed)
+    _check_map(mesh, topology, min_quality, pinned)
     check_problem(problem, rtol)
     journal = Journal(norm_of(problem))
 
@@ -149,10 +150,9 @@ def _seed_of_pass(seed: int, number: int) -> int:
     return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
 
 
-def _check_loop(passes: Any, rtol: Any, atol: Any, seed: Any, callback: Any) -> None:
-    for name, value in (("passes", passes), ("seed", seed)):
-        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
-            raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any) -> None:
+    if not is_count(passes):
+        raise ValueError(f"passes must be an integer >= 0; got {passes!r}.")
     for name, value in (("rtol", rtol), ("atol", atol)):
         if value is not None and not (isinstance(value, _NUMBERS) and 0.0 <= value < np.inf):
             raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
@@ -160,10 +160,8 @@ def _check_loop(passes: Any, rtol: Any, atol: Any, seed: Any, callback: Any) -> 
         raise ValueError(f"callback must be a function of the pass, or None; got {callback!r}.")
 
 
-def _check_map(mesh: MeshTri, schedule: Any, topology: str, min_quality: float, pinned: Any) -> None:
+def _check_map(mesh: MeshTri, topology: str, min_quality: float, pinned: Any) -> None:
     """Refuse what the map would refuse, but before the first solve."""
-    if schedule is not None and not isinstance(schedule, Schedule):
-        raise ValueError(f"schedule must be a kohonen_adapt.Schedule, or None for the default; got {schedule!r}.")
     if min_quality is None:
         raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
     KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)

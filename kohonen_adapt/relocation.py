@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from .density import CallableDensity, ElementDensity, density_of
 from .kernels.train import ball_means
-from .schedule import Schedule, is_count, widest_radius
+from .schedule import Schedule, check_training, widest_radius
 from .som import KohonenMap, scratch_for
 from .triangulation import Triangulation
 
@@ -119,10 +119,7 @@ def relocation(
     """`relocate`, with an account of what it took."""
     if min_quality is None:
         raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
-    if not is_count(seed):
-        raise ValueError(f"seed must be an integer >= 0; got {seed!r}.")
-    if schedule is not None and not isinstance(schedule, Schedule):
-        raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
+    check_training(schedule, seed)
     som = KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
     wanted = density_of(som.triangulation, density)
     rng = np.random.default_rng(seed)

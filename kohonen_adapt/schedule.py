@@ -182,6 +182,20 @@ def halved(radius: int) -> list[int]:
     return [radius >> step for step in range(max(0, int(radius).bit_length() - 1))]
 
 
+def check_training(schedule: object, seed: object) -> None:
+    """Refuse a schedule that is none, and a seed that would not fix what comes.
+
+    Raises
+    ------
+    ValueError
+        If `schedule` is neither a `Schedule` nor None, or `seed` is not an integer >= 0.
+    """
+    if not isinstance(schedule, Schedule | None):
+        raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
+    if not is_count(seed):
+        raise ValueError(f"seed must be an integer >= 0; got {seed!r}.")
+
+
 def is_count(value: object) -> bool:
     """Whether it is an integer of at least 0."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)

@@ -15,7 +15,7 @@ from .kernels.smooth import sweep
 from .kernels.train import Scratch, learn, search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
-from .schedule import Schedule, Stage
+from .schedule import Schedule, Stage, check_training, is_count, is_number
 from .triangulation import Triangulation
 
 __all__ = ["KohonenMap"]
@@ -112,14 +112,16 @@ class KohonenMap:
         Raises
         ------
         ValueError
-            If a training point lies outside the mesh, a shape does not fit, or the schedule has sweeps.
+            If a training point lies outside the mesh, a shape does not fit, the schedule is none or has sweeps, or the
+            seed is not an integer >= 0.
         """
+        check_training(schedule, seed)
         schedule = self._schedule_without_sweeps(schedule)
         locator, rng = Locator(self.triangulation), np.random.default_rng(seed)
         if callable(points):
             if weights is not None:
                 raise ValueError("weights must come from the callable when points is one; got both.")
-            return self.learn(lambda number, rng: located(locator, *points(number, rng)), schedule, rng)
+            return self.learn(lambda number, rng: located(locator, *drawn(points(number, rng))), schedule, rng)
         given = located(locator, points, weights)
         return self.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
 
@@ -223,14 +225,24 @@ class KohonenMap:
         -------
         ndarray (k,)
             From `start` by ever closer neighbours to the winner, which is last.
+
+        Raises
+        ------
+        ValueError
+            If `x` is no point of the mesh, or `start` no node of its region.
         """
-        tri = self.triangulation
-        element = located(Locator(tri), np.asarray(x, dtype=np.float64).reshape(2, 1), None).element[0]
+        tri, elements = self.triangulation, self.triangulation.elements
+        if np.shape(x) != (2,):
+            raise ValueError(f"x must have shape (2,); got {np.shape(x)}.")
+        point = located(Locator(tri), np.reshape(x, (2, 1)), None)
+        region = elements.region[point.element[0]]
+        if not is_count(start) or not np.any(elements.node[elements.region == region] == start):
+            raise ValueError(f"start must be a node of the region that x lies in; got {start!r}.")
         path = np.empty(tri.nnodes + 1, dtype=np.int32)
+        inner = self.outline.constraints.inner
         count = search_path(
-            tri.position, tri.elements, tri.star, self.outline.constraints.inner, start,
-            np.asarray(x, dtype=np.float64), tri.elements.region[element], self._scratch, path,
-        )  # fmt: skip
+            tri.position, elements, tri.star, inner, int(start), point.points[0], region, self._scratch, path
+        )
         return path[:count]
 
 
@@ -238,8 +250,17 @@ def check_options(topology: str, min_quality: float | None) -> None:
     """Refuse options that the map does not have."""
     if topology not in ("flip", "fixed"):
         raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
-    if min_quality is not None and not 0 <= min_quality < 1:
+    if min_quality is not None and not (is_number(min_quality) and 0 <= min_quality < 1):
         raise ValueError(f"min_quality must be from 0 to below 1; got {min_quality!r}.")
+
+
+def drawn(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
+    """What a callable gave for points, checked to be points and weights."""
+    if not isinstance(answer, tuple) or len(answer) != 2:
+        raise ValueError(
+            f"points as a callable must return (points, weights), weights None for ones; got {type(answer).__name__}."
+        )
+    return answer
 
 
 def scratch_for(triangulation: Triangulation) -> Scratch:

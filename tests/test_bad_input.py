@@ -348,3 +348,50 @@ def test_sweeps_need_a_density():
 def test_shapes_for_interpolation(values, x, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         ka.interpolate(MESH, values, x)
+
+
+@pytest.mark.parametrize("start", [-1, 25, 10**7, 1.0, None])
+def test_a_search_starts_at_a_node(start):
+    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
+        ka.KohonenMap(MeshTri().refined(2)).search([0.4, 0.4], start)
+
+
+def test_a_search_starts_in_the_region_of_its_point():
+    mesh = MeshTri().refined(2).with_subdomains({"left": lambda x: x[0] < 0.5})
+    start = int(np.flatnonzero((mesh.p[0] == 1.0) & (mesh.p[1] == 0.5))[0])
+    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
+        ka.KohonenMap(mesh).search([0.1, 0.4], start)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, None, "a"])
+def test_training_needs_a_seed_that_fixes_it(seed):
+    with pytest.raises(ValueError, match=r"^seed must be an integer >= 0; got "):
+        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], seed=seed)
+
+
+def test_training_needs_a_schedule():
+    with pytest.raises(ValueError, match=r"^schedule must be a kohonen_adapt\.Schedule or None; got Stage"):
+        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], ka.Stage(1, 1, 0.3))
+
+
+def test_a_quality_is_a_number():
+    with pytest.raises(ValueError, match=r"^min_quality must be from 0 to below 1; got 'a'"):
+        ka.KohonenMap(MeshTri().refined(2), min_quality="a")
+
+
+def test_points_are_real():
+    with pytest.raises(ValueError, match=r"^points must be real numbers; got complex ones"):
+        ka.KohonenMap(MeshTri().refined(2)).train(np.array([[0.4], [0.4 + 1j]]))
+
+
+def test_a_callable_gives_points_and_weights():
+    with pytest.raises(ValueError, match=r"^points as a callable must return \(points, weights\)"):
+        ka.KohonenMap(MeshTri().refined(2)).train(lambda number, rng: rng.random((2, number)))
+
+
+@pytest.mark.parametrize("scale", [1e-170, 1e170])
+def test_only_ratios_of_a_density_matter(scale):
+    mesh = MeshTri().refined(3)
+    density = 1.0 + mesh.p[0, mesh.t].mean(axis=0)
+    moved, scaled = ka.relocate(mesh, density), ka.relocate(mesh, scale * density)
+    np.testing.assert_allclose(scaled.p, moved.p, atol=1e-9)

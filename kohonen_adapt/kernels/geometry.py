@@ -104,7 +104,11 @@ def star_tolerable(position, star, v, x, y, floor):
 
 @kernel
 def mark_sound(position, star, floor, sound):
-    """Mark the nodes whose stars are tolerable; guarded moves never end that, so their guard need not look back."""
+    """Mark the nodes whose stars are tolerable: their guard need not look back.
+
+    Where all stars are, guarded moves keep them so. Elsewhere a neighbour may worsen a marked star within its own
+    rule; the guard is then stricter than the rule until the next time stars are marked.
+    """
     for v in range(position.shape[0]):
         sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
 
