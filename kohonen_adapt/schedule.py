@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 __all__ = ["Schedule", "Stage"]
 
-SWEEPS = 8  # more of them over-concentrate: the error of later passes would rise again
+# More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
+SWEEPS = {"flip": 8, "fixed": 4}
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -174,7 +175,7 @@ class Schedule:
             for r in halved(start)
         ]
         local = Stage(1, 2, 0.3) if topology == "flip" else Stage(1, 5, (0.3, 0.1))
-        return cls((*stages, local), sweeps=SWEEPS)
+        return cls((*stages, local), sweeps=SWEEPS[topology])
 
 
 def halved(radius: int) -> list[int]:
