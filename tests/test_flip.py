@@ -106,3 +106,16 @@ def test_flips_do_not_depend_on_the_size_of_the_mesh(exponent):
     mesh = perturbed(named(8), 3)
     scaled = mesh.scaled(2.0**exponent)
     np.testing.assert_array_equal(flipped(scaled).t, flipped(mesh).t)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flips_of_elements_that_overlap_come_to_an_end_and_leave_a_triangulation(seed):
+    mesh = square(6)
+    som = ka.KohonenMap(mesh, min_quality=None)
+    points = np.random.default_rng(seed).random((2, 20)) ** 2
+    som.train(points, ka.Schedule((ka.Stage(2, 5, 0.8, neighbourhood="flat"),)), seed=seed)
+    result = som.mesh
+    assert np.abs(doubled_areas(result.p, result.t)).sum() > 2.0 * (1.0 + 1e-6)  # more than the square: some overlap
+    assert result.facets.shape == mesh.facets.shape
+    assert np.bincount(result.t2f.ravel()).max() == 2
+    np.testing.assert_array_equal(np.sort(mesh.boundary_nodes()), np.sort(result.boundary_nodes()))

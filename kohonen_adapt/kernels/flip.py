@@ -22,7 +22,11 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
 
 @kernel
 def should_flip(position, elements, e, k, other, floor):
-    """Whether the edge opposite to corner k of e is free, not Delaunay, and may be flipped under the quality rule."""
+    """Whether the edge opposite to corner k of e is free, not Delaunay, and may be flipped under the quality rule.
+
+    Where the rule is switched off elements may lie on one another. Flips of overturned ones need not come to an end,
+    and the new edge may be there already: neither is done.
+    """
     node = elements.node
     if elements.chain[e, k] >= 0:
         return False
@@ -33,9 +37,29 @@ def should_flip(position, elements, e, k, other, floor):
     if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
         return False
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
-    if after <= FLAT:
+    before = min(element_quality(position, node, e), element_quality(position, node, other))
+    if after <= FLAT or before <= 0.0:
         return False
-    return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))
+    if floor < 0.0:
+        return not joined(node, elements.neighbour, e, r, s)
+    return after >= floor or after >= before
+
+
+@kernel
+def joined(node, neighbour, e, v, other):
+    """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
+    for way in (1, 2):
+        at = e
+        while at >= 0:
+            k = 0
+            while node[at, k] != v:
+                k += 1
+            if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
+                return True
+            at = neighbour[at, (k + way) % 3]
+            if at == e:
+                break
+    return False
 
 
 @kernel
@@ -96,7 +120,7 @@ def flip_edges(position, elements, floor, stack, waiting, limit):
             flip_edge(elements, first, side)
             flips += 1
             height = push(stack, waiting, push(stack, waiting, 0, other), first)
-            while height > 0:
+            while height > 0 and flips < limit:
                 height -= 1
                 e = stack[height]
                 waiting[e] = False
@@ -107,4 +131,6 @@ def flip_edges(position, elements, floor, stack, waiting, limit):
                         flips += 1
                         height = push(stack, waiting, push(stack, waiting, height, across), e)
                         break
+            for i in range(height):
+                waiting[stack[i]] = False
     return flips
