@@ -93,7 +93,7 @@ def check_mesh(mesh: MeshTri) -> None:
     ------
     ValueError
         If `mesh` is not exactly a `skfem.MeshTri` (the message names the remedy), is empty, or has isolated nodes,
-        coordinates that are not finite or elements without area.
+        coordinates that are not finite, elements without area, or names for elements or facets that do not exist.
     """
     if type(mesh) is not MeshTri1:
         raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
@@ -106,6 +106,7 @@ def check_mesh(mesh: MeshTri) -> None:
         raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
     check_nodes_used(mesh)
     check_areas(mesh)
+    check_names(mesh)
 
 
 def remedy_for(mesh: object) -> str:
@@ -145,6 +146,28 @@ def check_areas(mesh: MeshTri) -> None:
         raise ValueError(
             f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}."
         )
+
+
+def check_names(mesh: MeshTri) -> None:
+    """Refuse named sets that do not hold numbers of elements or facets; what scikit-fem calls ``gmsh:*`` is none."""
+    subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
+    named = [("subdomain", name, rows, mesh.t.shape[1]) for name, rows in subdomains.items()]
+    named += [("boundary", name, rows, mesh.facets.shape[1]) for name, rows in boundaries.items()]
+    for kind, name, rows, count in named:
+        if not isinstance(name, str):
+            raise ValueError(f"the name of a {kind} must be text; got {name!r}.")
+        if name.startswith("gmsh:"):
+            continue
+        rows = np.asarray(rows)
+        if rows.ndim != 1 or rows.dtype.kind not in "iu":
+            raise ValueError(
+                f"{kind} '{name}' must be an array (k,) of integers; got {rows.dtype} of shape {rows.shape}. "
+                "Masks: numpy.flatnonzero(mask)."
+            )
+        if len(rows) and (rows.min() < 0 or rows.max() >= count):
+            raise ValueError(
+                f"{kind} '{name}' must have indices from 0 to {count - 1}; got {rows.min()} to {rows.max()}."
+            )
 
 
 def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np.int32]:

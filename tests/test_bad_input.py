@@ -19,6 +19,10 @@ def moved(mesh, node, place):
     return MeshTri(p, mesh.t)
 
 
+def with_sets(boundaries=None, subdomains=None):
+    return MeshTri(MESH.p, MESH.t, boundaries, subdomains)
+
+
 def folded():
     """Two triangles on the same side of their common edge."""
     return MeshTri(np.array([[0.0, 1, 0.2, 0.7], [0, 0, 1, 0.8]]), np.array([[0, 0], [1, 1], [2, 3]]))
@@ -49,6 +53,23 @@ BROKEN = {
     "unknown nodes": (
         MeshTri(MESH.p, MESH.t + 1, validate=False),
         r"mesh\.t must hold node numbers from 0 to 24; got 1 to 25\.",
+    ),
+    "name": (with_sets(boundaries={3: np.array([3])}), r"the name of a boundary must be text; got 3\."),
+    "unknown elements": (
+        with_sets(subdomains={"core": np.array([3, 32])}),
+        r"subdomain 'core' must have indices from 0 to 31; got 3 to 32\.",
+    ),
+    "unknown facets": (
+        with_sets(boundaries={"rim": np.array([-1, 3])}),
+        r"boundary 'rim' must have indices from 0 to 55; got -1 to 3\.",
+    ),
+    "mask": (
+        with_sets(subdomains={"core": np.arange(32) < 5}),
+        r"subdomain 'core' must be an array \(k,\) of integers; got bool of shape \(32,\)\. Masks: numpy\.flatnonzero",
+    ),
+    "empty list": (
+        with_sets(boundaries={"rim": []}),
+        r"boundary 'rim' must be an array \(k,\) of integers; got float64 of shape \(0,\)\.",
     ),
 }
 CALLS = {

@@ -116,7 +116,7 @@ def test_write_refuses_bad_fields(tmp_path, suffix, data, message):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["", 'a"b', "a\nb", "a\tb", 3])
+@pytest.mark.parametrize("name", ["", 'a"b', "a\nb", "a\tb"])
 def test_write_refuses_names_that_gmsh_cannot_read(tmp_path, name):
     mesh = MeshTri(MeshTri().p, MeshTri().t, None, {name: np.array([0])})
     with pytest.raises(ValueError, match="the name of a subdomain must be printable text without a double quote"):

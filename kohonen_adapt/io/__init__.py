@@ -97,8 +97,8 @@ def write_mesh(
     path = Path(path)
     suffix = _suffix(path, "write_mesh")
     check_mesh(mesh)
-    subdomains = checked_sets(mesh.subdomains, mesh.t.shape[1], "subdomain")
-    boundaries = checked_sets(mesh.boundaries, mesh.facets.shape[1], "boundary")
+    subdomains = checked_sets(mesh.subdomains, "subdomain")
+    boundaries = checked_sets(mesh.boundaries, "boundary")
     points = checked_fields(point_data, mesh.p.shape[1], "point_data", vectors=False)
     cells = checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
     with whole_file(path) as draft:

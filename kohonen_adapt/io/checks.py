@@ -16,22 +16,20 @@ LONGEST_NAME = 127
 """Bytes of a name that Gmsh reads."""
 
 
-def checked_sets(sets: Mapping[str, Ints] | None, count: int, kind: str) -> dict[str, Ints]:
+def checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
     """Named sets of elements or facets, sorted and without repetition; what scikit-fem calls ``gmsh:*`` is left out.
 
     Parameters
     ----------
     sets
         Indices by name, or None.
-    count
-        How many elements or facets there are.
     kind
         "subdomain" or "boundary", for messages.
 
     Raises
     ------
     ValueError
-        If a name cannot be stored, or an index is out of range.
+        If a name cannot be stored.
     """
     checked = {}
     for name, indices in (sets or {}).items():
@@ -39,8 +37,6 @@ def checked_sets(sets: Mapping[str, Ints] | None, count: int, kind: str) -> dict
         if name.startswith("gmsh:"):
             continue
         items = np.unique(np.asarray(indices, dtype=np.int64))
-        if len(items) and (items[0] < 0 or items[-1] >= count):
-            raise ValueError(f"{kind} '{name}' must have indices from 0 to {count - 1}; got {items[0]} to {items[-1]}.")
         if len(items) == 0:
             logger.warning("%s '%s' is empty: Gmsh will not show it.", kind, name)
         checked[name] = items
