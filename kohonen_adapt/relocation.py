@@ -1,5 +1,6 @@
 """One mesh in, one better mesh out: the nodes move to where the density wants them."""
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ from .kernels.train import ball_means
 from .schedule import Schedule, check_training, widest_radius
 from .som import KohonenMap, scratch_for
 from .triangulation import Triangulation
+
+logger = logging.getLogger(__package__)
 
 __all__ = ["Relocation", "relocate", "relocation"]
 
@@ -89,9 +92,9 @@ def relocate(
 
     Notes
     -----
-    The density is what its own mesh says throughout; training points are drawn from it region by region. Equation 1,
-    the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
-    Kohonen Maps".
+    The density is what its own mesh says throughout; a training point moves only nodes of the region it lies in.
+    Equation 1, the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh
+    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why.
 
     Examples
     --------
@@ -101,9 +104,12 @@ def relocate(
     >>> finer_below.p.shape == mesh.p.shape
     True
     """
-    return relocation(
+    done = relocation(
         mesh, density, schedule=schedule, topology=topology, min_quality=min_quality, pinned=pinned, seed=seed
-    ).mesh
+    )
+    if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
+        logger.warning("relocate moved no node: %s.", done.message)
+    return done.mesh
 
 
 def relocation(

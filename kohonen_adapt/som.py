@@ -207,9 +207,8 @@ class KohonenMap:
         tri.refill_star()
 
     def can_move(self) -> bool:
-        """Whether any node is free to move, to slide, or to leave its corner to another."""
-        constraints = self.outline.constraints
-        return bool(np.any((constraints.kind != HELD) | (constraints.chain[:, 1] >= 0)))
+        """Whether any node is free to move or to slide; a corner is only left to one that slides."""
+        return bool(np.any(self.outline.constraints.kind != HELD))
 
     def search(self, x: ArrayLike, start: int) -> NDArray[np.int32]:
         """The nodes that the search for the winner of one point visits.

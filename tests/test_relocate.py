@@ -354,3 +354,19 @@ def test_the_example_of_the_docstring():
     mesh = MeshTri().refined(4)
     finer_below = ka.relocate(mesh, lambda x: 1 / (0.1 + x[1]))
     assert finer_below.p[1].mean() < 0.95 * mesh.p[1].mean()
+
+
+def test_a_relocation_that_moves_nothing_says_so(caplog):
+    mesh = MeshTri().refined(2)
+    with caplog.at_level("WARNING", logger="kohonen_adapt"):
+        ka.relocate(mesh, np.ones(mesh.nelements), topology="fixed", pinned=range(mesh.p.shape[1]))
+    assert caplog.messages == ["relocate moved no node: every node is a corner or pinned."]
+    caplog.clear()
+    ka.relocate(mesh, np.ones(mesh.nelements), schedule=ka.Schedule(()))
+    assert not caplog.messages
+
+
+def test_a_single_triangle_has_nothing_to_move():
+    mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
+    done = relocation(mesh, np.ones(1), schedule=None, topology="flip", min_quality=0.3, pinned=(), seed=0)
+    assert (done.moved, done.message) == (0, "every node is a corner or pinned")

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 
@@ -52,8 +53,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     """
     path = Path(path)
     suffix = _suffix(path, "read_mesh")
-    if not (math.isfinite(scale) and scale > 0.0):
-        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale}.")
+    if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
     if not path.is_file():
         raise FileNotFoundError(f"read_mesh expected a mesh file; there is none at '{path}'.")
     content = read_vtu(path) if suffix == ".vtu" else read_msh(path)

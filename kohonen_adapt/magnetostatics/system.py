@@ -101,5 +101,5 @@ def _check_tied(mesh: MeshTri, fixed: Bools) -> None:
         node = int(np.flatnonzero(part == loose[0])[0])
         raise ValueError(
             f"the potential is fixed nowhere on {loose.size} of the {parts} connected parts of the mesh, "
-            f"first the one of node {node}. Fix it there by a boundary name, or remove unused nodes."
+            f"first the one of node {node}. Fix it there by a boundary name."
         )
