@@ -1,12 +1,18 @@
-"""Command of the benchmarks: `python -m benchmarks [L H R M F speed warmup drift spread] [--seeds 5] [--quick]`."""
+"""The command: `python -m benchmarks [L H R M F speed warmup drift spread scale] [--seeds 5] [--quick]`."""
 
 import argparse
 
-from benchmarks import drift, speed, spread, warmup
+from benchmarks import drift, scale, speed, spread, warmup
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
-CHECKS = {"speed": speed.report, "warmup": warmup.report, "drift": drift.report, "spread": spread.report}
+CHECKS = {
+    "speed": speed.report,
+    "warmup": warmup.report,
+    "drift": drift.report,
+    "spread": spread.report,
+    "scale": scale.report,
+}
 
 
 def main() -> None:
