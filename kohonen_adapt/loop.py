@@ -10,10 +10,9 @@ from skfem import MeshTri
 from .density import density_from_indicators
 from .journal import Ending, Journal, StepFailed
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, order_of, solve
-from .relocation import Relocation, relocation
+from .relocation import Relocation, guarded_map, relocation
 from .result import AdaptResult, Pass
 from .schedule import Schedule, check_training, is_count
-from .som import KohonenMap
 from .stopping import StopTest, failed, interrupted, not_moved
 
 __all__ = ["adapt"]
@@ -91,7 +90,7 @@ def adapt(
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
     _check_loop(passes, rtol, atol, callback)
     check_training(schedule, seed)
-    _check_map(mesh, topology, min_quality, pinned)
+    guarded_map(mesh, topology, min_quality, pinned)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
     journal = Journal(norm_of(problem))
 
@@ -158,10 +157,3 @@ def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any) -> None:
             raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
     if callback is not None and not callable(callback):
         raise ValueError(f"callback must be a function of the pass, or None; got {callback!r}.")
-
-
-def _check_map(mesh: MeshTri, topology: str, min_quality: float, pinned: Any) -> None:
-    """Refuse what the map would refuse, but before the first solve."""
-    if min_quality is None:
-        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
-    KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)

@@ -16,7 +16,7 @@ from .triangulation import Triangulation
 
 logger = logging.getLogger(__package__)
 
-__all__ = ["Relocation", "relocate", "relocation"]
+__all__ = ["Relocation", "guarded_map", "relocate", "relocation"]
 
 MISMATCH = 0.6  # logarithm of the mean load of a ball of nodes beyond which mass must still travel as far as its radius
 CENTRES = 50  # balls that are looked at, at least
@@ -123,10 +123,8 @@ def relocation(
     seed: int,
 ) -> Relocation:
     """`relocate`, with an account of what it took."""
-    if min_quality is None:
-        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
     check_training(schedule, seed)
-    som = KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
+    som = guarded_map(mesh, topology, min_quality, pinned)
     wanted = density_of(som.triangulation, density)
     rng = np.random.default_rng(seed)
     if schedule is None:
@@ -138,6 +136,15 @@ def relocation(
     way = np.sqrt(np.sum((moved.p - mesh.p) ** 2, axis=0))
     count = int(np.count_nonzero(way))
     return Relocation(moved, errors, float(way.max()), count, "" if count else why_still(som, schedule))
+
+
+def guarded_map(
+    mesh: MeshTri, topology: str, min_quality: float, pinned: Sequence[int | str] | NDArray[np.integer] | str
+) -> KohonenMap:
+    """A map that keeps the quality rule; whatever is wrong with the mesh or the options is refused here."""
+    if min_quality is None:
+        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
+    return KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
 
 
 def why_still(som: KohonenMap, schedule: Schedule) -> str:

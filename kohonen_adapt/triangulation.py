@@ -12,6 +12,7 @@ from skfem.mesh import MeshTri1
 
 from .kernels.connectivity import fill_star, link_neighbours
 from .kernels.geometry import Elements, Star
+from .triangles import area
 
 __all__ = ["Triangulation", "check_mesh", "codes_of_names"]
 
@@ -139,9 +140,8 @@ def check_nodes_used(mesh: MeshTri) -> None:
 def check_areas(mesh: MeshTri) -> None:
     """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
     x, y = mesh.p[:, mesh.t]
-    doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     longest = np.max((x - np.roll(x, 1, axis=0)) ** 2 + (y - np.roll(y, 1, axis=0)) ** 2, axis=0)
-    flat = np.flatnonzero(~(doubled > 1e-14 * longest))
+    flat = np.flatnonzero(~(2.0 * area(mesh) > 1e-14 * longest))
     if len(flat):
         raise ValueError(
             f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}."
