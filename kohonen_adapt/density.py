@@ -122,15 +122,16 @@ def as_reals(array: NDArray, name: str) -> Floats:
 
 
 class Draw(NamedTuple):
-    """Training points (k, 2), the elements of the density's mesh they lie in (k,), and their weights (k,)."""
+    """Training points (k, 2), the elements of the density's mesh they lie in, their regions and weights (k,)."""
 
     points: Floats
     element: NDArray[np.int32]
+    region: NDArray[np.int32]
     weights: Floats
 
     def reordered(self, order: NDArray[np.integer]) -> "Draw":
         """The same points in another order."""
-        return Draw(self.points[order], self.element[order], self.weights[order])
+        return Draw(*(array[order] for array in self))
 
 
 class ElementDensity:
@@ -139,9 +140,10 @@ class ElementDensity:
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
         self.position, self.elements = snapshot(triangulation)
         self.values = without_zeros(values, values.max())
-        self.masses = triangulation.areas() * self.values
+        self.areas = triangulation.areas()
+        self.masses = self.areas * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
-        average_at_sites(triangulation.areas(), self.values, self.elements, triangulation.star, self._log_at_corners)
+        average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
         self._sites = sites_of(triangulation)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
@@ -150,7 +152,12 @@ class ElementDensity:
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
         element = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1).astype(np.int32)
         rng.shuffle(element)
-        return Draw(points_in(self.position, self.elements, element, rng), element, np.ones(number))
+        points = points_in(self.position, self.elements, element, rng)
+        return Draw(points, element, self.elements.region[element], np.ones(number))
+
+    def at_nodes(self) -> Floats:
+        """The mean around every node of the density's mesh, weighted with areas, (n,)."""
+        return means_at_nodes(self.elements.node, self.areas, self.masses)
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
@@ -202,7 +209,12 @@ class CallableDensity:
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
         rng.shuffle(chosen)
-        return Draw(points[chosen], (chosen // self.share).astype(np.int32), np.ones(number))
+        element = (chosen // self.share).astype(np.int32)
+        return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
+
+    def at_nodes(self) -> Floats:
+        """The mean around every node of the density's mesh, weighted with areas, (n,)."""
+        return means_at_nodes(self.elements.node, self.areas, self.masses)
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
@@ -234,6 +246,12 @@ def without_zeros(values: Floats, largest: float) -> Floats:
     Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
     """
     return np.where(values == 0.0, ZERO, values / largest)
+
+
+def means_at_nodes(node: NDArray[np.int32], areas: Floats, masses: Floats) -> Floats:
+    """Density of every node: the mass of the elements around it over their area."""
+    mass, total = (np.bincount(node.ravel(), weights=np.repeat(values, 3)) for values in (masses, areas))
+    return mass / total
 
 
 def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:

@@ -52,10 +52,13 @@ class Outline:
         Arrays for the kernels, which change them when nodes slide or jump.
     names
         Per boundary name, how each chain carries it: 0, UNORIENTED, LEFT or RIGHT, (c,).
+    pinned
+        (n,): nodes that were asked to stay where they are.
     """
 
     constraints: Constraints
     names: dict[str, NDArray[np.int8]]
+    pinned: Mask
 
     @classmethod
     def of(cls, triangulation: Triangulation, pinned: Mask) -> "Outline":
@@ -68,7 +71,7 @@ class Outline:
         along = runs_along(triangulation, constraints, facets.element, facets.corner)
         first = np.unique(chain, return_index=True)[1]
         names = {name: turned(side, along)[first] for name, side in facets.sides.items()}
-        return cls(constraints, names)
+        return cls(constraints, names, pinned)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""

@@ -15,6 +15,7 @@ from .kernels.smooth import sweep
 from .kernels.train import Scratch, learn, search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
+from .recycling import Recycled, recycle_nodes
 from .schedule import Schedule, Stage, check_training, is_count, is_number
 from .triangulation import Triangulation
 
@@ -121,9 +122,34 @@ class KohonenMap:
         if callable(points):
             if weights is not None:
                 raise ValueError("weights must come from the callable when points is one; got both.")
-            return self.learn(lambda number, rng: located(locator, *drawn(points(number, rng))), schedule, rng)
-        given = located(locator, points, weights)
+            return self.learn(lambda number, rng: self._located(locator, *drawn(points(number, rng))), schedule, rng)
+        given = self._located(locator, points, weights)
         return self.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
+
+    def _located(self, locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:
+        """A user's training points with the elements that hold them, checked.
+
+        Raises
+        ------
+        ValueError
+            If a shape does not fit, a weight is negative or not finite, or a point lies outside the mesh.
+        """
+        rows = as_rows(points, "points")
+        if len(rows) == 0:
+            raise ValueError("points must hold at least one training point; got none.")
+        weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
+        if weight.shape != (len(rows),):
+            raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
+        if not np.all(np.isfinite(weight) & (weight >= 0)):
+            raise ValueError("weights must be finite and >= 0.")
+        element = locator.find(rows)
+        outside = np.flatnonzero(element < 0)
+        if len(outside):
+            where = tuple(rows[outside[0]].tolist())
+            raise ValueError(
+                f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}."
+            )
+        return Draw(rows, element, self.triangulation.elements.region[element], weight)
 
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
@@ -136,12 +162,20 @@ class KohonenMap:
         return schedule
 
     def learn(
-        self, draw: Callable[[int, np.random.Generator], Draw], schedule: Schedule, rng: np.random.Generator
+        self,
+        draw: Callable[[int, np.random.Generator], Draw],
+        schedule: Schedule,
+        rng: np.random.Generator,
+        starts: Indices | None = None,
     ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh as it is now are known; returns the errors of the epochs."""
+        """Train with points whose elements in the mesh that they are drawn from are known; returns the epochs' errors.
+
+        `starts` has a node for each of those elements, near it and in its region; None if the mesh still has them.
+        """
         self._flip()
         errors: list[float] = []
-        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng):
+        starts = self.triangulation.elements.node[:, 0] if starts is None else starts
+        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts.copy()):
             errors.append(self._epoch(stage, rate, shown, slot, winners))
             self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
@@ -149,7 +183,11 @@ class KohonenMap:
         return tuple(errors)
 
     def _presentations(
-        self, draw: Callable[[int, np.random.Generator], Draw], schedule: Schedule, rng: np.random.Generator
+        self,
+        draw: Callable[[int, np.random.Generator], Draw],
+        schedule: Schedule,
+        rng: np.random.Generator,
+        winners: Indices,
     ) -> Iterator[tuple[Stage, float, Draw, Indices, Indices]]:
         """For every epoch its stage and rate, its points, and where each finds and leaves its last winner.
 
@@ -157,7 +195,6 @@ class KohonenMap:
         drawn from the same element.
         """
         count = self.triangulation.nnodes
-        winners = self.triangulation.elements.node[:, 0].copy()
         most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
         kept = None if schedule.fresh else draw(ceil(most * count), rng)
         if kept is not None:
@@ -174,18 +211,23 @@ class KohonenMap:
     def _epoch(self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices) -> float:
         """Present every point once, in chunks; returns the mean distance to the winners."""
         tri, strength = self.triangulation, stage.strength()
-        region = tri.elements.region[shown.element]
         chunk = max(1, UPDATES // (1 + 3 * stage.radius * (stage.radius + 1)))
         total, steps = 0.0, 0
         for first in range(0, len(slot), chunk):
             part = slice(first, first + chunk)
             distance, walked = learn(
-                tri.position, tri.elements, tri.star, self.outline.constraints, shown.points[part], region[part],
+                tri.position, tri.elements, tri.star, self.outline.constraints, shown.points[part], shown.region[part],
                 slot[part], winners, shown.weights[part], rate, strength, self._floor, self._scratch,
             )  # fmt: skip
             total, steps = total + distance, steps + walked
         self.search_steps.append(steps / max(1, len(slot)))
         return total / max(1, len(slot))
+
+    def recycle(self, density: ElementDensity | CallableDensity, target: int) -> Recycled:
+        """Take nodes from where the density wants fewer and put them where it wants more; `target` nodes in the end."""
+        done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target)
+        self._scratch = scratch_for(self.triangulation)
+        return done
 
     def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
         """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres."""
@@ -233,8 +275,8 @@ class KohonenMap:
         tri, elements = self.triangulation, self.triangulation.elements
         if np.shape(x) != (2,):
             raise ValueError(f"x must have shape (2,); got {np.shape(x)}.")
-        point = located(Locator(tri), np.reshape(x, (2, 1)), None)
-        region = elements.region[point.element[0]]
+        point = self._located(Locator(tri), np.reshape(x, (2, 1)), None)
+        region = point.region[0]
         if not is_count(start) or not np.any(elements.node[elements.region == region] == start):
             raise ValueError(f"start must be a node of the region that x lies in; got {start!r}.")
         path = np.empty(tri.nnodes + 1, dtype=np.int32)
@@ -275,27 +317,3 @@ def scratch_for(triangulation: Triangulation) -> Scratch:
         np.empty(n, dtype=np.bool_),
         np.empty(triangulation.position.shape[1]),
     )
-
-
-def located(locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:
-    """A user's training points with the elements that hold them, checked.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a weight is negative or not finite, or a point lies outside the mesh.
-    """
-    rows = as_rows(points, "points")
-    if len(rows) == 0:
-        raise ValueError("points must hold at least one training point; got none.")
-    weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
-    if weight.shape != (len(rows),):
-        raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
-    if not np.all(np.isfinite(weight) & (weight >= 0)):
-        raise ValueError("weights must be finite and >= 0.")
-    element = locator.find(rows)
-    outside = np.flatnonzero(element < 0)
-    if len(outside):
-        where = tuple(rows[outside[0]].tolist())
-        raise ValueError(f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}.")
-    return Draw(rows, element, weight)

@@ -14,7 +14,7 @@ from .kernels.connectivity import fill_star, link_neighbours
 from .kernels.geometry import Elements, Star
 from .triangles import area
 
-__all__ = ["Triangulation", "check_mesh", "codes_of_names"]
+__all__ = ["Triangulation", "check_mesh", "codes_of_names", "empty_star"]
 
 
 @dataclass
@@ -31,12 +31,15 @@ class Triangulation:
         The elements around every node.
     mesh
         The mesh it came from: names, and connectivity that scikit-fem has worked out already.
+    region_of_input
+        Region of every element of that mesh.
     """
 
     position: NDArray[np.float64]
     elements: Elements
     star: Star
     mesh: MeshTri
+    region_of_input: NDArray[np.int32]
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
@@ -61,7 +64,7 @@ class Triangulation:
             )
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
-        return cls(position, Elements(node, neighbour, region, chain), star, mesh)
+        return cls(position, Elements(node, neighbour, region, chain), star, mesh, region)
 
     @property
     def nnodes(self) -> int:
@@ -79,12 +82,25 @@ class Triangulation:
 
     def to_mesh(self) -> MeshTri:
         """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
-        subdomains, t = self.mesh.subdomains, self.mesh.t
-        copied = None if subdomains is None else {name: np.array(rows) for name, rows in subdomains.items()}
-        node = np.sort(self.elements.node, axis=1).T
+        t, node = self.mesh.t, np.sort(self.elements.node, axis=1).T
         t = t.copy() if np.array_equal(node, np.sort(t, axis=0)) else np.ascontiguousarray(node, dtype=t.dtype)
         position = np.ascontiguousarray(self.position.T)
-        return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=copied)
+        return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=self._subdomains())
+
+    def _subdomains(self) -> dict[str, NDArray[np.integer]] | None:
+        """The elements of every name, as many as there are now: an element carries the names of its region."""
+        if self.mesh.subdomains is None:
+            return None
+        found = {}
+        for name, rows in self.mesh.subdomains.items():
+            if name.startswith("gmsh:"):
+                if len(self.elements.node) == len(self.region_of_input):
+                    found[name] = np.array(rows)
+                continue
+            named = np.zeros(self.region_of_input.max() + 1, dtype=bool)
+            named[self.region_of_input[rows]] = True
+            found[name] = np.flatnonzero(named[self.elements.region]).astype(np.asarray(rows).dtype)
+        return found
 
 
 def check_mesh(mesh: MeshTri) -> None:

@@ -15,11 +15,11 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 TOWER = [
     *("kernels", "triangles"),
     *("triangulation", "outline", "locate", "density"),
-    *("schedule", "som"),
+    *("recycling", "schedule", "som"),
     *("relocation", "precompile"),
     *("result", "problem", "journal", "stopping", "loop"),
 ]
-GROUND = TOWER[: TOWER.index("schedule")]
+GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
 BESIDE = {"estimators": GROUND, "magnetostatics": [*GROUND, "estimators"]}
 # What a person touches; nothing but the package's front imports it.
