@@ -2,6 +2,7 @@
 
 from . import estimators
 from .density import density_from_indicators, density_from_sizes
+from .descent import polish
 from .io import read_mesh, write_mesh
 from .locate import find_elements, interpolate
 from .loop import adapt
@@ -9,6 +10,7 @@ from .precompile import warmup
 from .problem import Problem
 from .relocation import relocate
 from .result import AdaptResult, Pass, Status
+from .ritz import Ritz
 from .schedule import Schedule, Stage
 from .som import KohonenMap
 from .triangles import quality
@@ -18,6 +20,7 @@ __all__ = [
     "KohonenMap",
     "Pass",
     "Problem",
+    "Ritz",
     "Schedule",
     "Stage",
     "Status",
@@ -27,6 +30,7 @@ __all__ = [
     "estimators",
     "find_elements",
     "interpolate",
+    "polish",
     "quality",
     "read_mesh",
     "relocate",

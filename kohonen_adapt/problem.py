@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "order_of", "solve"]
+from .ritz import Ritz
+
+__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "order_of", "ritz_of", "solve"]
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +18,8 @@ class Problem(Protocol):
 
     It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
-    ``solve`` on every mesh but the first) and ``energy_norm(mesh, solution) -> float``.
+    ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
+    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises.
     """
 
     def solve(self, mesh: MeshTri) -> Any:
@@ -99,6 +102,20 @@ def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value
+
+
+def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
+    """The problem's functional with the solution that `solve` returned for the mesh.
+
+    Raises
+    ------
+    ValueError
+        If it is no `Ritz`.
+    """
+    ritz = problem.ritz(mesh, solution)  # type: ignore[attr-defined]
+    if not isinstance(ritz, Ritz):
+        raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
+    return ritz
 
 
 def _offers(problem: Problem, name: str) -> bool:

@@ -15,9 +15,10 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 TOWER = [
     *("kernels", "triangles"),
     *("triangulation", "outline", "locate", "density"),
-    *("recycling", "schedule", "som"),
-    *("relocation", "precompile"),
-    *("result", "problem", "journal", "stopping", "loop"),
+    *("recycling", "ritz", "functional", "carry"),
+    *("schedule", "som"),
+    *("relocation", "problem", "descent", "precompile"),
+    *("result", "journal", "stopping", "improvement", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.

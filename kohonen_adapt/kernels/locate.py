@@ -47,6 +47,13 @@ def walk(position, elements, e, x, y):
 
 
 @kernel
+def walk_each(position, elements, points, found, inside):
+    """Walk to every point from the element that `found` holds, which becomes where the walk ended."""
+    for t in range(points.shape[0]):
+        found[t], inside[t] = walk(position, elements, found[t], points[t, 0], points[t, 1])
+
+
+@kernel
 def count_in_cells(position, node, origin, size, shape, start):
     """Number of elements whose bounding box meets each cell of a grid, summed up to row starts."""
     start[:] = 0

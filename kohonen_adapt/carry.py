@@ -1,0 +1,85 @@
+"""A solution on the triangulation it was found on, looked up for the nodes of what became of that."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .functional import Functional
+from .kernels.geometry import FREE, HELD, SLIDING
+from .kernels.locate import barycentric, walk_each
+from .locate import Locator
+from .outline import Outline
+from .ritz import Ritz
+from .triangulation import Triangulation
+
+__all__ = ["Carrier"]
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A P1 function, what of it is given, and the triangulation as it was; of that everything is a copy.
+
+    Attributes
+    ----------
+    base
+        The triangulation when the carrier was made.
+    values, fixed
+        Nodal values there, and whether they are given, (n,).
+    inside
+        Whether a value is given at a node that is on no outline, (n,).
+    """
+
+    functional: Functional
+    base: Triangulation
+    values: Floats
+    fixed: Mask
+    inside: Mask
+
+    @classmethod
+    def of(cls, ritz: Ritz, functional: Functional, triangulation: Triangulation, outline: Outline) -> "Carrier":
+        """Keep the solution of `ritz` on the triangulation as it is now, before its nodes move."""
+        elements = triangulation.elements
+        kept = elements._replace(
+            node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=elements.region.copy()
+        )
+        base = replace(triangulation, position=triangulation.position.copy(), elements=kept)
+        values, fixed = np.array(ritz.values), np.array(ritz.fixed)
+        return cls(functional, base, values, fixed, fixed & (outline.constraints.kind == FREE))
+
+    def onto(self, triangulation: Triangulation, outline: Outline, hint: NDArray[np.integer]) -> tuple[Floats, Mask]:
+        """Values and whether they are given, (n,) each, at the nodes of what became of the triangulation.
+
+        `hint` (n,) is an element of the old triangulation near every node, of a region that the node touches. Nodes are
+        known by where they are, not by their numbers: held ones by the old node in their place, sliding ones by their
+        chain, free ones by the old element that holds them.
+        """
+        position, kind, chain = triangulation.position, outline.constraints.kind, outline.constraints.chain[:, 0]
+        corners, share = self._located(position, hint)
+        values = np.sum(share * self.values[corners], axis=1)
+        fixed = np.all(self.fixed[corners], axis=1) & np.any(self.inside[corners], axis=1)
+        held, sliding = kind == HELD, kind == SLIDING
+        before = corners[held, np.argmax(share[held], axis=1)]
+        values[held], fixed[held] = self.values[before], self.fixed[before]
+        fixed[sliding] = self.functional.given[chain[sliding]]
+        exact = np.flatnonzero(sliding)[self.functional.linear[chain[sliding]]]
+        start, rate = self.functional.on_chain[chain[exact]].T
+        values[exact] = start + rate * outline.constraints.parameter[exact]
+        return values, fixed
+
+    def _located(self, points: Floats, hint: NDArray[np.integer]) -> tuple[NDArray[np.int32], Floats]:
+        """Corners of the old element that holds each point, (n, 3), and its barycentric coordinates there, none < 0."""
+        old = self.base
+        found, inside = np.array(hint, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
+        walk_each(old.position, old.elements, points, found, inside)
+        if not inside.all():
+            # Blocked by a concave outline, or too far: searched for. Outside by rounding: where the walk ended.
+            searched = Locator(old).find(points[~inside])
+            found[~inside] = np.where(searched >= 0, searched, found[~inside])
+        share = np.empty((len(points), 3))
+        barycentric(old.position, old.elements.node, points, found, share)
+        share = np.maximum(share, 0.0)
+        return old.elements.node[found], share / share.sum(axis=1, keepdims=True)

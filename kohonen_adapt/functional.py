@@ -1,0 +1,138 @@
+"""A Ritz functional in terms of a triangulation: constants by region, given values by chain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernels.geometry import FREE, HELD, SLIDING
+from .outline import Outline
+from .ritz import Ritz
+from .triangulation import Triangulation
+
+__all__ = ["Functional"]
+
+LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Functional:
+    """What the polish lowers: it holds for the triangulation as it is now, wherever its nodes and edges have gone.
+
+    Attributes
+    ----------
+    constants
+        Coefficient, source and flux of every region of the triangulation, (nregions, 4).
+    given
+        Chains whose values are given, (c,) bool.
+    linear
+        Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
+    on_chain
+        Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
+    comparable
+        Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
+        values are given on whole chains only and linearly there.
+    """
+
+    constants: Floats
+    given: Mask
+    linear: Mask
+    on_chain: Floats
+    comparable: bool
+
+    @classmethod
+    def of(cls, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> "Functional":
+        """Look up the constants of every region and how values are given on every chain.
+
+        Raises
+        ------
+        ValueError
+            If `ritz` is of another mesh, or its constants change inside a region.
+        """
+        check_shapes(ritz, triangulation)
+        values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+        kind, count = outline.constraints.kind, len(outline.constraints.length)
+        chain, node = nodes_of_chains(triangulation)
+        whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
+        partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
+        on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
+        linear = whole & (off <= LINEAR * np.ptp(values))
+        given = whole | partly
+        comparable = not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
+        return cls(constants_of_regions(ritz, triangulation), given, linear, on_chain, bool(comparable))
+
+    def of_elements(self, triangulation: Triangulation) -> Floats:
+        """A half of the coefficient, a sixth of the source and a half of the flux of every element, (m, 4)."""
+        return (self.constants / np.array([2.0, 6.0, 2.0, 2.0]))[triangulation.elements.region]
+
+    def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
+        """What each node may do, (n,), when those are held whose given values no formula would carry along."""
+        kind, chain = outline.constraints.kind, outline.constraints.chain[:, 0]
+        sliding = kind == SLIDING
+        held = (kind == FREE) & fixed
+        held[sliding] = (self.given & ~self.linear)[chain[sliding]]
+        return np.where(held, HELD, kind).astype(kind.dtype)
+
+    def value(self, triangulation: Triangulation, values: Floats) -> float:
+        """The functional of nodal values (n,) on the triangulation as it is now."""
+        node, position = triangulation.elements.node, triangulation.position
+        a, b, c = (position[node[:, k]] for k in range(3))
+        u, doubled = values[node], 2.0 * triangulation.areas()
+        turned = u[:, :1] * (c - b) + u[:, 1:2] * (a - c) + u[:, 2:] * (b - a)
+        gradient = np.stack([-turned[:, 1], turned[:, 0]]) / doubled
+        coefficient, source, along_x, along_y = self.constants[triangulation.elements.region].T
+        density = 0.5 * coefficient * np.sum(gradient**2, axis=0) - source * u.mean(axis=1)
+        density -= along_x * gradient[0] + along_y * gradient[1]
+        return 0.5 * float(np.sum(doubled * density))
+
+
+def check_shapes(ritz: Ritz, triangulation: Triangulation) -> None:
+    """Refuse a functional of another mesh."""
+    nodes, elements = triangulation.nnodes, len(triangulation.elements.node)
+    if np.shape(ritz.values) != (nodes,):
+        raise ValueError(f"values of Ritz must have shape (nnodes,) = ({nodes},); got {np.shape(ritz.values)}.")
+    if ritz.region is not None and np.shape(ritz.region) != (elements,):
+        raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
+
+
+def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:
+    """Coefficient, source and flux of every region of the triangulation, (nregions, 4)."""
+    region, first = triangulation.elements.region, np.unique(triangulation.elements.region, return_index=True)[1]
+    number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    stray = np.flatnonzero(number != number[first][region])
+    if len(stray):
+        e = int(stray[0])
+        raise ValueError(
+            f"region of Ritz must be one number on each region of the mesh; elements {first[region[e]]} and {e} are of "
+            f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the mesh."
+        )
+    tables = (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
+    rows = [np.broadcast_to(table, max(1, np.size(table)))[number[first] * (np.ndim(table) > 0)] for table in tables]
+    return np.stack(rows, axis=1)
+
+
+def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The chain and the end nodes of every facet on one, a row for each end."""
+    elements = triangulation.elements
+    e, k = np.nonzero(elements.chain >= 0)
+    node = np.concatenate([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]])
+    return np.tile(elements.chain[e, k], 2), node
+
+
+def line_of_chains(
+    triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
+) -> tuple[Floats, Floats]:
+    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,)."""
+    constraints = outline.constraints
+    way = triangulation.position[node] - constraints.origin[chain]
+    parameter = np.sum(way * constraints.direction[chain], axis=1)
+    order = np.lexsort((parameter, chain))
+    last = np.cumsum(np.bincount(chain, minlength=len(constraints.length))) - 1
+    end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
+    rate = (end - start) / constraints.length
+    off = np.zeros(len(start))
+    np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
+    return np.stack([start, rate], axis=1), off
