@@ -9,6 +9,7 @@ from skfem import MeshTri
 
 from .kernels.geometry import Elements
 from .kernels.smooth import Sites, average_at_sites, count_sites, fill_sites, multiply_factors, update_factors
+from .locate import Locator
 from .triangles import area
 from .triangulation import Triangulation, check_mesh
 
@@ -215,6 +216,12 @@ class CallableDensity:
     def at_nodes(self) -> Floats:
         """The mean around every node of the density's mesh, weighted with areas, (n,)."""
         return means_at_nodes(self.elements.node, self.areas, self.masses)
+
+    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+        """Nothing: the function is asked anew wherever nodes are."""
+
+    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+        """Nothing: the function is asked anew wherever nodes are."""
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""

@@ -10,12 +10,16 @@ from .outline import Outline
 from .ritz import Ritz
 from .triangulation import Triangulation
 
-__all__ = ["Functional"]
+__all__ = ["Functional", "VariesInside"]
 
 LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class VariesInside(ValueError):
+    """The constants of a functional change inside a region of the mesh."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,7 @@ def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:
     stray = np.flatnonzero(number != number[first][region])
     if len(stray):
         e = int(stray[0])
-        raise ValueError(
+        raise VariesInside(
             f"region of Ritz must be one number on each region of the mesh; elements {first[region[e]]} and {e} are of "
             f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the mesh."
         )

@@ -16,6 +16,8 @@ from .triangles import area, quality
 
 __all__ = ["Ending", "Journal", "StepFailed"]
 
+STEPS = ("solve", "estimate", "relocate", "polish")
+
 Floats = NDArray[np.float64]
 
 
@@ -37,12 +39,13 @@ class Ending:
 
 
 class _Solved(NamedTuple):
-    """A mesh with what is known on it, and its worth: the smaller, the better."""
+    """A mesh with what is known on it, its nodes in the input mesh, and its rank: the smaller, the better."""
 
     mesh: MeshTri
     solution: Any
     indicators: Floats
-    worth: float
+    nodes: NDArray[np.intp]
+    rank: float
 
 
 class Journal:
@@ -51,6 +54,7 @@ class Journal:
     def __init__(self, norm: str) -> None:
         self.history: tuple[Pass, ...] = ()
         self.worths: tuple[float, ...] = ()
+        self.ranks: tuple[float, ...] = ()
         self._norm = norm
         self._last: _Solved | None = None
         self._best: _Solved | None = None
@@ -64,7 +68,7 @@ class Journal:
     @property
     def best_number(self) -> int:
         """Number of the best pass so far."""
-        return int(np.argmin(self.worths))
+        return int(np.argmin(self.ranks))
 
     @property
     def last(self) -> tuple[MeshTri | None, Any]:
@@ -81,12 +85,22 @@ class Journal:
             if not self.history:
                 raise
             raise StepFailed(step) from error
-        self._seconds[step] = perf_counter() - start
+        self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start
 
     def record(
-        self, mesh: MeshTri, solution: Any, indicators: Floats, energy_norm: float | None, move: Relocation | None
+        self,
+        mesh: MeshTri,
+        solution: Any,
+        indicators: Floats,
+        energy_norm: float | None,
+        functional: float | None,
+        comparable: bool,
+        move: Relocation | None,
     ) -> None:
-        """Add the pass whose mesh was just solved and estimated; `move` made it, None for the input."""
+        """Add the pass whose mesh was just solved and estimated; `move` made it, None for the input.
+
+        The best pass is that of the lowest functional where passes are `comparable` by it, else of the lowest estimate.
+        """
         qualities = quality(mesh)
         entry = Pass(
             number=self.number,
@@ -97,14 +111,27 @@ class Journal:
             min_quality=float(qualities.min()),
             mean_quality=float(qualities.mean()),
             max_displacement=move.max_displacement if move else 0.0,
-            seconds={step: self._seconds.get(step, 0.0) for step in ("solve", "estimate", "relocate")},
+            seconds={step: self._seconds.get(step, 0.0) for step in STEPS},
+            functional=functional,
+            polish_gain=move.polish_gain if move else 0.0,
+            collapses=move.collapses if move else 0,
+            splits=move.splits if move else 0,
         )
         worth = _root_sum(indicators * np.sqrt(area(mesh))) if self._norm == "L2" else entry.estimate
-        solved = _Solved(mesh, solution, indicators, worth)
-        best = solved if self._best is None or worth < self._best.worth else self._best
-        history, worths = (*self.history, entry), (*self.worths, worth)
+        rank = functional if comparable and functional is not None else worth
+        solved = _Solved(mesh, solution, indicators, self._nodes_after(mesh, move), rank)
+        best = solved if self._best is None or rank < self._best.rank else self._best
+        history, worths, ranks = (*self.history, entry), (*self.worths, worth), (*self.ranks, rank)
         # One statement without a call: Ctrl-C cannot fall in the middle of it.
-        self.history, self.worths, self._last, self._best, self._seconds = history, worths, solved, best, {}
+        self.history, self.worths, self.ranks, self._last, self._best, self._seconds = (
+            history, worths, ranks, solved, best, {}
+        )  # fmt: skip
+
+    def _nodes_after(self, mesh: MeshTri, move: Relocation | None) -> NDArray[np.intp]:
+        """Number in the input of every node of the mesh that `move` made, -1 for a new one."""
+        if move is None or self._last is None:
+            return np.arange(mesh.p.shape[1])
+        return np.where(move.old >= 0, self._last.nodes[move.old], -1)
 
     def result(self, ending: Ending) -> AdaptResult:
         """The best pass with the history and the way the loop ended."""
@@ -118,7 +145,7 @@ class Journal:
             history=self.history,
             status=ending.status,
             message=ending.message,
-            nodes=np.arange(self._best.mesh.p.shape[1]),
+            nodes=self._best.nodes,
             error=ending.error,
         )
 

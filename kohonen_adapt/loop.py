@@ -7,22 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from .density import density_from_indicators
+from .growth import Growth
+from .improvement import Improvement, Settings
 from .journal import Ending, Journal, StepFailed
-from .problem import Problem, check_problem, energy_norm, estimate, norm_of, order_of, solve
-from .relocation import Relocation, guarded_map, relocation
+from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve
+from .relocation import guarded_map
 from .result import AdaptResult, Pass
 from .schedule import Schedule, check_training, is_count
-from .stopping import StopTest, failed, interrupted, not_moved
+from .stopping import StopTest, failed, interrupted, not_moved, remarked
 
 __all__ = ["adapt"]
 
-# The measured best of the map's topologies.
-_TOPOLOGY = "flip"
+# The measured best of the topologies.
+_TOPOLOGY = "recycle"
 
 _NUMBERS = (int, float, np.integer, np.floating)
-
-Relocate = Callable[[MeshTri, NDArray[np.float64], int], Relocation]
 
 
 def adapt(
@@ -38,12 +37,15 @@ def adapt(
     pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
     seed: int = 0,
     callback: Callable[[Pass], Any] | None = None,
+    polish: bool = True,
+    target_nodes: int | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number stays the same.
 
     A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
-    error equal everywhere. The mesh after the last pass is solved and estimated too, so `passes` relocations cost
-    ``passes + 1`` solves. The result is the best mesh seen, the input included.
+    error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower.
+    The mesh after the last pass is solved and estimated too, so `passes` relocations cost ``passes + 1`` solves. The
+    result is the best mesh seen, the input included.
 
     Parameters
     ----------
@@ -53,7 +55,9 @@ def adapt(
         Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
         of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
         "L2": the norm in which the error is to be small), ``solve_from(mesh, old_mesh, old_solution)`` (in place of
-        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``.
+        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``, and
+        ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
+        it).
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol
@@ -61,21 +65,29 @@ def adapt(
     schedule
         How the map learns; None for the default, which fits itself to every pass.
     topology
-        "fixed" keeps the connectivity, "flip" makes each region Delaunay; None for the measured best of them.
+        "fixed" keeps the connectivity, "flip" makes each region Delaunay, "recycle" also takes nodes away where there
+        are too many and puts as many where there are too few; None for the measured best of them, "recycle".
     min_quality
-        No move and no flip leaves an element of lower quality than this, or than there was.
+        No move, flip, collapse or split leaves an element of lower quality than this, or than there was.
     pinned
         What stays where it is: node indices, names of boundaries and of subdomains.
     seed
         An integer >= 0. Every pass draws its training points from a seed of its own, made from this one.
     callback
         Called with every `Pass`, the input's first; returning True stops the loop. What it raises is not caught.
+    polish
+        Whether to descend the energy after the map. Where the problem has no ``ritz``, elements of another degree than
+        1, ``norm = "L2"``, or coefficients that vary inside a region, there is no polish, and the message says so.
+    target_nodes
+        Grow to that many nodes by splitting edges, a share in every pass but the last; names are kept. None keeps their
+        number.
 
     Returns
     -------
     AdaptResult
-        The best pass by estimate (with ``norm = "L2"`` by the square root of the sum of |K| times the squared
-        indicators), never worse than the input; with the history, the status and a message. Print it for a table.
+        The best pass, never worse than the input: the one of the lowest Ritz functional where the polish can compare
+        passes, else by estimate (with ``norm = "L2"`` by the square root of the sum of |K| times the squared
+        indicators); with the history, the status and a message. Print it for a table.
 
     Raises
     ------
@@ -92,33 +104,24 @@ def adapt(
     check_training(schedule, seed)
     guarded_map(mesh, topology, min_quality, pinned)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
+    growth = Growth.of(mesh, target_nodes, passes)
+    improvement = Improvement(problem, Settings(schedule, topology, min_quality, pinned, seed, polish))
     journal = Journal(norm_of(problem))
-
-    def relocate(mesh: MeshTri, indicators: NDArray[np.float64], number: int) -> Relocation:
-        density = density_from_indicators(mesh, indicators, order=order_of(problem), norm=norm_of(problem))
-        return relocation(
-            mesh,
-            density,
-            schedule=schedule,
-            topology=topology,
-            min_quality=min_quality,
-            pinned=pinned,
-            seed=_seed_of_pass(seed, number),
-        )
-
     try:
-        ending = _loop(mesh, problem, relocate, StopTest(passes, rtol, atol, callback), journal)
+        ending = _loop(mesh, problem, improvement, growth, StopTest(passes, rtol, atol, callback), journal)
     except KeyboardInterrupt:
         if not journal.history:
             raise
         ending = interrupted(journal)
     except StepFailed as failure:
         ending = failed(journal, failure)
-    return journal.result(ending)
+    return journal.result(remarked(ending, improvement.remark))
 
 
-def _loop(mesh: MeshTri, problem: Problem, relocate: Relocate, stop: StopTest, journal: Journal) -> Ending:
-    """Solve, estimate, stop or relocate, and again."""
+def _loop(
+    mesh: MeshTri, problem: Problem, improvement: Improvement, growth: Growth, stop: StopTest, journal: Journal
+) -> Ending:
+    """Solve, estimate, stop or relocate and polish, and again."""
     move = None
     while True:
         with journal.timed("solve"):
@@ -126,11 +129,19 @@ def _loop(mesh: MeshTri, problem: Problem, relocate: Relocate, stop: StopTest, j
         with journal.timed("estimate"):
             indicators = estimate(problem, mesh, solution)
             energy = energy_norm(problem, mesh, solution)
-        journal.record(mesh, solution, indicators, energy, move)
+        with journal.timed("polish"):
+            if move is None:
+                improvement.examine(mesh, solution)
+            functional = improvement.functional(mesh, solution)
+        journal.record(mesh, solution, indicators, energy, functional, improvement.comparable, move)
         if ending := stop(journal, move):
             return ending
         with journal.timed("relocate"):
-            move = relocate(mesh, indicators, journal.number)
+            trained = improvement.train(mesh, indicators, journal.number, growth.nodes(journal.number))
+        with journal.timed("polish"):
+            gain = improvement.polish(trained, solution)
+        with journal.timed("relocate"):
+            move = trained.relocation(gain)
         if _same(mesh, move.mesh):
             return not_moved(journal, move)
         mesh = move.mesh
@@ -143,10 +154,6 @@ def _same(before: MeshTri, after: MeshTri) -> bool:
 
 def _triples(mesh: MeshTri) -> NDArray[np.integer]:
     return np.unique(np.sort(mesh.t, axis=0), axis=1)
-
-
-def _seed_of_pass(seed: int, number: int) -> int:
-    return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
 
 
 def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any) -> None:

@@ -73,6 +73,10 @@ class Outline:
         names = {name: turned(side, along)[first] for name, side in facets.sides.items()}
         return cls(constraints, names, pinned)
 
+    def copy(self) -> "Outline":
+        """The outline as it is now."""
+        return replace(self, constraints=Constraints(*(array.copy() for array in self.constraints)))
+
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""
         if triangulation.mesh.boundaries is None:

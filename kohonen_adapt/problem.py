@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from .ritz import Ritz
 
-__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "order_of", "ritz_of", "solve"]
+__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "offers", "order_of", "ritz_of", "solve"]
 
 Floats = NDArray[np.float64]
 
@@ -48,13 +48,13 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order`` or ``norm`` is unknown.
     """
     kind = type(problem).__name__
-    missing = [name for name in ("solve", "indicators") if not _offers(problem, name)]
+    missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
     if missing:
         raise ValueError(
             f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
             f"{kind} has no {' and no '.join(missing)}."
         )
-    if rtol is not None and not _offers(problem, "energy_norm"):
+    if rtol is not None and not offers(problem, "energy_norm"):
         raise ValueError(
             f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: add it, or use atol."
         )
@@ -66,7 +66,7 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
 
 def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None, old_solution: Any) -> Any:
     """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
-    if old_mesh is not None and _offers(problem, "solve_from"):
+    if old_mesh is not None and offers(problem, "solve_from"):
         return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
     return problem.solve(mesh)
 
@@ -96,7 +96,7 @@ def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
     ValueError
         If it is not a finite number >= 0.
     """
-    if not _offers(problem, "energy_norm"):
+    if not offers(problem, "energy_norm"):
         return None
     value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
     if not 0.0 <= value < np.inf:
@@ -118,7 +118,8 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
     return ritz
 
 
-def _offers(problem: Problem, name: str) -> bool:
+def offers(problem: Problem, name: str) -> bool:
+    """Whether a problem has a method of that name."""
     return callable(getattr(problem, name, None))
 
 

@@ -11,7 +11,7 @@ from .kernels.recycle import Heap, Origins, Pool, Room, fill_heaps, recycle, spr
 from .outline import Outline
 from .triangulation import Triangulation, empty_star
 
-__all__ = ["Recycled", "recycle_nodes"]
+__all__ = ["Recycled", "recycle_nodes", "unchanged"]
 
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
 ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
@@ -46,8 +46,14 @@ class Recycled:
     collapses: int
 
 
+def unchanged(triangulation: Triangulation) -> Recycled:
+    """What there is to say of a triangulation that is not recycled, before its nodes move."""
+    nodes, star = np.arange(triangulation.nnodes, dtype=np.int32), triangulation.star
+    return Recycled(nodes, star.element[star.start[:-1]], triangulation.elements.node[:, 0], 0, 0)
+
+
 def recycle_nodes(
-    triangulation: Triangulation, outline: Outline, density: Floats, floor: float, target: int
+    triangulation: Triangulation, outline: Outline, density: Floats, floor: float, target: int, pairs: bool
 ) -> Recycled:
     """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
 
@@ -64,11 +70,13 @@ def recycle_nodes(
         The quality rule: no worse than this, or than what was there before.
     target
         Number of nodes in the end, at least that of now: more are made by splits alone.
+    pairs
+        Whether to go on with splits and collapses when there are as many.
     """
     before, star = triangulation.elements, triangulation.star
     hint = star.element[star.start[:-1]]
     spacious = Surgery.on(triangulation, outline, density, hint, target)
-    splits, collapses = spacious.run(floor, target - triangulation.nnodes)
+    splits, collapses = spacious.run(floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
     spacious.hand_back(triangulation, outline)
     old, hint = spacious.origins.old[:target], spacious.origins.hint[:target]
     return Recycled(old, hint, starts_of(before, old), splits, collapses)
@@ -114,7 +122,7 @@ class Surgery:
         )
         return cls(padded(triangulation.position, rows, 0.0), elements, constraints, pool, origins)
 
-    def run(self, floor: float, missing: int) -> tuple[int, int]:
+    def run(self, floor: float, missing: int, ratio: float) -> tuple[int, int]:
         """Rounds of splits and collapses; returns how many of each."""
         longest, shortest, room = (*heaps_for(self.elements), room_for(self.position, self.elements))
         arrays = self.position, self.elements, self.constraints, self.pool, self.origins, longest, shortest
@@ -124,7 +132,7 @@ class Surgery:
             at_first, finished = splits, False
             self.origins.young[:] = False
             while not finished:
-                more, fewer, finished = recycle(*arrays, max(0, missing - splits), RATIO, floor, SPLITS, room)
+                more, fewer, finished = recycle(*arrays, max(0, missing - splits), ratio, floor, SPLITS, room)
                 splits, collapses = splits + more, collapses + fewer
             if splits - at_first <= SETTLED * len(self.position):
                 break

@@ -10,14 +10,18 @@ from skfem import MeshTri
 
 from .density import CallableDensity, ElementDensity, density_of
 from .kernels.train import ball_means
+from .locate import Locator
+from .outline import Outline
+from .recycling import Recycled, unchanged
 from .schedule import Schedule, check_training, widest_radius
 from .som import KohonenMap, scratch_for
 from .triangulation import Triangulation
 
 logger = logging.getLogger(__package__)
 
-__all__ = ["Relocation", "guarded_map", "relocate", "relocation"]
+__all__ = ["Relocation", "Trained", "guarded_map", "relocate", "trained_map"]
 
+TOPOLOGIES = ("fixed", "flip", "recycle")
 MISMATCH = 0.6  # logarithm of the mean load of a ball of nodes beyond which mass must still travel as far as its radius
 CENTRES = 50  # balls that are looked at, at least
 
@@ -35,9 +39,15 @@ class Relocation:
     max_displacement
         The longest way that a node went, in mesh units.
     moved
-        Number of nodes that moved.
+        Number of nodes that moved or are new.
     message
         Why no node moved, or empty.
+    old
+        (nnodes,): number in the old mesh of every node, -1 for a new one.
+    splits, collapses
+        How often recycling split and collapsed an edge.
+    polish_gain
+        What moves and flips of the polish took off the Ritz functional.
     """
 
     mesh: MeshTri
@@ -45,6 +55,55 @@ class Relocation:
     max_displacement: float
     moved: int
     message: str
+    old: NDArray[np.integer]
+    splits: int = 0
+    collapses: int = 0
+    polish_gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A map that has learnt a density, with what it was before; it can still be polished.
+
+    Attributes
+    ----------
+    som
+        The map.
+    mesh, triangulation, outline
+        The old mesh, and the map's arrays when it was that.
+    recycled
+        Which nodes are old, and an old element near each.
+    quantization_errors
+        Mean distance of the training points to their winners, one per epoch, in mesh units.
+    still
+        Why no node moved, if none did.
+    """
+
+    som: KohonenMap
+    mesh: MeshTri
+    triangulation: Triangulation
+    outline: Outline
+    recycled: Recycled
+    quantization_errors: tuple[float, ...]
+    still: str
+
+    def relocation(self, polish_gain: float = 0.0) -> Relocation:
+        """The map as it is now as a mesh, compared with the old one."""
+        mesh, old = self.som.mesh, self.recycled.old
+        kept = old >= 0
+        way = np.sqrt(np.sum((mesh.p[:, kept] - self.mesh.p[:, old[kept]]) ** 2, axis=0))
+        moved = int(np.count_nonzero(way) + np.count_nonzero(~kept))
+        return Relocation(
+            mesh=mesh,
+            quantization_errors=self.quantization_errors,
+            max_displacement=float(way.max()),
+            moved=moved,
+            message="" if moved else self.still,
+            old=old,
+            splits=self.recycled.splits,
+            collapses=self.recycled.collapses,
+            polish_gain=polish_gain,
+        )
 
 
 def relocate(
@@ -71,9 +130,11 @@ def relocate(
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
         ``topology="flip"`` it makes each region constrained Delaunay.
     topology
-        ``"flip"`` makes each region constrained Delaunay as far as `min_quality` lets it, ``"fixed"`` keeps ``mesh.t``.
+        ``"flip"`` makes each region constrained Delaunay as far as `min_quality` lets it, ``"fixed"`` keeps ``mesh.t``,
+        ``"recycle"`` also takes nodes away where there are too many and puts as many where there are too few: outlines
+        gain and lose nodes, corners and pinned nodes stay, and the number of elements may change.
     min_quality
-        A move or flip is accepted if the worst quality it leaves in what it touches is at least
+        A move, flip, collapse or split is accepted if the worst quality it leaves in what it touches is at least
         ``min(min_quality, the worst there before)``.
     pinned
         Node numbers, and names of boundaries and subdomains, of what stays where it is.
@@ -104,15 +165,15 @@ def relocate(
     >>> finer_below.p.shape == mesh.p.shape
     True
     """
-    done = relocation(
+    done = trained_map(
         mesh, density, schedule=schedule, topology=topology, min_quality=min_quality, pinned=pinned, seed=seed
-    )
+    ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
         logger.warning("relocate moved no node: %s.", done.message)
     return done.mesh
 
 
-def relocation(
+def trained_map(
     mesh: MeshTri,
     density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
     *,
@@ -121,21 +182,26 @@ def relocation(
     min_quality: float,
     pinned: Sequence[int | str] | NDArray[np.integer] | str,
     seed: int,
-) -> Relocation:
-    """`relocate`, with an account of what it took."""
+    target: int | None = None,
+) -> Trained:
+    """What `relocate` does, before it is made a mesh again; with at least `target` nodes."""
     check_training(schedule, seed)
     som = guarded_map(mesh, topology, min_quality, pinned)
-    wanted = density_of(som.triangulation, density)
-    rng = np.random.default_rng(seed)
+    wanted, rng = density_of(som.triangulation, density), np.random.default_rng(seed)
+    before, outline = som.triangulation.copy(), som.outline.copy()
+    recycled = unchanged(before)
+    target = max(target or 0, before.nnodes)
+    if topology == "recycle" or target > before.nnodes:
+        recycled = som.recycle(wanted, target, pairs=topology == "recycle")
     if schedule is None:
-        radius = start_radius(som, wanted, rng)
-        schedule = Schedule.default(som.triangulation.nnodes, radius=radius, topology=topology)
-    errors = som.learn(wanted.draw, schedule, rng)
-    som.smooth(wanted, schedule.sweeps)
-    moved = som.mesh
-    way = np.sqrt(np.sum((moved.p - mesh.p) ** 2, axis=0))
-    count = int(np.count_nonzero(way))
-    return Relocation(moved, errors, float(way.max()), count, "" if count else why_still(som, schedule))
+        radius = start_radius(som, wanted, rng) if recycled.splits == 0 and topology != "recycle" else None
+        schedule = Schedule.default(target, radius=radius, topology=topology)
+    errors = som.learn(wanted.draw, schedule, rng, recycled.starts)
+    if schedule.sweeps:
+        if recycled.splits:
+            wanted.refit(som.triangulation, Locator(before))
+        som.smooth(wanted, schedule.sweeps)
+    return Trained(som, mesh, before, outline, recycled, errors, why_still(som, schedule))
 
 
 def guarded_map(
@@ -144,7 +210,10 @@ def guarded_map(
     """A map that keeps the quality rule; whatever is wrong with the mesh or the options is refused here."""
     if min_quality is None:
         raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
-    return KohonenMap(mesh, topology=topology, min_quality=min_quality, pinned=pinned)
+    if topology not in TOPOLOGIES:
+        raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
+    map_topology = "fixed" if topology == "fixed" else "flip"
+    return KohonenMap(mesh, topology=map_topology, min_quality=min_quality, pinned=pinned)
 
 
 def why_still(som: KohonenMap, schedule: Schedule) -> str:

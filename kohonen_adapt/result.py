@@ -50,7 +50,14 @@ class Pass:
     max_displacement
         The farthest that this relocation moved a node, mesh units; 0 for the input.
     seconds
-        Wall time under the keys ``solve`` and ``estimate`` (on this mesh) and ``relocate`` (that made it).
+        Wall time under the keys ``solve`` and ``estimate`` (on this mesh), ``relocate`` and ``polish`` (that made it).
+    functional
+        Ritz functional of the solution, in the problem's unit of energy; None where there is no polish.
+    polish_gain
+        What moves and flips of the polish that made this mesh took off the functional of the solution carried to it.
+        The map gained the rest of the difference to the pass before.
+    collapses, splits
+        How often an edge was collapsed and split to make this mesh.
     """
 
     number: int
@@ -62,6 +69,10 @@ class Pass:
     mean_quality: float
     max_displacement: float
     seconds: dict[str, float]
+    functional: float | None = None
+    polish_gain: float = 0.0
+    collapses: int = 0
+    splits: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +96,7 @@ class AdaptResult:
     message
         One sentence: how it ended and what to do.
     nodes
-        (nnodes,), index in the input mesh of every node.
+        (nnodes,), index in the input mesh of every node, -1 for a new one.
     error
         The exception that ended the loop if ``status`` is ``FAILED``, else None.
     """

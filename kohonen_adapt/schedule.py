@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["Schedule", "Stage"]
 
 # More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
-SWEEPS = {"flip": 8, "fixed": 4}
+SWEEPS = {"flip": 8, "fixed": 4, "recycle": 0}
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -72,6 +72,10 @@ class Stage:
         if self.neighbourhood == "flat" or self.radius == 0:
             return np.ones(len(ring))
         return np.exp(-0.5 * (ring * WIDTH / self.radius) ** 2)
+
+
+# How the default schedules learn at radius 1.
+LOCAL = {"flip": Stage(1, 2, 0.3), "fixed": Stage(1, 5, (0.3, 0.1)), "recycle": Stage(1, 4, 0.3)}
 
 
 @dataclass(frozen=True)
@@ -150,10 +154,12 @@ class Schedule:
         nnodes
             Number of nodes of the mesh.
         radius
-            Start radius, halved down to 1; None takes the widest (`widest_radius`). `relocate` takes it from how far
-            the mesh is from the density, because wide radii repeated without need over-concentrate.
+            Start radius, halved down to 1; None takes the widest (`widest_radius`), or 1 where nodes are recycled.
+            `relocate` takes it from how far the mesh is from the density, because wide radii repeated without need
+            over-concentrate.
         topology
-            ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches.
+            ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
+            ``"recycle"`` needs no wide radii, because nodes need not travel.
 
         Notes
         -----
@@ -162,20 +168,20 @@ class Schedule:
         lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead of it, hold each
         other in check over many passes.
         """
-        if topology not in ("flip", "fixed"):
-            raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+        if topology not in LOCAL:
+            raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
         if not is_count(nnodes):
             raise ValueError(f"nnodes must be an integer >= 0; got {nnodes!r}.")
         if radius is not None and not is_count(radius):
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
-        start = widest_radius(nnodes) if radius is None else radius
+        widest = 1 if topology == "recycle" else widest_radius(nnodes)
+        start = widest if radius is None else radius
         epochs = 3 if start >= 4 else 2
         stages = [
             Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=min(2.0, thinness(nnodes, r) / r**2))
             for r in halved(start)
         ]
-        local = Stage(1, 2, 0.3) if topology == "flip" else Stage(1, 5, (0.3, 0.1))
-        return cls((*stages, local), sweeps=SWEEPS[topology])
+        return cls((*stages, LOCAL[topology]), sweeps=SWEEPS[topology])
 
 
 def halved(radius: int) -> list[int]:

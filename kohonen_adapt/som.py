@@ -223,9 +223,9 @@ class KohonenMap:
         self.search_steps.append(steps / max(1, len(slot)))
         return total / max(1, len(slot))
 
-    def recycle(self, density: ElementDensity | CallableDensity, target: int) -> Recycled:
-        """Take nodes from where the density wants fewer and put them where it wants more; `target` nodes in the end."""
-        done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target)
+    def recycle(self, density: ElementDensity | CallableDensity, target: int, pairs: bool) -> Recycled:
+        """Put nodes where the density wants more, up to `target` in all, and in `pairs` take others away elsewhere."""
+        done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target, pairs)
         self._scratch = scratch_for(self.triangulation)
         return done
 

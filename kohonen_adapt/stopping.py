@@ -1,7 +1,7 @@
 """When the loop ends, and the sentence it then says."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from .journal import Ending, Journal, StepFailed
 from .relocation import Relocation
 from .result import Pass, Status
 
-__all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved"]
+__all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved", "remarked"]
 
 # The estimate of a pass carries about one per cent of chance (other training points), so one pass without a gain says
 # little: the next one often gains again. Over the L-shape, example 22 of scikit-fem and a square magnet, at 225 to 3201
@@ -61,6 +61,11 @@ def not_moved(journal: Journal, move: Relocation) -> Ending:
     return Ending(
         Status.NOT_MOVED, f"Nothing could move: {move.message.rstrip('.')}; {_best(journal)}, change that to go on."
     )
+
+
+def remarked(ending: Ending, remark: str) -> Ending:
+    """The ending with one thing more to say at the end of its sentence."""
+    return replace(ending, message=f"{ending.message.removesuffix('.')}; {remark}.") if remark else ending
 
 
 def interrupted(journal: Journal) -> Ending:

@@ -71,6 +71,13 @@ class Triangulation:
         """Number of nodes."""
         return len(self.position)
 
+    def copy(self) -> "Triangulation":
+        """The triangulation as it is now."""
+        elements = Elements(*(array.copy() for array in self.elements))
+        return replace(
+            self, position=self.position.copy(), elements=elements, star=Star(*(array.copy() for array in self.star))
+        )
+
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
         fill_star(self.elements.node, self.star)

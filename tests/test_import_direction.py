@@ -18,7 +18,7 @@ TOWER = [
     *("recycling", "ritz", "functional", "carry"),
     *("schedule", "som"),
     *("relocation", "problem", "descent", "precompile"),
-    *("result", "journal", "stopping", "improvement", "loop"),
+    *("result", "journal", "stopping", "improvement", "growth", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.

@@ -1,0 +1,116 @@
+"""How a pass improves a mesh: the map learns the density of the error, then the polish descends the energy."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from .carry import Carrier
+from .density import density_from_indicators
+from .descent import SWEEPS, descend
+from .functional import Functional, VariesInside
+from .problem import Problem, norm_of, offers, order_of, ritz_of
+from .relocation import Trained, guarded_map, trained_map
+from .ritz import functional_value
+from .schedule import Schedule
+
+__all__ = ["Improvement", "Settings"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What every pass is improved with; see `adapt`."""
+
+    schedule: Schedule | None
+    topology: str
+    min_quality: float
+    pinned: Sequence[int | str] | NDArray[np.integer] | str
+    seed: int
+    polish: bool
+
+
+class Improvement:
+    """Map and polish for the passes of one problem.
+
+    Attributes
+    ----------
+    skipped
+        Why there is no polish, or empty.
+    comparable
+        Whether the functional says which of two meshes is better: the admissible functions are the same on both.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings) -> None:
+        self._problem = problem
+        self._settings = settings
+        self.skipped = why_skipped(problem) if settings.polish else "it is switched off"
+        self.comparable = False
+
+    def functional(self, mesh: MeshTri, solution: Any) -> float | None:
+        """The Ritz functional of a mesh's own solution, or None where there is no polish."""
+        return None if self.skipped else functional_value(mesh, ritz_of(self._problem, mesh, solution))
+
+    def examine(self, mesh: MeshTri, solution: Any) -> None:
+        """See from the input and its solution whether the functional can be descended, and compared."""
+        if self.skipped:
+            return
+        settings = self._settings
+        som = guarded_map(mesh, settings.topology, settings.min_quality, settings.pinned)
+        ritz = ritz_of(self._problem, mesh, solution)
+        try:
+            self.comparable = Functional.of(ritz, som.triangulation, som.outline).comparable
+        except VariesInside:
+            self.skipped = "its coefficients vary inside a region of the mesh"
+
+    def train(self, mesh: MeshTri, indicators: NDArray[np.float64], number: int, nodes: int) -> Trained:
+        """Let the map learn where the error of pass `number` wants nodes, `nodes` of them at least."""
+        settings, problem = self._settings, self._problem
+        return trained_map(
+            mesh,
+            density_from_indicators(mesh, indicators, order=order_of(problem), norm=norm_of(problem)),
+            schedule=settings.schedule,
+            topology=settings.topology,
+            min_quality=settings.min_quality,
+            pinned=settings.pinned,
+            seed=int(np.random.SeedSequence((settings.seed, number)).generate_state(1)[0]),
+            target=nodes,
+        )
+
+    def polish(self, trained: Trained, solution: Any) -> float:
+        """Carry the old solution to the trained map and descend its functional there; returns what that gained."""
+        if self.skipped:
+            return 0.0
+        ritz, som = ritz_of(self._problem, trained.mesh, solution), trained.som
+        functional = Functional.of(ritz, trained.triangulation, trained.outline)
+        carrier = Carrier.of(ritz, functional, trained.triangulation, trained.outline)
+        values, fixed = carrier.onto(som.triangulation, som.outline, trained.recycled.hint)
+        flips, floor = self._settings.topology != "fixed", float(self._settings.min_quality)
+        return descend(
+            som.triangulation, som.outline, functional, values, fixed, sweeps=SWEEPS, flips=flips, floor=floor
+        )
+
+    @property
+    def remark(self) -> str:
+        """What a user should know about the polish of this problem, or empty."""
+        if not self._settings.polish or (self.comparable and not self.skipped):
+            return ""
+        if self.skipped:
+            return f"there was no polish: {self.skipped}"
+        return (
+            "values given on outlines are not linear there, so their nodes were not polished, and passes were compared "
+            "by the estimate"
+        )
+
+
+def why_skipped(problem: Problem) -> str:
+    """What a problem lacks for the polish, or empty."""
+    if not offers(problem, "ritz"):
+        return f"{type(problem).__name__} has no method ritz(mesh, solution)"
+    if order_of(problem) != 1:
+        return f"the order of its elements is {order_of(problem)}, not 1"
+    if norm_of(problem) != "energy":
+        return f"its norm is {norm_of(problem)!r}, not 'energy'"
+    return ""
