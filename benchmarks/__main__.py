@@ -1,8 +1,8 @@
-"""The command: `python -m benchmarks [L H R M F speed warmup drift spread scale] [--seeds 5] [--quick]`."""
+"""The command: `python -m benchmarks [L H R M F speed warmup drift spread scale sweeps] [--seeds 5] [--quick]`."""
 
 import argparse
 
-from benchmarks import drift, scale, speed, spread, warmup
+from benchmarks import drift, scale, speed, spread, sweeps, warmup
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
@@ -12,6 +12,7 @@ CHECKS = {
     "drift": drift.report,
     "spread": spread.report,
     "scale": scale.report,
+    "sweeps": sweeps.report,
 }
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from benchmarks import p1
 
 NORM_SQUARED = 1.8362266618751626  # |u|_1^2 of the exact solution
@@ -40,6 +41,10 @@ class LShape:
     def energy_norm(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """|u_h|_1."""
         return p1.energy_norm(mesh, solution)
+
+    def ritz(self, mesh: MeshTri, solution: np.ndarray) -> ka.Ritz:
+        """int |grad u|^2 / 2."""
+        return ka.Ritz(solution, p1.on_boundary(mesh), coefficient=1.0)
 
     def error(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """|u - u_h|_1, exact to rounding for any mesh with a node at the re-entrant corner."""

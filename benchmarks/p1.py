@@ -57,6 +57,13 @@ def solve_dirichlet(mesh: MeshTri, matrix: csr_matrix, load: Array, boundary_val
     return solution
 
 
+def on_boundary(mesh: MeshTri) -> Array:
+    """Mask (nnodes,) of the nodes on the outer boundary."""
+    mask = np.zeros(mesh.p.shape[1], dtype=bool)
+    mask[mesh.boundary_nodes()] = True
+    return mask
+
+
 def integrate_hats(mesh: MeshTri, element_values: Array) -> Array:
     """Load vector int f v for a source that is constant on every element."""
     share = element_values * shape_gradients(mesh)[0] / 3

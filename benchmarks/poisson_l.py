@@ -3,6 +3,7 @@
 import numpy as np
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from benchmarks import p1
 
 NORM_SQUARED = 0.2140758  # |u|_1^2 of the exact solution
@@ -23,6 +24,10 @@ class PoissonL:
     def energy_norm(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """|u_h|_1."""
         return p1.energy_norm(mesh, solution)
+
+    def ritz(self, mesh: MeshTri, solution: np.ndarray) -> ka.Ritz:
+        """int |grad u|^2 / 2 - u."""
+        return ka.Ritz(solution, p1.on_boundary(mesh), coefficient=1.0, source=1.0)
 
     def error(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """|u - u_h|_1: the energy of a Galerkin solution falls short by its square."""

@@ -3,6 +3,7 @@
 import numpy as np
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from benchmarks import p1
 from benchmarks.helmholtz import square_mesh
 
@@ -39,6 +40,15 @@ class SquareMagnet:
     def energy_norm(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """Square root of int nu |grad A|^2."""
         return p1.energy_norm(mesh, solution, self._reluctivity(mesh))
+
+    def ritz(self, mesh: MeshTri, solution: np.ndarray) -> ka.Ritz:
+        """int nu |grad A|^2 / 2 - flux . grad A, with the numbers 0 for air, 1 for the magnet and 2 for iron."""
+        number = np.zeros(mesh.t.shape[1], dtype=int)
+        number[mesh.subdomains["magnet"]] = 1
+        if self.iron:
+            number[mesh.subdomains["iron"]] = 2
+        flux = np.outer(_REMANENT_FLUX, (0.0, 1.0, 0.0))
+        return ka.Ritz(solution, p1.on_boundary(mesh), (1.0, 1.0, 1 / IRON_PERMEABILITY), flux=flux, region=number)
 
     def error(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """Relative error of the energy norm: the energy of a Galerkin solution falls short by its square."""

@@ -86,7 +86,7 @@ def polish(
     functional = Functional.of(ritz, som.triangulation, som.outline)
     descend(
         som.triangulation, som.outline, functional, np.array(ritz.values), np.array(ritz.fixed),
-        sweeps=sweeps, flips=topology == "flip", floor=min_quality,
+        sweeps=sweeps, flips=topology == "flip", floor=float(min_quality),
     )  # fmt: skip
     return som.mesh
 

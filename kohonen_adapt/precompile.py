@@ -3,8 +3,12 @@
 import numpy as np
 from skfem import MeshTri
 
+from .carry import Carrier
+from .descent import descend
+from .functional import Functional
 from .locate import interpolate
-from .relocation import relocate
+from .relocation import guarded_map, relocate
+from .ritz import Ritz
 from .schedule import Schedule, Stage
 from .som import KohonenMap
 
@@ -14,8 +18,8 @@ __all__ = ["warmup"]
 def warmup() -> None:
     """Compile every kernel now, or load it from numba's cache.
 
-    Otherwise the first call of `relocate`, `adapt`, `KohonenMap` or `interpolate` does that, which takes some seconds
-    once per installation; the caches are then found on disk. The small meshes relocated here are thrown away.
+    Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` does that, which takes some
+    seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
     """
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), sweeps=1)
@@ -24,3 +28,15 @@ def warmup() -> None:
     relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])
     KohonenMap(mesh).search(np.array([0.3, 0.4]), 0)
     interpolate(mesh, mesh.p[0], mesh.p)
+    _polish(mesh)
+
+
+def _polish(mesh: MeshTri) -> None:
+    """Carry a function to where it is, and lower its energy by one sweep."""
+    som = guarded_map(mesh, "flip", 0.3, ())
+    triangulation, outline = som.triangulation, som.outline
+    ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
+    functional = Functional.of(ritz, triangulation, outline)
+    hint = triangulation.star.element[triangulation.star.start[:-1]]
+    values, fixed = Carrier.of(ritz, functional, triangulation, outline).onto(triangulation, outline, hint)
+    descend(triangulation, outline, functional, values, fixed, sweeps=1, flips=True, floor=0.3)

@@ -1,4 +1,4 @@
-"""The materials of a problem as values per element of a mesh."""
+"""The materials of a problem as values per material, and per element of a mesh."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from skfem import MeshTri
 
 from kohonen_adapt.magnetostatics.material import Material
 
-__all__ = ["Coefficients", "coefficients", "named"]
+__all__ = ["Coefficients", "coefficients", "material_of_elements", "named", "of_materials"]
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Reluctivity (nelements,), remanence (2, nelements) and current density (nelements,), in m/H, T and A/m^2."""
+    """Reluctivity (n,), remanence (2, n) and current density (n,) of n materials or elements, in m/H, T and A/m^2."""
 
     reluctivity: Floats
     remanence: Floats
@@ -24,18 +24,24 @@ class Coefficients:
 
     @property
     def flux(self) -> Floats:
-        """``nu (-Br_y, Br_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
+        """``nu (-Br_y, Br_x)``, (2, n) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
         return self.reluctivity * np.stack((-self.remanence[1], self.remanence[0]))
 
 
 def coefficients(mesh: MeshTri, materials: Mapping[str, Material]) -> Coefficients:
-    """Look up the one material of every element; subdomains that are not among the materials have no say."""
+    """Per element, those of its one material; subdomains that are not among the materials have no say."""
+    number = material_of_elements(mesh, materials)
+    given = of_materials(materials)
+    return Coefficients(given.reluctivity[number], given.remanence[:, number], given.current_density[number])
+
+
+def of_materials(materials: Mapping[str, Material]) -> Coefficients:
+    """Per material, in the order of the mapping."""
     filled = list(materials.values())
-    number = _material_of_elements(mesh, materials)
     return Coefficients(
-        np.array([material.reluctivity for material in filled])[number],
-        np.array([material.remanence for material in filled])[number].T,
-        np.array([material.current_density for material in filled])[number],
+        np.array([material.reluctivity for material in filled]),
+        np.array([material.remanence for material in filled]).reshape(-1, 2).T,
+        np.array([material.current_density for material in filled]),
     )
 
 
@@ -47,7 +53,8 @@ def named(sets: Mapping[str, NDArray[np.int32]] | None, name: str, kind: str) ->
     return sets[name]
 
 
-def _material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> NDArray[np.int64]:
+def material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> NDArray[np.int64]:
+    """Place in the mapping of the one material of every element, (nelements,)."""
     number = np.full(mesh.t.shape[1], -1)
     for index, name in enumerate(materials):
         elements = np.asarray(named(mesh.subdomains, name, "subdomain"))
