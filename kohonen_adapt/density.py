@@ -167,6 +167,12 @@ class ElementDensity:
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares
 
+    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+        """Take notice that the triangulation has other nodes and elements now; the locator is the density's mesh's."""
+        self._sites = sites_of(triangulation)
+        middle = triangulation.position[triangulation.elements.node[self._sites.element]].mean(axis=1)
+        self._sites.element[:] = np.maximum(0, locator.find(middle))
+
 
 class CallableDensity:
     """A density given as a function of position, sampled wherever it is needed."""
@@ -216,9 +222,6 @@ class CallableDensity:
     def at_nodes(self) -> Floats:
         """The mean around every node of the density's mesh, weighted with areas, (n,)."""
         return means_at_nodes(self.elements.node, self.areas, self.masses)
-
-    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
-        """Nothing: the function is asked anew wherever nodes are."""
 
     def refit(self, triangulation: Triangulation, locator: Locator) -> None:
         """Nothing: the function is asked anew wherever nodes are."""

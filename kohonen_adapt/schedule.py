@@ -11,6 +11,8 @@ __all__ = ["Schedule", "Stage"]
 
 # More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
 SWEEPS = {"flip": 8, "fixed": 4, "recycle": 0}
+# How the default schedules learn at radius 1: epochs and rate.
+LOCAL = {"flip": (2, 0.3), "fixed": (5, (0.3, 0.1)), "recycle": (4, 0.3)}
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -72,10 +74,6 @@ class Stage:
         if self.neighbourhood == "flat" or self.radius == 0:
             return np.ones(len(ring))
         return np.exp(-0.5 * (ring * WIDTH / self.radius) ** 2)
-
-
-# How the default schedules learn at radius 1.
-LOCAL = {"flip": Stage(1, 2, 0.3), "fixed": Stage(1, 5, (0.3, 0.1)), "recycle": Stage(1, 4, 0.3)}
 
 
 @dataclass(frozen=True)
@@ -181,7 +179,7 @@ class Schedule:
             Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=min(2.0, thinness(nnodes, r) / r**2))
             for r in halved(start)
         ]
-        return cls((*stages, LOCAL[topology]), sweeps=SWEEPS[topology])
+        return cls((*stages, Stage(1, *LOCAL[topology])), sweeps=SWEEPS[topology])
 
 
 def halved(radius: int) -> list[int]:
