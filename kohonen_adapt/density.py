@@ -162,7 +162,7 @@ class ElementDensity:
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
-        squares = np.empty(len(self.masses))
+        squares = np.empty(len(triangulation.elements.node))
         update_factors(triangulation.position, self._sites, self.position, self.elements, self._log_at_corners)
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares

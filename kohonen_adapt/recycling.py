@@ -78,8 +78,8 @@ def recycle_nodes(
     spacious = Surgery.on(triangulation, outline, density, hint, target)
     splits, collapses = spacious.run(floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
     spacious.hand_back(triangulation, outline)
-    old, hint = spacious.origins.old[:target], spacious.origins.hint[:target]
-    return Recycled(old, hint, starts_of(before, old), splits, collapses)
+    old = spacious.origins.old
+    return Recycled(old, spacious.origins.hint, starts_of(before, old), splits, collapses)
 
 
 @dataclass
@@ -139,13 +139,13 @@ class Surgery:
         return splits, collapses
 
     def hand_back(self, triangulation: Triangulation, outline: Outline) -> None:
-        """Leave out the rows that are free, and give the arrays to the triangulation and its outline."""
-        rows = len(self.position) - 1
+        """Fill the rows that are free with the last ones, and give the arrays to the triangulation and its outline."""
+        in_use = np.flatnonzero(self.pool.anchor >= 0)
+        rows = len(in_use)
         kept = np.arange(rows, dtype=np.int32)
-        free = int(np.flatnonzero(self.pool.anchor < 0)[0])
-        number = np.arange(rows + 1, dtype=np.int32)
-        if free < rows:
-            kept[free], number[rows] = rows, free
+        kept[self.pool.anchor[:rows] < 0] = in_use[in_use >= rows]
+        number = np.zeros(len(self.position), dtype=np.int32)
+        number[kept] = np.arange(rows)
         used = self.elements.node[:, 0] >= 0
         renumbered = np.append(np.cumsum(used, dtype=np.int32) - 1, -1)
         triangulation.elements = Elements(

@@ -131,7 +131,18 @@ def _columns(history: tuple[Pass, ...]) -> dict[str, list[str]]:
     }
     if all(step.energy_norm is None for step in history):
         del columns["Energy Error %"]
+    if any(step.functional is not None for step in history):
+        columns["gain of map"] = ["-", *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]
+        columns["of polish"] = ["-", *(f"{step.polish_gain:.2g}" for step in history[1:])]
+    if any(step.splits for step in history):
+        columns["splits"] = [str(step.splits) for step in history]
+        columns["collapses"] = [str(step.collapses) for step in history]
     return columns
+
+
+def _gain_of_map(before: Pass, after: Pass) -> float:
+    """What a pass took off the Ritz functional beside its polish."""
+    return (before.functional or 0.0) - (after.functional or 0.0) - after.polish_gain
 
 
 def _energy_error(step: Pass) -> str:

@@ -6,17 +6,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from skfem import MeshTri
+from stand_ins import trained
 
-from kohonen_adapt.loop import adapt
-from kohonen_adapt.relocation import Relocation
+from kohonen_adapt.loop import adapt as adapt_and_polish
 from kohonen_adapt.result import AdaptResult, Status
 
 MESH = MeshTri().refined(2)
 NODES = MESH.p.shape[1]
 ELEMENTS = MESH.t.shape[1]
 
-# The package gives the name `adapt` to the function; the module stands behind it.
-LOOP = importlib.import_module("kohonen_adapt.loop")
+IMPROVEMENT = importlib.import_module("kohonen_adapt.improvement")
+
+
+def adapt(*arguments, **options):
+    """The loop without its polish, which these problems cannot have."""
+    return adapt_and_polish(*arguments, polish=False, **options)
 
 
 @dataclass
@@ -53,13 +57,13 @@ class Mover:
         p = mesh.p.copy()
         if self.moved:
             p[:, 12] += 1e-3
-        return Relocation(MeshTri(p, mesh.t), (0.2, 0.1), 1e-3 * bool(self.moved), self.moved, self.message)
+        return trained(MeshTri(p, mesh.t), (0.2, 0.1), 1e-3 * bool(self.moved), self.moved, self.message)
 
 
 @pytest.fixture
 def mover(monkeypatch):
     fake = Mover()
-    monkeypatch.setattr(LOOP, "relocation", fake)
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", fake)
     return fake
 
 
@@ -121,7 +125,7 @@ def test_a_pass_describes_its_mesh_and_the_relocation_that_made_it(mover):
     assert (second.quantization_errors, second.max_displacement) == ((0.2, 0.1), 1e-3)
     assert first.energy_norm == second.energy_norm == 10.0
     assert 0.0 < first.min_quality <= first.mean_quality <= 1.0
-    assert set(first.seconds) == set(second.seconds) == {"solve", "estimate", "relocate"}
+    assert set(first.seconds) == set(second.seconds) == {"solve", "estimate", "relocate", "polish"}
     assert first.seconds["relocate"] == 0.0 < second.seconds["relocate"]
     assert min(first.seconds["solve"], first.seconds["estimate"], second.seconds["solve"]) > 0.0
 
@@ -169,7 +173,7 @@ def test_the_settings_reach_the_map(mover):
     assert mesh is MESH
     assert density.shape == (ELEMENTS,)
     del settings["seed"]
-    assert settings == {"schedule": None, "topology": "fixed", "min_quality": 0.2, "pinned": (7, 3)}
+    assert settings == {"schedule": None, "topology": "fixed", "min_quality": 0.2, "pinned": (7, 3), "target": NODES}
 
 
 def test_an_iterator_of_pinned_nodes_lasts_for_every_pass(mover):
@@ -177,9 +181,9 @@ def test_an_iterator_of_pinned_nodes_lasts_for_every_pass(mover):
     assert [call[2]["pinned"] for call in mover.calls] == [(7, 3)] * 2
 
 
-def test_the_default_topology_flips(mover):
+def test_the_default_topology_recycles(mover):
     adapt(MESH, Script([2.0, 1.0]), passes=1)
-    assert mover.calls[0][2]["topology"] == "flip"
+    assert mover.calls[0][2]["topology"] == "recycle"
 
 
 def test_every_pass_starts_from_the_mesh_before_it(mover):
@@ -203,7 +207,7 @@ def test_order_and_norm_reach_the_density(mover, monkeypatch):
         asked.append((order, norm))
         return indicators
 
-    monkeypatch.setattr(LOOP, "density_from_indicators", density)
+    monkeypatch.setattr(IMPROVEMENT, "density_from_indicators", density)
     problem = Script([2.0, 1.0])
     adapt(MESH, problem, passes=1)
     problem = Script([2.0, 1.0])
@@ -236,7 +240,7 @@ def test_with_the_l2_norm_the_best_has_the_least_area_weighted_sum(monkeypatch):
         def indicators(self, mesh, solution):
             return np.where(wide, *((1.0, 0.0) if solution == 0 else (0.0, 0.9)))
 
-    monkeypatch.setattr(LOOP, "relocation", Mover())
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", Mover())
     problem = Moving([0, 0])
     by_energy = adapt(mesh, problem, passes=1)
     assert by_energy.mesh is mesh
@@ -326,7 +330,7 @@ def test_one_pass_without_gain_is_no_stall(mover, script):
 
 def test_nothing_could_move(monkeypatch):
     fake = Mover(moved=0, message="every node is pinned.")
-    monkeypatch.setattr(LOOP, "relocation", fake)
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", fake)
     problem = Script([1.0])
     result = adapt(MESH, problem)
     assert result.status is Status.NOT_MOVED
@@ -340,9 +344,9 @@ def test_a_mesh_that_only_flipped_is_solved_before_the_loop_ends(monkeypatch):
     flipped = MeshTri(np.array([[0.0, 1.0, 1.1, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.array([[0, 0], [1, 1], [3, 2]]))
     square = MeshTri(flipped.p, np.array([[0, 0], [1, 2], [2, 3]]))
     monkeypatch.setattr(
-        LOOP,
-        "relocation",
-        lambda *_, **__: Relocation(flipped, (), 0.0, 0, "every node is on the outline"),
+        IMPROVEMENT,
+        "trained_map",
+        lambda *_, **__: trained(flipped, message="every node is on the outline"),
     )
     result = adapt(square, Script([2.0, 1.0, 0.5]), passes=5)
     assert result.status is Status.NOT_MOVED
@@ -416,7 +420,7 @@ def test_ctrl_c_in_the_map_or_in_the_callback_gives_the_best_so_far(monkeypatch,
         raise KeyboardInterrupt
 
     assert adapt(MESH, Script([3.0]), callback=interrupt).status is Status.STOPPED
-    monkeypatch.setattr(LOOP, "relocation", interrupt)
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", interrupt)
     assert adapt(MESH, Script([3.0])).status is Status.STOPPED
 
 
@@ -453,7 +457,7 @@ def test_an_exception_of_the_map_ends_the_loop_too(monkeypatch):
     def broken(*_, **__):
         raise MemoryError("no room")
 
-    monkeypatch.setattr(LOOP, "relocation", broken)
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", broken)
     result = adapt(MESH, Script([3.0]))
     assert result.status is Status.FAILED
     assert result.message == (

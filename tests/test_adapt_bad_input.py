@@ -6,16 +6,16 @@ import re
 import numpy as np
 import pytest
 from skfem import MeshTri
+from stand_ins import trained
 
 from kohonen_adapt.loop import adapt
-from kohonen_adapt.relocation import Relocation
 from kohonen_adapt.result import Status
 
 MESH = MeshTri().refined(2)
 ELEMENTS = MESH.t.shape[1]
 
 # The package gives the name `adapt` to the function; the module stands behind it.
-LOOP = importlib.import_module("kohonen_adapt.loop")
+IMPROVEMENT = importlib.import_module("kohonen_adapt.improvement")
 
 
 class Constant:
@@ -135,10 +135,10 @@ def test_broken_indicators_of_the_input(values, message):
 @pytest.mark.parametrize(("values", "message"), BROKEN)
 def test_broken_indicators_later(values, message, monkeypatch):
     def move(mesh, density, **_):
-        return Relocation(MeshTri(mesh.p * 1.01, mesh.t), (), 0.01, 24, "")
+        return trained(MeshTri(mesh.p * 1.01, mesh.t), way=0.01, moved=24)
 
-    monkeypatch.setattr(LOOP, "relocation", move)
-    result = adapt(MESH, Constant(values, from_pass=1))
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", move)
+    result = adapt(MESH, Constant(values, from_pass=1), polish=False)
     assert result.status is Status.FAILED
     assert result.mesh is MESH
     assert isinstance(result.error, ValueError)

@@ -226,10 +226,12 @@ def test_norms():
         ka.density_from_indicators(MESH, ONES, norm="H1")
 
 
-@pytest.mark.parametrize("topology", ["recycle", "Flip", "", None, 3])
+@pytest.mark.parametrize("topology", ["Recycle", "Flip", "", None, 3])
 def test_topologies(topology):
-    for call in (lambda: ka.relocate(MESH, ONES, topology=topology), lambda: KohonenMap(MESH, topology=topology)):
-        with pytest.raises(ValueError, match=rf"^topology must be 'fixed' or 'flip'; got {topology!r}\.$"):
+    with pytest.raises(ValueError, match=rf"^topology must be 'fixed' or 'flip'; got {topology!r}\.$"):
+        KohonenMap(MESH, topology=topology)
+    for call in (lambda: ka.relocate(MESH, ONES, topology=topology), lambda: Schedule.default(9, topology=topology)):
+        with pytest.raises(ValueError, match=rf"^topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}\.$"):
             call()
 
 

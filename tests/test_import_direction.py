@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 TOWER = [
     *("kernels", "triangles"),
     *("triangulation", "outline", "locate", "density"),
-    *("recycling", "ritz", "functional", "carry"),
+    *("ritz", "recycling", "functional", "carry"),
     *("schedule", "som"),
     *("relocation", "problem", "descent", "precompile"),
     *("result", "journal", "stopping", "improvement", "growth", "loop"),

@@ -36,7 +36,7 @@ def cases(draw):
     if mesh.boundaries and draw(st.booleans()):
         pinned.append("a")
     options = {
-        "topology": draw(st.sampled_from(["fixed", "flip"])),
+        "topology": draw(st.sampled_from(["fixed", "flip", "recycle"])),
         "min_quality": draw(st.sampled_from([0.0, 0.1, 0.3, 0.6])),
         "schedule": draw(st.sampled_from(SCHEDULES)),
         "pinned": pinned,
@@ -100,7 +100,7 @@ def facets_at_random(coarse, mesh, rng):
     return OrientedBoundary(rows, np.where(mesh.f2t[1, rows] >= 0, rng.integers(0, 2, len(rows)), 0))
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=180, deadline=None, derandomize=True)
 @given(cases())
 def test_area_outline_names_orientation_and_quality_are_kept(case):
     mesh, density, options = case
@@ -110,13 +110,13 @@ def test_area_outline_names_orientation_and_quality_are_kept(case):
 
     assert (mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()) == given_arrays
     assert result.p.shape == mesh.p.shape
-    assert result.t.shape == mesh.t.shape
     assert ka.quality(result).min() >= min(options["min_quality"], before) * (1 - 1e-9)
     old, new = Triangulation.of(mesh), Triangulation.of(result)
     assert new.areas().min() > 0
-    assert np.array_equal(old.elements.region, new.elements.region)
-    parts = old.elements.region
-    np.testing.assert_allclose(np.bincount(parts, new.areas()), np.bincount(parts, old.areas()), rtol=1e-12)
+    areas_of_regions = [np.sort(np.bincount(each.elements.region, each.areas())) for each in (old, new)]
+    np.testing.assert_allclose(*areas_of_regions, rtol=1e-12)
+    if options["topology"] != "recycle":
+        assert np.array_equal(old.elements.region, new.elements.region)
     names_are_kept(mesh, result)
     outline_is_kept(mesh, result, mesh.boundary_facets(), result.boundary_facets())
     if options["topology"] == "fixed":

@@ -27,7 +27,7 @@ import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.density import density_of
-from kohonen_adapt.relocation import relocation, start_radius
+from kohonen_adapt.relocation import start_radius, trained_map
 from kohonen_adapt.triangulation import Triangulation
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip"])
@@ -300,17 +300,20 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
 def test_an_account_of_what_it_took():
     mesh = square(6)
     options = {"topology": "flip", "min_quality": 0.3, "pinned": (), "seed": 0}
-    done = relocation(mesh, pull(mesh), schedule=SHORT, **options)
+    done = trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation()
     way = np.hypot(*(done.mesh.p - mesh.p))
     assert len(done.quantization_errors) == 2
     assert done.max_displacement == pytest.approx(way.max(), rel=1e-14)
     assert done.moved == np.count_nonzero(way)
     assert done.message == ""
-    still = relocation(mesh, pull(mesh), schedule=Schedule(()), **options)
+    still = trained_map(mesh, pull(mesh), schedule=Schedule(()), **options).relocation()
     assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
     assert still.message == "the schedule has no epochs and no sweeps"
     options["pinned"] = range(49)
-    assert relocation(mesh, pull(mesh), schedule=SHORT, **options).message == "every node is a corner or pinned"
+    assert (
+        trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation().message
+        == "every node is a corner or pinned"
+    )
 
 
 def test_regions_that_hang_together_nowhere_are_relocated_each():
@@ -368,5 +371,7 @@ def test_a_relocation_that_moves_nothing_says_so(caplog):
 
 def test_a_single_triangle_has_nothing_to_move():
     mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
-    done = relocation(mesh, np.ones(1), schedule=None, topology="flip", min_quality=0.3, pinned=(), seed=0)
+    done = trained_map(
+        mesh, np.ones(1), schedule=None, topology="flip", min_quality=0.3, pinned=(), seed=0
+    ).relocation()
     assert (done.moved, done.message) == (0, "every node is a corner or pinned")

@@ -114,7 +114,10 @@ def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
         (lambda: Schedule.paper(learning_rate=(0.0, 0.3)), r"learning_rate must be \(first, last\), both in \(0, 1\]"),
         (lambda: Schedule.default(-5), r"nnodes must be an integer >= 0; got -5\."),
         (lambda: Schedule.default(100, radius=-3), r"radius must be an integer >= 0, or None; got -3\."),
-        (lambda: Schedule.default(100, topology="recycle"), r"topology must be 'fixed' or 'flip'; got 'recycle'\."),
+        (
+            lambda: Schedule.default(100, topology="move"),
+            r"topology must be 'fixed', 'flip' or 'recycle'; got 'move'\.",
+        ),
     ],
 )
 def test_values_out_of_range(build, message):
