@@ -160,3 +160,103 @@ def locally_delaunay(a, b, c, d):
     """Whether d lies outside the circle through the counter-clockwise a, b, c, or nearly on it."""
     centre = circumcentre(a, b, c)
     return math.dist(centre, d) >= math.dist(centre, a) * (1 - 1e-8)
+
+
+def functional(position, node, data, values):
+    """int c/2 |grad u|^2 - f u - g . grad u, element by element; `data` (m, 4) holds c, f and the two parts of g."""
+    total = 0.0
+    for (c, f, *g), corners in zip(data, node, strict=True):
+        plane = np.column_stack([position[corners], np.ones(3)])
+        gradient = np.linalg.solve(plane, values[corners])[:2]
+        area = 0.5 * cross(position[corners[1]] - position[corners[0]], position[corners[2]] - position[corners[0]])
+        total += area * (c / 2 * gradient @ gradient - f * values[corners].mean() - np.dot(g, gradient))
+    return total
+
+
+def ritz_solution(position, node, data, values, fixed):
+    """The values that minimise the functional with the fixed ones kept: dense, from the hat functions."""
+    n = len(position)
+    matrix, load = np.zeros((n, n)), np.zeros(n)
+    for (c, f, *g), corners in zip(data, node, strict=True):
+        plane = np.column_stack([position[corners], np.ones(3)])
+        hats = np.linalg.inv(plane)[:2]
+        area = 0.5 * abs(np.linalg.det(plane))
+        matrix[np.ix_(corners, corners)] += c * area * hats.T @ hats
+        load[corners] += area * (f / 3 + np.array(g) @ hats)
+    free = ~fixed
+    solution = np.where(fixed, values, 0.0)
+    solution[free] = np.linalg.solve(matrix[np.ix_(free, free)], (load - matrix @ solution)[free])
+    return solution
+
+
+def star_derivatives(position, node, data, values, v):
+    """Gradient and Hessian of the functional in the position and the value of node v: doubled area and turned gradient
+    are affine in the three, and the rest is the chain rule."""
+    gradient, hessian = np.zeros(3), np.zeros((3, 3))
+    for e in star_of(node, v):
+        k = list(node[e]).index(v)
+        a, b = node[e, k - 2], node[e, k - 1]
+        (c, f, *g), edge = data[e], position[b] - position[a]
+        doubled = cross(position[a] - position[v], position[b] - position[v])
+        by_doubled = np.array([-edge[1], edge[0], 0.0])
+        turned = values[v] * edge + values[a] * (position[v] - position[b]) + values[b] * (position[a] - position[v])
+        by_turned = np.column_stack([(values[a] - values[b]) * np.eye(2), edge])
+        total, by_total = values[[v, a, b]].sum(), np.array([0.0, 0.0, 1.0])
+        mean = turned / doubled
+        gradient += c / 4 * (2 * by_turned.T @ mean - mean @ mean * by_doubled)
+        gradient -= f / 6 * (by_doubled * total + doubled * by_total)
+        gradient -= 0.5 * (g[1] * by_turned[0] - g[0] * by_turned[1])
+        bent = by_turned - np.outer(mean, by_doubled)
+        hessian += c / (2 * doubled) * bent.T @ bent
+        hessian -= f / 6 * (np.outer(by_doubled, by_total) + np.outer(by_total, by_doubled))
+    return gradient, hessian
+
+
+def slow_descent(position, node, data, values, axes, rates, floor, overstep, least):
+    """One sweep of energy descent: positions, values and the gain of the moves.
+
+    `axes[v]` (2, k) spans where node v may go; `rates[v]` is the rate of a value given along that, None for one that is
+    eliminated. Nodes without axes and without a rate only have their value improved.
+    """
+    position, values, gain = position.copy(), values.copy(), 0.0
+    for v in range(len(position)):
+        if axes[v] is None:
+            continue
+        star = star_of(node, v)
+        span, k = axes[v], axes[v].shape[1]
+        full = np.zeros((3, k + 1))
+        full[:2, :k], full[2, k] = span, 1.0
+        if rates[v] is not None:
+            full = np.vstack([span, np.full((1, k), rates[v])])
+        gradient, hessian = star_derivatives(position, node, data, values, v)
+        full_hessian = hessian
+        gradient, hessian = full.T @ gradient, full.T @ hessian @ full
+        before, own, worst = position[v].copy(), values[v], worst_quality(position, node, star)
+
+        def settle(v=v, star=star):
+            """The least functional of the star where v is now, its value settled."""
+            if rates[v] is None:
+                g, h = star_derivatives(position, node, data, values, v)
+                values[v] -= g[2] / h[2, 2]
+            return functional(position, node[star], data[star], values)
+
+        if rates[v] is None:
+            gradient = gradient[:k] - hessian[:k, k] * gradient[k] / hessian[k, k]
+            hessian = hessian[:k, :k] - np.outer(hessian[:k, k], hessian[k, :k]) / hessian[k, k]
+        now = settle()
+        settled = values[v]
+        curvature, principal = np.linalg.eigh(hessian)
+        if np.abs(curvature).max(initial=0.0) > 1e-12 * np.abs(full_hessian).max():
+            curvature = np.maximum(np.abs(curvature), least * np.abs(curvature).max())
+            step = -overstep * principal @ (principal.T @ gradient / curvature)
+            for part in (1.0, 0.5, 0.25, 0.125):
+                position[v] = before + part * span @ step
+                after = worst_quality(position, node, star)
+                if after > 0 and after >= min(floor, worst):
+                    values[v] = own if rates[v] is None else own + rates[v] * part * step[0]
+                    lowered = now - settle()
+                    if lowered > 0:
+                        gain += lowered
+                        break
+                position[v], values[v] = before, settled
+    return position, values, gain
