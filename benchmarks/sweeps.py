@@ -30,11 +30,12 @@ def report(seeds: Sequence[int], quick: bool) -> str:
 
 def _row(case: Case, seeds: Sequence[int]) -> list[str | int | float]:
     start = case.start()
-    figures = [np.median([_figure(case, start, sweeps, seed) for seed in seeds]) for sweeps in SWEEPS]
+    figures = [np.median([figure(case, start, sweeps, seed) for seed in seeds]) for sweeps in SWEEPS]
     return [f"{case.title.split(';')[0]}: {case.judged}", start.p.shape[1], *map(float, figures), _cost(case, start)]
 
 
-def _figure(case: Case, mesh: MeshTri, sweeps: int, seed: int) -> float:
+def figure(case: Case, mesh: MeshTri, sweeps: int, seed: int) -> float:
+    """The case's judged figure after the passes."""
     problem: Any = case.problem
     for number in range(PASSES):
         density = ka.density_from_indicators(mesh, problem.indicators(mesh, problem.solve(mesh)))

@@ -7,7 +7,7 @@ import pytest
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks import compare, drift, l_shape, report, ring, spread
+from benchmarks import compare, drift, l_shape, report, ring, spread, sweeps
 from benchmarks.cases import cases
 from benchmarks.helmholtz import square_mesh
 from benchmarks.l_shape import LShape, l_shaped_mesh
@@ -163,3 +163,9 @@ def test_a_comparison_shows_every_method_beside_its_target():
     assert header.split()[:4] == ["N", "T", "L2", "error"]
     assert [row[:10].strip() for row in rows[:4]] == ["uniform", "refined (s", "map, fixed", "map, flip"]
     assert "0.003000" in rows[2] and "0.001600" in rows[3]
+
+
+@pytest.mark.parametrize(("letter", "ratio"), [("L", 0.95), ("M", 0.95), ("F", 0.75)])
+def test_sweeps_lower_the_error_of_a_trained_map(letter, ratio):
+    case = cases(letter, quick=True)[0]
+    assert sweeps.figure(case, case.start(), 8, 0) < ratio * sweeps.figure(case, case.start(), 0, 0)
