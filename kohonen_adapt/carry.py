@@ -1,6 +1,6 @@
 """A solution on the triangulation it was found on, looked up for the nodes of what became of that."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,14 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Carrier:
-    """A P1 function, what of it is given, and the triangulation as it was; of that everything is a copy.
+    """A P1 function, what of it is given, and the triangulation it was found on.
 
     Attributes
     ----------
+    functional
+        Knows what is given on every chain.
     base
-        The triangulation when the carrier was made.
+        The old triangulation: one that does not move with the nodes.
     values, fixed
         Nodal values there, and whether they are given, (n,).
     inside
@@ -41,14 +43,9 @@ class Carrier:
 
     @classmethod
     def of(cls, ritz: Ritz, functional: Functional, triangulation: Triangulation, outline: Outline) -> "Carrier":
-        """Keep the solution of `ritz` on the triangulation as it is now, before its nodes move."""
-        elements = triangulation.elements
-        kept = elements._replace(
-            node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=elements.region.copy()
-        )
-        base = replace(triangulation, position=triangulation.position.copy(), elements=kept)
-        values, fixed = np.array(ritz.values), np.array(ritz.fixed)
-        return cls(functional, base, values, fixed, fixed & (outline.constraints.kind == FREE))
+        """The solution of `ritz` on a triangulation and its outline as they were before nodes moved."""
+        values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+        return cls(functional, triangulation, values, fixed, fixed & (outline.constraints.kind == FREE))
 
     def onto(self, triangulation: Triangulation, outline: Outline, hint: NDArray[np.integer]) -> tuple[Floats, Mask]:
         """Values and whether they are given, (n,) each, at the nodes of what became of the triangulation.

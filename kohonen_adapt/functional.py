@@ -80,18 +80,6 @@ class Functional:
         held[sliding] = (self.given & ~self.linear)[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
 
-    def value(self, triangulation: Triangulation, values: Floats) -> float:
-        """The functional of nodal values (n,) on the triangulation as it is now."""
-        node, position = triangulation.elements.node, triangulation.position
-        a, b, c = (position[node[:, k]] for k in range(3))
-        u, doubled = values[node], 2.0 * triangulation.areas()
-        turned = u[:, :1] * (c - b) + u[:, 1:2] * (a - c) + u[:, 2:] * (b - a)
-        gradient = np.stack([-turned[:, 1], turned[:, 0]]) / doubled
-        coefficient, source, along_x, along_y = self.constants[triangulation.elements.region].T
-        density = 0.5 * coefficient * np.sum(gradient**2, axis=0) - source * u.mean(axis=1)
-        density -= along_x * gradient[0] + along_y * gradient[1]
-        return 0.5 * float(np.sum(doubled * density))
-
 
 def check_shapes(ritz: Ritz, triangulation: Triangulation) -> None:
     """Refuse a functional of another mesh."""

@@ -38,5 +38,6 @@ def _polish(mesh: MeshTri) -> None:
     ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
     functional = Functional.of(ritz, triangulation, outline)
     hint = triangulation.star.element[triangulation.star.start[:-1]]
-    values, fixed = Carrier.of(ritz, functional, triangulation, outline).onto(triangulation, outline, hint)
+    carrier = Carrier.of(ritz, functional, triangulation.copy(), outline)
+    values, fixed = carrier.onto(triangulation, outline, hint)
     descend(triangulation, outline, functional, values, fixed, sweeps=1, flips=True, floor=0.3)
