@@ -100,8 +100,8 @@ class Improvement:
         if self.skipped:
             return f"there was no polish: {self.skipped}"
         return (
-            "values given on outlines are not linear there, so their nodes were not polished, and passes were compared "
-            "by the estimate"
+            "values given on outlines are not linear along them, or given inside, so their nodes were not polished, "
+            "and passes were compared by the estimate"
         )
 
 

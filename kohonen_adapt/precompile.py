@@ -23,7 +23,7 @@ def warmup() -> None:
     """
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), sweeps=1)
-    for topology in ("flip", "fixed"):
+    for topology in ("flip", "fixed", "recycle"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
     relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])
     KohonenMap(mesh).search(np.array([0.3, 0.4]), 0)

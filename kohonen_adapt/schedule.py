@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 __all__ = ["Schedule", "Stage"]
 
 # More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
-SWEEPS = {"flip": 8, "fixed": 4, "recycle": 0}
+SWEEPS = {"flip": 8, "fixed": 4, "recycle": 4}
 # How the default schedules learn at radius 1: epochs and rate.
 LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "flip": (2, 0.3),
     "fixed": (5, (0.3, 0.1)),
-    "recycle": (4, 0.3),
+    "recycle": (2, 0.3),
 }
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
