@@ -66,10 +66,16 @@ def _stiffness(mesh: MeshTri, weight: Floats, hats: Floats, free: NDArray[np.int
 
 
 def _solved(matrix: csc_array, right: NDArray[np.number]) -> Floats:
-    # Symmetric and positive definite, so the pivots may stay on the diagonal: half the time of the defaults.
+    # Symmetric and positive definite, so the pivots may stay on the diagonal: half the time of the defaults. Relaxed
+    # supernodes and panels of several columns, the other defaults, never pay here, and on some meshes cost it all.
     try:
         factors = splu(
-            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            relax=1,
+            panel_size=1,
+            options={"SymmetricMode": True, "Equil": False},
         )
     except RuntimeError as error:
         raise np.linalg.LinAlgError(
