@@ -1,7 +1,7 @@
 """Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
+from .facets import number_facets
 from .kernels.geometry import FREE, HELD, SLIDING, Constraints
 from .triangulation import Triangulation, codes_of_names
 
@@ -83,7 +84,8 @@ class Outline:
             return mesh
         facet = facet_of_edge(mesh, triangulation.elements.node)
         boundaries = {name: self._boundary(mesh, facet, triangulation, name) for name in self.names}
-        return replace(mesh, _boundaries=boundaries)
+        mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
+        return mesh
 
     def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray:
         """The facets on the chains that carry a name; with their sides if it had them."""
@@ -136,6 +138,7 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
 
 def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number of the facet opposite to each corner of the counter-clockwise elements, (m, 3)."""
+    number_facets(mesh)
     facet = np.empty_like(node)
     for row in range(3):  # scikit-fem's facets of an element: corners 01, 12, 02
         corner = np.argmax(node == mesh.t[(row + 2) % 3][:, None], axis=1)

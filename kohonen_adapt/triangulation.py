@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from .facets import number_facets
 from .kernels.connectivity import fill_star, link_neighbours
 from .kernels.geometry import Elements, Star
 from .triangles import area
@@ -174,6 +175,8 @@ def check_areas(mesh: MeshTri) -> None:
 def check_names(mesh: MeshTri) -> None:
     """Refuse named sets that do not hold numbers of elements or facets; what scikit-fem calls ``gmsh:*`` is none."""
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
+    if boundaries:
+        number_facets(mesh)
     named = [("subdomain", name, rows, mesh.t.shape[1]) for name, rows in subdomains.items()]
     named += [("boundary", name, rows, mesh.facets.shape[1]) for name, rows in boundaries.items()]
     for kind, name, rows, count in named:

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
-    *("kernels", "triangles"),
+    *("kernels", "triangles", "facets"),
     *("triangulation", "outline", "locate", "density"),
     *("ritz", "recycling", "functional", "carry"),
     *("schedule", "som"),

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
+from kohonen_adapt.facets import number_facets
 from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import check_mesh
 
@@ -32,6 +33,7 @@ def discrete_flux(
 ) -> DiscreteFlux:
     """Check the arguments of an estimator and evaluate the flux of the solution; what is None counts as zero."""
     check_mesh(mesh)
+    number_facets(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
     nodal = _checked("potential", potential, {"nnodes": nnodes}, "node")
     material = _checked("reluctivity", reluctivity, {"nelements": nelements}, "element")

@@ -1,0 +1,42 @@
+"""Facets of a mesh, numbered as scikit-fem numbers them, and kept where it keeps them."""
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+__all__ = ["number_facets"]
+
+
+def number_facets(mesh: MeshTri) -> None:
+    """Give a mesh its `facets`, `t2f` and `f2t`, unless it has worked them out already.
+
+    scikit-fem sorts pairs of nodes; sorting one whole number for each pair gives the same arrays in a fraction of the
+    time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere one day, it would
+    work them out itself.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh whose elements have nodes that exist; only its cache is written.
+    """
+    if hasattr(mesh, "_facets"):
+        return
+    count, start, end = mesh.p.shape[1], mesh.t, mesh.t[[1, 2, 0]]
+    pair = np.minimum(start, end).astype(np.int64) * count + np.maximum(start, end)
+    number, side = np.unique(pair, return_inverse=True)
+    mesh._facets = np.stack(np.divmod(number, count)).astype(mesh.t.dtype)
+    mesh._t2f = side.reshape(pair.shape)
+    mesh._f2t = elements_of(mesh._t2f, number.size)
+
+
+def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+    """The first and the last element, by number, at each of `count` facets, (2, count); -1 for last at a boundary.
+
+    `facet` is (3, nelements), the facets of the elements.
+    """
+    side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
+    elements = np.empty((2, count), dtype=np.int32)
+    elements[0, side[::-1]] = element[::-1]  # of values for one place numpy leaves the last
+    elements[1, side] = element
+    elements[1, elements[0] == elements[1]] = -1
+    return elements
