@@ -13,10 +13,11 @@ from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.coefficients import Coefficients, named
 from kohonen_adapt.triangles import area
 
-__all__ = ["Value", "fixed_values", "solve_potential"]
+__all__ = ["Value", "equations", "fixed_values", "solve_potential", "solved"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 Value = float | Callable[[Floats], ArrayLike]
 
 
@@ -37,15 +38,10 @@ def fixed_values(mesh: MeshTri, potential: Mapping[str, Value]) -> tuple[Bools, 
 
 def solve_potential(mesh: MeshTri, given: Coefficients, fixed: Bools, values: Floats) -> Floats:
     """Nodal A_z, (nnodes,) in Wb/m, of ``-div(nu grad A - flux) = J`` with A = `values` at the `fixed` nodes."""
-    size, hats = area(mesh), hat_gradients(mesh)
-    with np.errstate(over="ignore", invalid="ignore"):
-        pull = given.flux - given.reluctivity * gradient(mesh, values, hats)
-        load = size * (given.current_density / 3.0 + np.einsum("ck,cik->ik", pull, hats))
-    right = np.bincount(mesh.t.ravel(), load.ravel(), fixed.size)
     potential = values.copy()
-    free = np.flatnonzero(~fixed).astype(np.int64)
+    free = np.flatnonzero(~fixed)
     if free.size:
-        potential[free] = _solved(_stiffness(mesh, given.reluctivity * size, hats, free), right[free])
+        potential[free] = solved(*equations(mesh, given, values, free))
     if not np.all(np.isfinite(potential)):
         raise np.linalg.LinAlgError(
             "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
@@ -54,20 +50,26 @@ def solve_potential(mesh: MeshTri, given: Coefficients, fixed: Bools, values: Fl
     return potential
 
 
-def _stiffness(mesh: MeshTri, weight: Floats, hats: Floats, free: NDArray[np.int64]) -> csc_array:
-    """Matrix of ``int nu grad u . grad v`` over the free nodes."""
-    number = np.full(mesh.p.shape[1], -1)
-    number[free] = np.arange(free.size)
-    local = np.einsum("cik,cjk->ijk", hats, hats) * weight
-    row = np.broadcast_to(number[mesh.t][:, None], local.shape)
-    column = np.broadcast_to(number[mesh.t][None], local.shape)
-    kept = (row >= 0) & (column >= 0)
-    return coo_array((local[kept], (row[kept], column[kept])), shape=(free.size, free.size)).tocsc()
+def equations(mesh: MeshTri, given: Coefficients, values: Floats, free: Indices) -> tuple[csc_array, Floats]:
+    """Matrix of ``int nu grad u . grad v`` over the free nodes, and the right-hand side that belongs to it."""
+    size, hats = area(mesh), hat_gradients(mesh)
+    with np.errstate(over="ignore", invalid="ignore"):
+        pull = given.flux - given.reluctivity * gradient(mesh, values, hats)
+        load = size * (given.current_density / 3.0 + np.einsum("ck,cik->ik", pull, hats))
+    right = np.bincount(mesh.t.ravel(), load.ravel(), values.size).astype(np.float64)
+    return _stiffness(mesh, given.reluctivity * size, hats, free), right[free]
 
 
-def _solved(matrix: csc_array, right: NDArray[np.number]) -> Floats:
-    # Symmetric and positive definite, so the pivots may stay on the diagonal: half the time of the defaults. Relaxed
-    # supernodes and panels of several columns, the other defaults, never pay here, and on some meshes cost it all.
+def solved(matrix: csc_array, right: Floats) -> Floats:
+    """Solution of a symmetric and positive definite system.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is singular.
+    """
+    # The pivots may stay on the diagonal: half the time of the defaults. Relaxed supernodes and panels of several
+    # columns, other defaults, never pay here, and on some meshes the first multiply the time (`benchmarks round`).
     try:
         factors = splu(
             matrix,
@@ -83,6 +85,20 @@ def _solved(matrix: csc_array, right: NDArray[np.number]) -> Floats:
             "that are almost flat."
         ) from error
     return factors.solve(right)
+
+
+def _stiffness(mesh: MeshTri, weight: Floats, hats: Floats, free: Indices) -> csc_array:
+    """Sum over the elements of `weight` times the products of the gradients of hat functions, symmetric."""
+    number = np.full(mesh.p.shape[1], -1, dtype=np.int32)
+    number[free] = np.arange(free.size)
+    # A product off the diagonal is worked out once and stands in two places; those on it are summed beforehand.
+    off = np.einsum("cik,cik->ik", hats, hats[:, [1, 2, 0]]) * weight
+    on = np.bincount(mesh.t.ravel(), (np.einsum("cik,cik->ik", hats, hats) * weight).ravel(), number.size)
+    start, end = number[mesh.t], number[mesh.t[[1, 2, 0]]]
+    inner = (start >= 0) & (end >= 0)
+    off, start, end, diagonal = off[inner], start[inner], end[inner], number[free]
+    row, column = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
+    return coo_array((np.concatenate((off, off, on[free])), (row, column)), shape=(free.size, free.size)).tocsc()
 
 
 def _evaluated(name: str, value: Value, x: Floats) -> Floats:
