@@ -1,8 +1,9 @@
-"""The command: `python -m benchmarks [L H R M F speed warmup drift spread scale sweeps] [--seeds 5] [--quick]`."""
+"""The command: `python -m benchmarks [NAME ...] [--seeds 5] [--quick]`, by default every comparison of L H R M F."""
 
 import argparse
 
-from benchmarks import drift, scale, speed, spread, sweeps, warmup
+from benchmarks import drift, magnification, scale, speed, spread, sweeps, warmup
+from benchmarks import round as one_round
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
@@ -13,6 +14,8 @@ CHECKS = {
     "spread": spread.report,
     "scale": scale.report,
     "sweeps": sweeps.report,
+    "round": one_round.report,
+    "magnification": magnification.report,
 }
 
 
