@@ -1,9 +1,8 @@
-"""The command: `python -m benchmarks [NAME ...] [--seeds 5] [--quick]`, by default every comparison of L H R M F."""
+"""The command: `python -m benchmarks [NAME ...] [--seeds 5] [--quick]`; `--help` lists the names."""
 
 import argparse
 
-from benchmarks import drift, magnification, scale, speed, spread, sweeps, warmup
-from benchmarks import round as one_round
+from benchmarks import drift, scale, speed, spread, sweeps, warmup
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
@@ -14,8 +13,6 @@ CHECKS = {
     "spread": spread.report,
     "scale": scale.report,
     "sweeps": sweeps.report,
-    "round": one_round.report,
-    "magnification": magnification.report,
 }
 
 

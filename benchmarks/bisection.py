@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from skfem import MeshTri
 
+from benchmarks.edges import find_edges, unique_edges
+
 Array = np.ndarray
 
 
@@ -39,18 +41,19 @@ class Bisection:
             name: np.flatnonzero(np.isin(self.parent, elements))
             for name, elements in (self.start.subdomains or {}).items()
         }
-        boundaries = {name: _find(plain.facets, pairs) for name, pairs in self.named.items()}
+        boundaries = {name: find_edges(plain.facets, pairs) for name, pairs in self.named.items()}
         return plain.with_subdomains(subdomains).with_boundaries(boundaries)
 
     def refined(self, marked: Array) -> "Bisection":
         """Halve the marked elements (indices) at least once, and what else makes the mesh conform."""
-        edges, edge_of = _edges(self.t)
+        edges, edge_of = unique_edges(np.stack((self.t, np.roll(self.t, -1, axis=0))).reshape(2, -1))
+        edge_of = edge_of.reshape(self.t.shape)  # between rows 0 and 1, 1 and 2, 2 and 0
         halved = _closure(edge_of, marked, edges.shape[1])
         midpoint = np.full(halved.size, -1)
         midpoint[halved] = self.p.shape[1] + np.arange(np.count_nonzero(halved))
         p = np.hstack((self.p, self.p[:, edges[:, halved]].mean(axis=1)))
         t, parent = _split(self.t, self.parent, midpoint[edge_of])
-        named = {name: _halve(pairs, midpoint[_find(edges, pairs)]) for name, pairs in self.named.items()}
+        named = {name: _halve(pairs, midpoint[find_edges(edges, pairs)]) for name, pairs in self.named.items()}
         return Bisection(p, t, parent, named, self.start)
 
 
@@ -69,26 +72,6 @@ def bisected_meshes(problem: Any, mesh: MeshTri, share: float = 0.25) -> Iterato
         solution = problem.solve(mesh)
         yield mesh, solution
         state = state.refined(mark_bulk(problem.indicators(mesh, solution), share))
-
-
-def _edges(t: Array) -> tuple[Array, Array]:
-    """Ends (2, nedges), and the edges (3, nelements) between rows 0-1, 1-2 and 2-0."""
-    size = int(t.max()) + 1
-    keys, number = np.unique(_keys(np.stack((t, np.roll(t, -1, axis=0))).reshape(2, -1), size), return_inverse=True)
-    return np.stack(np.divmod(keys, size)), number.reshape(t.shape)
-
-
-def _find(edges: Array, pairs: Array) -> Array:
-    """Where in edges (2, nedges) the pairs (2, n) stand, whichever way round."""
-    size = int(edges.max()) + 1
-    keys = _keys(edges, size)
-    order = np.argsort(keys)
-    return order[np.searchsorted(keys, _keys(pairs, size), sorter=order)]
-
-
-def _keys(pairs: Array, size: int) -> Array:
-    low, high = np.sort(pairs, axis=0).astype(np.int64)
-    return low * size + high
 
 
 def _closure(edge_of: Array, marked: Array, count: int) -> Array:

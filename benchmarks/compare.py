@@ -10,10 +10,10 @@ import numpy as np
 from skfem import MeshTri, adaptive_theta
 
 import kohonen_adapt as ka
-from benchmarks.cases import Case, Figures
+from benchmarks.cases import RELOCATIONS, Case, Figures
+from benchmarks.variants import Variant
 
 STEPS = ("solve", "estimate", "relocate")
-TOPOLOGIES = ("fixed", "flip")
 TOLERANCE_OF_WORST = 1.03  # the worst seed may miss a target by this factor
 
 
@@ -70,11 +70,11 @@ def refined_meshes(case: Case) -> Iterator[Outcome]:
             mesh = mesh.refined(adaptive_theta(indicators**2 if case.squared else indicators, theta=0.5))
 
 
-def adapted(case: Case, topology: str, seed: int) -> Outcome:
-    """This package: what a user gets after the case's passes."""
+def adapted(case: Case, variant: Variant, seed: int) -> Outcome:
+    """This package: what a user gets after the variant's passes."""
     if case.density is not None:
-        return _relocated(case, topology, seed)
-    result = ka.adapt(case.start(), case.problem, passes=case.passes, topology=topology, seed=seed)
+        return _relocated(case, variant.options["topology"], seed)
+    result = ka.adapt(case.start(), case.problem, passes=variant.passes, seed=seed, **variant.options)
     last = result.history[-1].mesh
     seconds = {step: sum(entry.seconds.get(step, 0.0) for entry in result.history) for step in STEPS}
     return Outcome(
@@ -97,10 +97,10 @@ def verdict(target: float | None, judged: Sequence[float]) -> str:
 def _relocated(case: Case, topology: str, seed: int) -> Outcome:
     clock = Clock()
     mesh = case.start()
-    for number in range(case.passes):
+    for number in range(RELOCATIONS):
         # no two calls draw the same points, as in `adapt`
         with clock.time("relocate"):
-            mesh = ka.relocate(mesh, case.density, topology=topology, seed=seed * case.passes + number)
+            mesh = ka.relocate(mesh, case.density, topology=topology, seed=seed * RELOCATIONS + number)
     return Outcome(mesh, case.figures(mesh, None), clock.seconds)
 
 

@@ -70,6 +70,13 @@ def integrate_hats(mesh: MeshTri, element_values: Array) -> Array:
     return np.bincount(mesh.t.ravel(), np.tile(share, 3), minlength=mesh.p.shape[1])
 
 
+def integrate_gradients(mesh: MeshTri, element_vectors: Array) -> Array:
+    """Load vector int g . grad v for vectors (2, nelements)."""
+    areas, gradients = shape_gradients(mesh)
+    share = np.einsum("kde,de->ke", gradients, element_vectors) * areas
+    return np.bincount(mesh.t.ravel(), share.ravel(), minlength=mesh.p.shape[1])
+
+
 def residual_indicators(
     mesh: MeshTri,
     solution: Array,

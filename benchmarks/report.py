@@ -9,6 +9,7 @@ from benchmarks import compare
 from benchmarks.cases import Case
 from benchmarks.compare import Outcome
 from benchmarks.table import Cell, aligned
+from benchmarks.variants import Variant
 
 
 def comparison(case: Case, seeds: Sequence[int]) -> str:
@@ -19,19 +20,19 @@ def comparison(case: Case, seeds: Sequence[int]) -> str:
     refined = compare.refinement(case, nodes)
     rows = [_row("uniform", case, [start], start), _row(f"refined {_indicators(case)}", case, [refined], start)]
     notes = []
-    for topology in compare.TOPOLOGIES:
-        outcomes = [compare.adapted(case, topology, seed) for seed in seeds]
-        rows.append(_row(f"map, {topology}", case, outcomes, start, topology))
-        notes += _note(case, topology, outcomes)
+    for variant in case.variants:
+        outcomes = [compare.adapted(case, variant, seed) for seed in seeds]
+        rows.append(_row(variant.title, case, outcomes, start, variant))
+        notes += _note(case, variant, outcomes)
     header = ["", "N", "T", *start.figures, "ratio", "worst", "target", "", "min q", "mean q"]
     header += [f"{step} s" for step in compare.STEPS]
     return "\n".join([case.title, aligned(header, rows), *notes])
 
 
-def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topology: str | None = None) -> list[Cell]:
+def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, variant: Variant | None = None) -> list[Cell]:
     """N, T, figures, ratio to the uniform mesh, worst seed, target and whether met, qualities, seconds by step."""
     error = next(iter(start.figures))
-    target = case.targets.get(topology)
+    target = case.targets.get(variant.key) if variant else None
     judged = [outcome.figures[case.judged] for outcome in outcomes]
     qualities = [ka.quality(outcome.mesh) for outcome in outcomes]
     return [
@@ -40,7 +41,7 @@ def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topolog
         int(_median([outcome.mesh.t.shape[1] for outcome in outcomes])),
         *(_median([outcome.figures[figure] for outcome in outcomes]) for figure in start.figures),
         _median([outcome.figures[error] for outcome in outcomes]) / start.figures[error],
-        max(judged) if topology else None,
+        max(judged) if variant else None,
         target,
         compare.verdict(target, judged),
         min(float(values.min()) for values in qualities),
@@ -49,17 +50,17 @@ def _row(name: str, case: Case, outcomes: list[Outcome], start: Outcome, topolog
     ]
 
 
-def _note(case: Case, topology: str, outcomes: list[Outcome]) -> list[str]:
+def _note(case: Case, variant: Variant, outcomes: list[Outcome]) -> list[str]:
     """Say so where the returned mesh, the best by its estimate, is not that of the last pass."""
     earlier = sum(outcome.last is not None for outcome in outcomes)
     if not earlier:
         return []
     last = [(outcome.last or outcome.figures)[case.judged] for outcome in outcomes]
     note = (
-        f"  map, {topology}: {earlier} of {len(outcomes)} seeds returned an earlier pass than the last; "
+        f"  {variant.title}: {earlier} of {len(outcomes)} seeds returned an earlier pass than the last; "
         f"{case.judged} of the last pass {_median(last):#.4g}, worst {max(last):#.4g}"
     )
-    return [" ".join((note, compare.verdict(case.targets.get(topology), last))).rstrip()]
+    return [" ".join((note, compare.verdict(case.targets.get(variant.key), last))).rstrip()]
 
 
 def _indicators(case: Case) -> str:
