@@ -2,11 +2,12 @@
 
 import argparse
 
-from benchmarks import drift, scale, speed, spread, sweeps, warmup
+from benchmarks import drift, peers_report, scale, speed, spread, sweeps, warmup
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
 CHECKS = {
+    "peers": peers_report.report,
     "speed": speed.report,
     "warmup": warmup.report,
     "drift": drift.report,

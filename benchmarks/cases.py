@@ -27,12 +27,13 @@ Figures = dict[str, float]
 class Case:
     """One problem on one start mesh. The first figure is the error that ratios compare; `judged` has the targets.
 
-    The error falls like N^-`rate` where nodes are well placed; `geometry` is the domain for a mesh generator.
+    `name` tells it from others in a table. The error falls like N^-`rate` where nodes are well placed; `geometry` is the domain for a mesh generator.
     Where `density` is given nothing is solved on the way: the mesh is relocated `RELOCATIONS` times with that callable.
     `coarse` and `squared` describe the baseline of scikit-fem's refinement: its start mesh, and whether
     `adaptive_theta` gets squared indicators, as in example 22, or the indicators themselves.
     """
 
+    name: str
     title: str
     start: Callable[[], MeshTri]
     problem: Any
@@ -61,6 +62,7 @@ def _laplace(quick: bool) -> list[Case]:
     problem = LShape()
     return [
         Case(
+            name="L",
             title=f"L: Laplace on the L-shape, {n} squares per unit; E = |u - u_h|_1",
             start=lambda n=n: l_shaped_mesh(n),
             problem=problem,
@@ -79,6 +81,7 @@ def _helmholtz(quick: bool) -> list[Case]:
     problem = Helmholtz()
     return [
         Case(
+            name="H",
             title="H: Helmholtz with a Gaussian bump, 20 x 20 squares",
             start=lambda: square_mesh(20),
             problem=problem,
@@ -96,6 +99,7 @@ def _helmholtz(quick: bool) -> list[Case]:
 def _ring(quick: bool) -> list[Case]:
     return [
         Case(
+            name="R",
             title="R: ring monitor, 20 x 20 squares; spread of the monitor mass per element",
             start=lambda: square_mesh(20),
             problem=Ring(),
@@ -123,6 +127,7 @@ def _magnet(quick: bool) -> list[Case]:
 def _one_magnet(n: int, iron: bool, targets: dict[str, float]) -> Case:
     problem = SquareMagnet(iron)
     return Case(
+        name=f"M, mu_r = {1000 if iron else 1}",
         title=f"M: square magnet, mu_r = {1000 if iron else 1}, {n} x {n} squares",
         start=lambda: magnet_mesh(n, iron),
         problem=problem,
@@ -141,6 +146,7 @@ def _c_core(quick: bool) -> list[Case]:
     targets = {"c_core.msh": {"polish": 4.128}, "c_core_fine.msh": {"polish": 2.779}}
     return [
         Case(
+            name="C",
             title=f"C: C-core magnet, {name}",
             start=lambda name=name: c_core_mesh(name),
             problem=problem,
@@ -160,6 +166,7 @@ def _poisson(quick: bool) -> list[Case]:
     problem = PoissonL()
     return [
         Case(
+            name="F",
             title=f"F: example 22, -lap u = 1 on the L-shape, {n} squares per unit; E = |u - u_h|_1",
             start=lambda n=n: l_shaped_mesh(n),
             problem=problem,

@@ -160,7 +160,9 @@ BANDS = [  # letter, which of its cases, variant, and the band of the ratio of t
 ]
 
 
-@pytest.mark.parametrize(("letter", "number", "variant", "low", "high"), BANDS, ids=lambda value: getattr(value, "key", None))
+@pytest.mark.parametrize(
+    ("letter", "number", "variant", "low", "high"), BANDS, ids=lambda value: getattr(value, "key", None)
+)
 def test_adaptation_lowers_the_error(letter, number, variant, low, high):
     case = cases(letter)[number]
     start, outcome = compare.uniform(case), compare.adapted(case, variant, seed=0)
