@@ -2,12 +2,13 @@
 
 import argparse
 
-from benchmarks import drift, peers_report, scale, speed, spread, sweeps, warmup
+from benchmarks import drift, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
 CHECKS = {
     "peers": peers_report.report,
+    "time": time_to_error.report,
     "speed": speed.report,
     "warmup": warmup.report,
     "drift": drift.report,

@@ -27,10 +27,10 @@ Figures = dict[str, float]
 class Case:
     """One problem on one start mesh. The first figure is the error that ratios compare; `judged` has the targets.
 
-    `name` tells it from others in a table. The error falls like N^-`rate` where nodes are well placed; `geometry` is the domain for a mesh generator.
-    Where `density` is given nothing is solved on the way: the mesh is relocated `RELOCATIONS` times with that callable.
-    `coarse` and `squared` describe the baseline of scikit-fem's refinement: its start mesh, and whether
-    `adaptive_theta` gets squared indicators, as in example 22, or the indicators themselves.
+    `name` tells it from others in a table. The error falls like N^-`rate` where nodes are well placed. `geometry` is
+    the domain for a mesh generator. Where `density` is given nothing is solved on the way: the mesh is relocated
+    `RELOCATIONS` times with that callable. `coarse` and `squared` describe the baseline of scikit-fem's refinement: its
+    start mesh, and whether `adaptive_theta` gets squared indicators, as in example 22, or the indicators themselves.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """The other methods of adaptation, each as a loop that yields every mesh with its error and the seconds so far."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -58,11 +58,12 @@ class Remesher:
         """Why it cannot run, empty if it can."""
         return wheels.missing(self.wheel)
 
-    def loop(self, case: Case, start: MeshTri, counts: list[int]) -> Iterator[Found]:
+    def loop(
+        self, case: Case, start: MeshTri, counts: Sequence[int], trials: int = remeshing.TRIALS
+    ) -> Iterator[Found]:
         """From a start mesh through meshes of these numbers of nodes."""
-        return measured(
-            case, remeshing.remeshed_meshes(case.problem, start, counts, self.metric_of, self.remesh_of(case))
-        )
+        remesh = self.remesh_of(case)
+        return measured(case, remeshing.remeshed_meshes(case.problem, start, counts, self.metric_of, remesh, trials))
 
 
 def measured(case: Case, meshes: Iterable[tuple[MeshTri, Any]]) -> Iterator[Found]:

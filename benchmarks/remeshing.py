@@ -21,11 +21,17 @@ TRIALS = 8
 
 
 def remeshed_meshes(
-    problem: Any, start: MeshTri, counts: Sequence[int], metric_of: MetricOf, remesh: Remesh
+    problem: Any,
+    start: MeshTri,
+    counts: Sequence[int],
+    metric_of: MetricOf,
+    remesh: Remesh,
+    trials: int = TRIALS,
 ) -> Iterator[tuple[MeshTri, Any]]:
     """Every mesh of the loop with its solution, the start first; `counts` are the wanted numbers of nodes after it.
 
-    Each remeshing corrects the metric by what the one before gave; the last is repeated until N is within 2 %.
+    Each remeshing corrects the metric by what the one before gave; the last is repeated until N is within 2 %, with
+    at most this number of trials.
     """
     mesh, correction = start, 1.0
     for number, count in enumerate(counts, start=1):
@@ -33,7 +39,7 @@ def remeshed_meshes(
         yield mesh, solution
         metric = metric_of(problem, mesh, solution)
         metric *= count / expected_nodes(mesh, metric)
-        for _ in range(TRIALS if number == len(counts) else 1):
+        for _ in range(trials if number == len(counts) else 1):
             found = remesh(mesh, correction * metric)
             ratio = found.p.shape[1] / count
             correction /= ratio

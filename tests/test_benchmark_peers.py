@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from meshes import area_of, length_of, named
 from skfem import MeshTri
 
-from benchmarks import peers, peers_report, remeshing, wheels
+from benchmarks import peers, peers_report, remeshing, time_to_error, wheels
 from benchmarks.bisection import Bisection, bisected_meshes, mark_bulk
 from benchmarks.cases import cases
 from benchmarks.gmsh_remesh import gmsh_remesh
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from benchmarks.mmg_remesh import mmg_remesh
+from benchmarks.time_to_error import Reached
 from benchmarks.variants import DEFAULT
 
 
@@ -142,3 +143,19 @@ def test_the_report_says_where_a_peer_is_better():
     assert "* Gmsh has the smaller error on C, N = 9 (2.00)." in text
     assert "* uniform: nowhere." in text
     assert "C, N = 9: 2.000 of the better remesher (target 0.93: missed)" in text
+
+
+def test_the_fewest_nodes_for_an_error_are_found():
+    def run(nodes, seed):
+        return Reached(3, nodes, 2.0 / nodes**0.5, 1.0 + seed)
+
+    reached = time_to_error.fewest(run, goal=0.05, guess=400, seeds=range(3))
+    assert (reached.solves, reached.seconds) == (3, 2.0)
+    assert 0.045 < reached.error <= 0.05
+    assert time_to_error.fewest(lambda nodes, seed: Reached(1, nodes, 1.0, 1.0), 0.5, 16, range(1)) is None
+
+
+def test_numbers_of_nodes_grow_evenly():
+    assert time_to_error.growing(10, 160) == [40, 160]
+    assert time_to_error.growing(10, 90) == [30, 90]
+    assert time_to_error.growing(100, 100) == [100]
