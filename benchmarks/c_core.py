@@ -57,6 +57,15 @@ class CCore:
         """Square root of int nu |grad A|^2."""
         return p1.energy_norm(mesh, solution, reluctivity(mesh))
 
+    def ritz(self, mesh: MeshTri, solution: np.ndarray) -> ka.Ritz:
+        """int nu |grad A|^2 / 2 - flux . grad A, with a number for every name."""
+        number = np.zeros(mesh.t.shape[1], dtype=int)
+        for order, name in enumerate(PERMEABILITY):
+            number[mesh.subdomains[name]] = order
+        coefficients = 1 / np.array([*PERMEABILITY.values()])
+        flux = np.outer((-REMANENCE, 0.0), coefficients * [name == "magnet" for name in PERMEABILITY])
+        return ka.Ritz(solution, p1.on_boundary(mesh), coefficients, flux=flux, region=number)
+
     def error(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """Relative error of the energy norm: the energy of a Galerkin solution falls short by its square."""
         return float(np.sqrt(1 - self.energy_norm(mesh, solution) ** 2 / REFERENCE_ENERGY))

@@ -14,7 +14,7 @@ from benchmarks.l_shape import LShape, l_shaped_mesh
 from benchmarks.poisson_l import PoissonL
 from benchmarks.ring import Ring
 from benchmarks.square_magnet import SquareMagnet, magnet_mesh
-from benchmarks.variants import VARIANTS, Variant
+from benchmarks.variants import FIXED, FLIP, LOOSE, VARIANTS, WITHOUT_POLISH, Variant
 
 PROBLEMS = ("L", "H", "R", "M", "C", "F")
 
@@ -92,6 +92,7 @@ def _helmholtz(quick: bool) -> list[Case]:
             geometry=geometry.square,
             targets={"fixed": 0.0030, "flip": 0.0015, "recycle": 0.0015},
             rate=1.0,
+            variants=WITHOUT_POLISH,
         )
     ]
 
@@ -109,6 +110,7 @@ def _ring(quick: bool) -> list[Case]:
             squared=False,
             geometry=geometry.square,
             targets={"fixed": 0.47, "flip": 0.30},
+            variants=(FIXED, FLIP),
             density=ring.monitor,
         )
     ]
@@ -137,6 +139,7 @@ def _one_magnet(n: int, iron: bool, targets: dict[str, float]) -> Case:
         squared=True,
         geometry=lambda gmsh: geometry.magnet(gmsh, iron),
         targets=targets,
+        variants=(*VARIANTS, LOOSE),
     )
 
 

@@ -13,7 +13,7 @@ import kohonen_adapt as ka
 from benchmarks.cases import RELOCATIONS, Case, Figures
 from benchmarks.variants import Variant
 
-STEPS = ("solve", "estimate", "relocate")
+STEPS = ("solve", "estimate", "relocate", "polish")
 TOLERANCE_OF_WORST = 1.03  # the worst seed may miss a target by this factor
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from benchmarks import compare, remeshing, wheels
 from benchmarks.bisection import bisected_meshes
 from benchmarks.cases import Case
@@ -75,6 +76,15 @@ def measured(case: Case, meshes: Iterable[tuple[MeshTri, Any]]) -> Iterator[Foun
         start = time.perf_counter()
 
 
+def polished(case: Case, found: Found) -> Found:
+    """A mesh of another method after the polish of this package."""
+    start = time.perf_counter()
+    mesh = ka.polish(found.mesh, case.problem)
+    solution = case.problem.solve(mesh)
+    seconds = found.seconds + time.perf_counter() - start
+    return Found(mesh, first_figure(case, mesh, solution), seconds)
+
+
 def first_figure(case: Case, mesh: MeshTri, solution: Any) -> float:
     """The error."""
     return next(iter(case.figures(mesh, solution).values()))
@@ -104,6 +114,7 @@ REFINED = Refiner("refined by scikit-fem", _refined)
 BISECTED = Refiner("bisected", _bisected)
 REFINERS = (UNIFORM, REFINED, BISECTED)
 GMSH = Remesher("Gmsh", "gmsh", lambda case: partial(gmsh_remesh, case.geometry))
+POLISHED_GMSH = "Gmsh, then our polish"
 MMG = Remesher("Mmg", "mmgpy", lambda case: mmg_remesh)
 ANISOTROPIC = Remesher("Mmg, anisotropic", "mmgpy", lambda case: mmg_remesh, remeshing.curvature_metric, letters="LH")
 REMESHERS = (GMSH, MMG, ANISOTROPIC)

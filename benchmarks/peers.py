@@ -11,11 +11,11 @@ import kohonen_adapt as ka
 from benchmarks import compare, methods, p1
 from benchmarks.cases import Case, cases
 from benchmarks.methods import Found
-from benchmarks.variants import FLIP, Variant
+from benchmarks.variants import DEFAULT, FLIP, POLISHED, Variant
 
 LETTERS = "LHMCF"
 NODES = (400, 4000)  # of the cases that are compared
-OURS = (FLIP,)
+OURS = (FLIP, POLISHED, DEFAULT)
 LOOPS = 5  # of a remesher
 
 
@@ -85,8 +85,11 @@ def _comparison(letter: str, case: Case, seeds: Sequence[int]) -> Comparison:
         if letter in remesher.letters and not remesher.missing:
             *_, last = remesher.loop(case, start, [nodes] * LOOPS)
             runs[remesher.name] = [last]
+    if methods.GMSH.name in runs and hasattr(case.problem, "ritz"):
+        runs[methods.POLISHED_GMSH] = [methods.polished(case, *runs[methods.GMSH.name])]
     for variant in OURS:
-        runs[variant.name] = [_adapted(case, variant, seed) for seed in seeds]
+        if variant in case.variants:
+            runs[variant.name] = [_adapted(case, variant, seed) for seed in seeds]
     return Comparison(
         letter, f"{case.name}, N = {nodes}", figure, {name: _result(case, start, found) for name, found in runs.items()}
     )

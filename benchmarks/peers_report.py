@@ -5,13 +5,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from benchmarks import methods
-from benchmarks.peers import Comparison, comparisons
+from benchmarks.peers import OURS, Comparison, comparisons
 from benchmarks.table import Cell, markdown
 from benchmarks.variants import DEFAULT
 
 REFINEMENT, REMESHER = 0.75, 0.93  # targets of our error on C over that of refinement and of the better remesher
 Method = methods.Refiner | methods.Remesher
-NUMBERING = {method.name: method.numbering for method in (*methods.REFINERS, *methods.REMESHERS)}
+PEERS = {method.name: method.numbering for method in (*methods.REFINERS, *methods.REMESHERS)} | {
+    methods.POLISHED_GMSH: methods.GMSH.numbering
+}
+NUMBERING = PEERS | {variant.name: variant.numbering for variant in OURS}
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
@@ -52,11 +55,11 @@ def _seconds(row: Comparison, columns: list[str]) -> Iterator[Cell]:
 def _better(rows: list[Comparison]) -> str:
     """Where a peer has the smaller error than the default of this package, and how many times."""
     lines = []
-    for name in NUMBERING:
+    for name in PEERS:
         ratios = {
             row.label: row.results[DEFAULT.name].error / row.results[name].error for row in rows if name in row.results
         }
-        better = [f"{label} ({ratio:.2f})" for label, ratio in ratios.items() if ratio > 1]
+        better = [f"{label} ({ratio:.3f})" for label, ratio in ratios.items() if ratio > 1]
         lines.append(f"* {name} has the smaller error on {'; '.join(better)}." if better else f"* {name}: nowhere.")
     return "\n".join([f"Where peers do better than {DEFAULT.name}, and how many times:", "", *lines])
 
@@ -69,7 +72,7 @@ def _properties(name: str, rows: list[Comparison]) -> list[Cell]:
         f"{min(result.worst for result in results):.2f}",
         f"{np.median([result.mean for result in results]):.2f}",
         f"{', '.join(lost)} lost" if lost else "kept",
-        NUMBERING.get(name, "kept"),
+        NUMBERING[name],
     ]
 
 

@@ -6,12 +6,16 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to call `adapt`; `key` names its targets and `options` are keywords of `adapt`."""
+    """One way to call `adapt`: `key` names its targets, `options` are keywords of `adapt`.
+
+    `numbering`: what becomes of the numbers of the nodes.
+    """
 
     key: str
     name: str
     passes: int
     options: dict[str, Any] = field(default_factory=dict)
+    numbering: str = "kept"
 
     @property
     def title(self) -> str:
@@ -19,7 +23,10 @@ class Variant:
         return f"{self.name} ({self.passes} passes)"
 
 
-FIXED = Variant("fixed", "map, fixed", 3, {"topology": "fixed"})
-FLIP = Variant("flip", "map, flip", 4, {"topology": "flip"})
-VARIANTS = (FIXED, FLIP)
-DEFAULT = FLIP
+FIXED = Variant("fixed", "map only, fixed", 3, {"topology": "fixed", "polish": False})
+FLIP = Variant("flip", "map only, flip", 4, {"topology": "flip", "polish": False})
+POLISHED = Variant("polish", "map + polish, flip", 4, {"topology": "flip"})
+DEFAULT = Variant("recycle", "default (recycle)", 3, numbering="told by `nodes`")
+LOOSE = Variant("loose", "default, min quality 0.1", 3, {"min_quality": 0.1}, "told by `nodes`")
+VARIANTS = (FIXED, FLIP, POLISHED, DEFAULT)
+WITHOUT_POLISH = (FIXED, FLIP, DEFAULT)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from meshes import area_of, length_of, named
 from skfem import MeshTri
 
-from benchmarks import peers, peers_report, remeshing, time_to_error, wheels
+from benchmarks import methods, peers, peers_report, remeshing, time_to_error, wheels
 from benchmarks.bisection import Bisection, bisected_meshes, mark_bulk
 from benchmarks.cases import cases
 from benchmarks.gmsh_remesh import gmsh_remesh
@@ -140,7 +140,7 @@ def test_the_report_says_where_a_peer_is_better():
     }
     text = peers_report.tables([peers.Comparison("C", "C, N = 9", "E", results)])
     assert "**1.000**" in text
-    assert "* Gmsh has the smaller error on C, N = 9 (2.00)." in text
+    assert "* Gmsh has the smaller error on C, N = 9 (2.000)." in text
     assert "* uniform: nowhere." in text
     assert "C, N = 9: 2.000 of the better remesher (target 0.93: missed)" in text
 
@@ -153,6 +153,26 @@ def test_the_fewest_nodes_for_an_error_are_found():
     assert (reached.solves, reached.seconds) == (3, 2.0)
     assert 0.045 < reached.error <= 0.05
     assert time_to_error.fewest(lambda nodes, seed: Reached(1, nodes, 1.0, 1.0), 0.5, 16, range(1)) is None
+
+
+def test_time_to_an_error_is_that_of_a_mesh_that_has_it():
+    (case,) = [case for case in cases("L") if case.start().p.shape[1] == 225]
+    loop = methods.measured(case, bisected_meshes(case.problem, case.coarse()))
+    bisected = time_to_error.until(loop, 0.1)
+    ours = time_to_error.fewest(time_to_error.adapting(case, passes=3), 0.1, bisected.nodes, range(1))
+    assert max(bisected.error, ours.error) <= 0.1
+    assert ours.nodes < bisected.nodes
+    assert ours.solves == 4
+
+
+def test_polish_lowers_the_error_of_another_mesh():
+    case = cases("M")[2]
+    start = case.start()
+    (found,) = methods.measured(case, [(start, case.problem.solve(start))])
+    after = methods.polished(case, found)
+    assert after.error < 0.95 * found.error
+    assert after.nodes == found.nodes
+    assert after.seconds > found.seconds
 
 
 def test_numbers_of_nodes_grow_evenly():
