@@ -58,7 +58,7 @@ def equidistributing(problem: Any, mesh: MeshTri, solution: Any) -> Array:
 def curvature_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
     """Tensors (3, nnodes) from the recovered Hessian H of the solution: |H|, times det|H|^(-1/6) for the L2 norm.
 
-    Loseille and Alauzet, *Continuous mesh framework*, SIAM J. Numer. Anal. 49 (2011), eq. 4.7 with p = infinity and 2.
+    Loseille and Alauzet, *Continuous mesh framework*, SIAM J. Numer. Anal. 49 (2011), for p = infinity and 2.
     """
     eigenvalues, vectors = np.linalg.eigh(recovered_hessian(mesh, solution))
     size = np.abs(eigenvalues)
