@@ -2,7 +2,8 @@
 
 import argparse
 
-from benchmarks import drift, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
+from benchmarks import drift, magnification, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
+from benchmarks import round as one_round
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
 
@@ -15,6 +16,8 @@ CHECKS = {
     "spread": spread.report,
     "scale": scale.report,
     "sweeps": sweeps.report,
+    "round": one_round.report,
+    "magnification": magnification.report,
 }
 
 

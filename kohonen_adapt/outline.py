@@ -1,7 +1,7 @@
 """Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
