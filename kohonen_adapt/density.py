@@ -157,8 +157,8 @@ class ElementDensity:
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
     def at_nodes(self) -> Floats:
-        """The mean around every node of the density's mesh, weighted with areas, (n,)."""
-        return means_at_nodes(self.elements.node, self.areas, self.masses)
+        """The mean over the elements around every node of the density's mesh, (n,)."""
+        return means_at_nodes(self.elements.node, self.masses / self.areas)
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
@@ -220,8 +220,8 @@ class CallableDensity:
         return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
 
     def at_nodes(self) -> Floats:
-        """The mean around every node of the density's mesh, weighted with areas, (n,)."""
-        return means_at_nodes(self.elements.node, self.areas, self.masses)
+        """The mean over the elements around every node of the density's mesh, (n,)."""
+        return means_at_nodes(self.elements.node, self.masses / self.areas)
 
     def refit(self, triangulation: Triangulation, locator: Locator) -> None:
         """Nothing: the function is asked anew wherever nodes are."""
@@ -258,10 +258,9 @@ def without_zeros(values: Floats, largest: float) -> Floats:
     return np.where(values == 0.0, ZERO, values / largest)
 
 
-def means_at_nodes(node: NDArray[np.int32], areas: Floats, masses: Floats) -> Floats:
-    """Density of every node: the mass of the elements around it over their area."""
-    mass, total = (np.bincount(node.ravel(), weights=np.repeat(values, 3)) for values in (masses, areas))
-    return mass / total
+def means_at_nodes(node: NDArray[np.int32], values: Floats) -> Floats:
+    """Mean over the elements around every node; each counts the same, as small ones know better than large ones."""
+    return np.bincount(node.ravel(), weights=np.repeat(values, 3)) / np.bincount(node.ravel())
 
 
 def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
