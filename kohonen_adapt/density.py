@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from .kernels.curve import draw_points, hilbert_keys
 from .kernels.geometry import Elements
 from .kernels.smooth import Sites, average_at_sites, count_sites, fill_sites, multiply_factors, update_factors
 from .locate import Locator
@@ -123,16 +124,19 @@ def as_reals(array: NDArray, name: str) -> Floats:
 
 
 class Draw(NamedTuple):
-    """Training points (k, 2), the elements of the density's mesh they lie in, their regions and weights (k,)."""
+    """Training points (k, 2), the elements of the density's mesh they lie in, their regions and weights (k,).
+
+    They come along a space-filling curve: neighbours in the array are neighbours in the plane.
+    """
 
     points: Floats
     element: NDArray[np.int32]
     region: NDArray[np.int32]
     weights: Floats
 
-    def reordered(self, order: NDArray[np.integer]) -> "Draw":
-        """The same points in another order."""
-        return Draw(*(array[order] for array in self))
+    def reordered(self, order: NDArray[np.integer] | slice) -> "Draw":
+        """These points in that order."""
+        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 
 
 class ElementDensity:
@@ -146,14 +150,15 @@ class ElementDensity:
         self._log_at_corners = np.empty(self.elements.node.shape)
         average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
         self._sites = sites_of(triangulation)
+        self._order = along_curve(self.position[self.elements.node].mean(axis=1)).astype(np.int32)
+        self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """About `number` points, stratified: every stretch of the summed-up mass gets its share, in random order."""
-        cumulated = np.cumsum(self.masses)
-        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
-        element = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1).astype(np.int32)
-        rng.shuffle(element)
-        points = points_in(self.position, self.elements, element, rng)
+        """Points stratified along a space-filling curve: every stretch of the summed-up mass gets its share."""
+        points, element = np.empty((number, 2)), np.empty(number, dtype=np.int32)
+        draw_points(
+            self.position, self.elements.node, self._order, self._cumulated, rng.random((number, 3)), points, element
+        )
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
     def at_nodes(self) -> Floats:
@@ -182,6 +187,7 @@ class CallableDensity:
         self.function = function
         self.areas = triangulation.areas()
         self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
+        self._order = along_curve(self.position[self.elements.node].mean(axis=1)).astype(np.int32)
         values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
         if not self.largest > 0:
@@ -189,11 +195,13 @@ class CallableDensity:
                 f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
                 "Give it a small positive value where few nodes are wanted."
             )
-        self.masses = self.areas * without_zeros(values, self.largest).reshape(len(self.areas), self.share).mean(axis=1)
+        means = without_zeros(values, self.largest).reshape(len(self.areas), self.share).mean(axis=1)
+        self.masses = np.empty_like(self.areas)
+        self.masses[self._order] = self.areas[self._order] * means
 
     def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """As many random points in every element, one element after the other, and the density there."""
-        element = np.repeat(np.arange(len(self.areas), dtype=np.int32), self.share)
+        """As many random points in every element, along the curve, and the density there."""
+        element = np.repeat(self._order, self.share)
         points = points_in(self.position, self.elements, element, rng)
         return points, self._evaluate(points)
 
@@ -210,13 +218,12 @@ class CallableDensity:
         return values
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """About `number` of many candidates, chosen by the density at each, stratified and in random order."""
+        """About `number` of many candidates, chosen by the density at each and stratified along the curve."""
         points, values = self._candidates(rng)
-        cumulated = np.cumsum(np.repeat(self.areas, self.share) * without_zeros(values, self.largest))
+        cumulated = np.cumsum(np.repeat(self.areas[self._order], self.share) * without_zeros(values, self.largest))
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
-        rng.shuffle(chosen)
-        element = (chosen // self.share).astype(np.int32)
+        element = self._order[chosen // self.share]
         return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
 
     def at_nodes(self) -> Floats:
@@ -280,6 +287,13 @@ def sites_of(triangulation: Triangulation) -> Sites:
     sites = Sites(start, region, element, np.empty(start[-1]))
     fill_sites(elements, star, sites)
     return sites
+
+
+def along_curve(points: Floats) -> NDArray[np.int64]:
+    """The order of the rows of (k, 2) along a space-filling curve, (k,)."""
+    keys, origin = np.empty(len(points), dtype=np.int64), points.min(axis=0)
+    hilbert_keys(points, origin, max(np.max(points.max(axis=0) - origin), np.finfo(float).tiny), keys)
+    return np.argsort(keys, kind="stable")
 
 
 def points_in(position: Floats, elements: Elements, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from .density import CallableDensity, ElementDensity, density_of
+from .epoch import scratch_for
 from .kernels.train import ball_means
 from .locate import Locator
 from .outline import Outline
 from .recycling import Recycled, unchanged
 from .schedule import Schedule, check_training, widest_radius
-from .som import KohonenMap, scratch_for
+from .som import KohonenMap
 from .triangulation import Triangulation
 
 logger = logging.getLogger(__package__)

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .density import CallableDensity, Draw, ElementDensity
+from .density import CallableDensity, Draw, ElementDensity, along_curve
+from .epoch import Classroom
 from .kernels.flip import flip_edges
 from .kernels.geometry import HELD
+from .kernels.search import search_path
 from .kernels.smooth import sweep
-from .kernels.train import Scratch, learn, search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
@@ -22,8 +23,7 @@ from .triangulation import Triangulation
 __all__ = ["KohonenMap"]
 
 UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
-UPDATES = 5_000_000  # node updates per compiled call: Python hears Ctrl-C at least every half second
-FLIPS = 2_000_000  # flips per compiled call, likewise
+FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -49,7 +49,7 @@ class KohonenMap:
     mesh
         The mesh as it is now, with all its names.
     search_steps
-        Mean number of steps that the search for a winner walked, one per epoch trained so far.
+        Mean number of elements that the search for a winner walked through, one per epoch trained so far.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class KohonenMap:
         self.search_steps: list[float] = []
         self._flips = topology == "flip"
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
-        self._scratch = scratch_for(self.triangulation)
+        self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
 
     @property
     def mesh(self) -> MeshTri:
@@ -149,7 +149,8 @@ class KohonenMap:
             raise ValueError(
                 f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}."
             )
-        return Draw(rows, element, self.triangulation.elements.region[element], weight)
+        region = self.triangulation.elements.region[element]
+        return Draw(rows, element, region, weight).reordered(along_curve(rows))
 
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
@@ -176,7 +177,9 @@ class KohonenMap:
         errors: list[float] = []
         starts = self.triangulation.elements.node[:, 0] if starts is None else starts
         for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts.copy()):
-            errors.append(self._epoch(stage, rate, shown, slot, winners))
+            error, steps = self._classroom.epoch(stage, rate, shown, slot, winners, rng)
+            errors.append(error)
+            self.search_steps.append(steps)
             self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
                 break
@@ -205,28 +208,12 @@ class KohonenMap:
                     shown = draw(ceil(stage.points_per_neuron * count), rng)
                     yield stage, rate, shown, shown.element, winners
                 else:
-                    order = rng.permutation(len(kept.points)).astype(np.int32)
-                    yield stage, rate, kept.reordered(order), order, winners
-
-    def _epoch(self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices) -> float:
-        """Present every point once, in chunks; returns the mean distance to the winners."""
-        tri, strength = self.triangulation, stage.strength()
-        chunk = max(1, UPDATES // (1 + 3 * stage.radius * (stage.radius + 1)))
-        total, steps = 0.0, 0
-        for first in range(0, len(slot), chunk):
-            part = slice(first, first + chunk)
-            distance, walked = learn(
-                tri.position, tri.elements, tri.star, self.outline.constraints, shown.points[part], shown.region[part],
-                slot[part], winners, shown.weights[part], rate, strength, self._floor, self._scratch,
-            )  # fmt: skip
-            total, steps = total + distance, steps + walked
-        self.search_steps.append(steps / max(1, len(slot)))
-        return total / max(1, len(slot))
+                    yield stage, rate, kept, np.arange(len(winners)), winners
 
     def recycle(self, density: ElementDensity | CallableDensity, target: int, pairs: bool) -> Recycled:
         """Put nodes where the density wants more, up to `target` in all, and in `pairs` take others away elsewhere."""
         done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target, pairs)
-        self._scratch = scratch_for(self.triangulation)
+        self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
         return done
 
     def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
@@ -234,7 +221,9 @@ class KohonenMap:
         tri, constraints = self.triangulation, self.outline.constraints
         for _ in range(sweeps):
             squares = density.squares(tri)
-            sweep(tri.position, tri.star, constraints, squares, self._flips, self._floor, self._scratch.trial)
+            sweep(
+                tri.position, tri.star, constraints, squares, self._flips, self._floor, self._classroom.rooms[0].trial
+            )
             self._flip()
 
     def _flip(self) -> None:
@@ -282,7 +271,7 @@ class KohonenMap:
         path = np.empty(tri.nnodes + 1, dtype=np.int32)
         inner = self.outline.constraints.inner
         count = search_path(
-            tri.position, elements, tri.star, inner, int(start), point.points[0], region, self._scratch, path
+            tri.position, elements, tri.star, inner, int(start), point.points[0], region, self._classroom.rooms[0], path
         )
         return path[:count]
 
@@ -302,18 +291,3 @@ def drawn(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
             f"points as a callable must return (points, weights), weights None for ones; got {type(answer).__name__}."
         )
     return answer
-
-
-def scratch_for(triangulation: Triangulation) -> Scratch:
-    """Room for the kernels to work in, allocated once."""
-    n, m = triangulation.nnodes, len(triangulation.elements.node)
-    return Scratch(
-        np.zeros(n, dtype=np.int64),
-        np.zeros(m, dtype=np.int64),
-        np.zeros(1, dtype=np.int64),
-        np.empty(max(n, m) + 1, dtype=np.int32),
-        np.empty(m, dtype=np.int32),
-        np.empty(m),
-        np.empty(n, dtype=np.bool_),
-        np.empty(triangulation.position.shape[1]),
-    )

@@ -13,10 +13,10 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
-    *("kernels", "triangles", "facets"),
+    *("kernels", "threads", "triangles", "facets"),
     *("triangulation", "outline", "locate", "density"),
     *("ritz", "recycling", "functional", "carry"),
-    *("schedule", "som"),
+    *("schedule", "epoch", "som"),
     *("relocation", "problem", "descent", "precompile"),
     *("result", "journal", "stopping", "improvement", "growth", "loop"),
 ]

@@ -9,7 +9,7 @@ from meshes import comb, generic_square, holed, inset, junction, l_shape, pertur
 from skfem import MeshTri
 
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.kernels.train import find_winner
+from kohonen_adapt.kernels.search import find_winner, find_winners
 
 CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}
 CONCAVE = {
@@ -36,13 +36,17 @@ def points_in(p, t, element, rng):
     return np.einsum("ke,dke->de", rng.dirichlet(np.ones(3), len(element)).T, p[:, t[:, element]])
 
 
-def search(som, start, x, region):
-    """Winner and distance by the kernel."""
-    tri = som.triangulation
-    found = find_winner(
-        tri.position, tri.elements, tri.star, som.outline.constraints.inner, start, x, region, som._scratch
-    )
-    return found[0], found[1]
+def search(som, start, x, region, alike=True):
+    """Winner and distance by the kernel for one point; the one for many finds them too."""
+    tri, inner, room = som.triangulation, som.outline.constraints.inner, som._classroom.rooms[0]
+    winner, distance, _ = find_winner(tri.position, tri.elements, tri.star, inner, start, x, region, room)
+    winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
+    arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
+    find_winners(tri.position, tri.elements, tri.star, inner, *arrays, winners, distances, room)
+    if alike:
+        assert winners[0] == winner
+        assert distances[0] == pytest.approx(distance, rel=1e-14)
+    return winner, distance
 
 
 def searches(som, number, seed):
@@ -74,7 +78,7 @@ def test_on_a_tangled_map_the_search_ends_at_a_node():
     som.train(cluster, Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)))
     assert np.any(som.triangulation.areas() < 0)
     for x, _, start, region in searches(som, 100, 1):
-        winner, distance = search(som, start, x, region)
+        winner, distance = search(som, start, x, region, alike=False)
         assert distance == pytest.approx(np.hypot(*(som.triangulation.position[winner] - x)), rel=1e-14)
 
 

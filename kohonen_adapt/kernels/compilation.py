@@ -3,10 +3,10 @@
 import logging
 from collections.abc import Callable
 
-from numba import njit
+from numba import config, njit
 from numba.core import event
 
-__all__ = ["kernel"]
+__all__ = ["kernel", "number_of_threads"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -14,6 +14,14 @@ logger = logging.getLogger("kohonen_adapt")
 def kernel(function: Callable) -> Callable:
     """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits."""
     return njit(function, cache=True, nogil=True, error_model="numpy")
+
+
+def number_of_threads() -> int:
+    """How many threads share the work of kernels: what numba takes from the cores that the process may use.
+
+    The environment variable ``NUMBA_NUM_THREADS`` sets it. No result depends on it.
+    """
+    return max(1, config.NUMBA_NUM_THREADS)
 
 
 class _Announcer(event.Listener):

@@ -103,13 +103,13 @@ def star_tolerable(position, star, v, x, y, floor):
 
 
 @kernel
-def mark_sound(position, star, floor, sound):
-    """Mark the nodes whose stars are tolerable: their guard need not look back.
+def mark_sound(position, star, floor, first, last, sound):
+    """Mark those of the nodes `first` to `last` whose stars are tolerable: their guard need not look back.
 
     Where all stars are, guarded moves keep them so. Elsewhere a neighbour may worsen a marked star within its own
     rule; the guard is then stricter than the rule until the next time stars are marked.
     """
-    for v in range(position.shape[0]):
+    for v in range(first, last):
         sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
 
 

@@ -1,0 +1,165 @@
+"""One epoch of training: points in batches, presented part by part of the mesh, shared among threads.
+
+The winners of a batch are searched before any of its points is presented. The mesh is cut into parts along a
+space-filling curve. What is presented around neurons deep inside a part touches nothing of the others, so threads take
+the parts side by side; the points near the cuts come after them. Neither the parts nor what comes out depends on the
+number of threads.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .density import Draw, along_curve
+from .kernels.geometry import Constraints, mark_sound
+from .kernels.parts import mark_deep, sort_into_tiles
+from .kernels.search import CROSSINGS, Scratch, find_winners
+from .kernels.train import learn
+from .schedule import Stage
+from .threads import even_cuts, number_of_threads, shared
+from .triangulation import Triangulation
+
+__all__ = ["Classroom", "scratch_for"]
+
+PULL = 0.5  # share of its way that a neuron may go towards the points of one batch: the next one balances it
+PART = 5_000  # neurons: the strips along the cuts are a small share of them
+TILE = 250  # neurons whose points are presented one after the other, so that they stay in the processor's cache
+UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
+FEW = 2_000  # stars or searches that are not worth another thread
+
+Indices = NDArray[np.integer]
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class Classroom:
+    """A triangulation under training, with room for every thread to work in.
+
+    Attributes
+    ----------
+    triangulation, constraints
+        What is trained, and what its outlines allow.
+    floor
+        The quality that the guard asks for.
+    rank
+        Place of every neuron on a space-filling curve, (n,).
+    parts
+        Number of parts that the curve is cut into.
+    rooms
+        Scratch arrays, one set per thread.
+    """
+
+    triangulation: Triangulation
+    constraints: Constraints
+    floor: float
+    rank: Indices
+    parts: int
+    rooms: list[Scratch]
+
+    @classmethod
+    def of(cls, triangulation: Triangulation, constraints: Constraints, floor: float) -> "Classroom":
+        """Cut the mesh into parts, and make room for every thread."""
+        n = triangulation.nnodes
+        rank = np.empty(n, dtype=np.int32)
+        rank[along_curve(triangulation.position)] = np.arange(n)
+        rooms = [scratch_for(triangulation) for _ in range(number_of_threads())]
+        return cls(triangulation, constraints, floor, rank, max(1, n // PART), rooms)
+
+    def epoch(
+        self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices, rng: np.random.Generator
+    ) -> tuple[float, float]:
+        """Present every point once; returns the mean distance to the winners and the mean length of their search."""
+        number, total, steps = len(slot), 0.0, 0
+        sound, deep = self._sound_stars(), self._deep_nodes(stage.radius)
+        batches = batches_for(stage, rate, number, self.triangulation.nnodes)
+        for first in range(batches):
+            rows = slice(first, None, batches)
+            batch = shown.reordered(rows)
+            found, distances, walked = self._search(batch, winners[slot[rows]])
+            winners[slot[rows]] = found
+            cuts, order = self._by_parts(found, deep, rng)
+            self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
+            total, steps = total + float(distances.sum()), steps + walked
+        return total / max(1, number), steps / max(1, number)
+
+    def _sound_stars(self) -> Mask:
+        """Stars that the quality rule finds nothing wrong with, (n,)."""
+        tri = self.triangulation
+        sound = np.empty(tri.nnodes, dtype=np.bool_)
+        shared(
+            lambda thread, first, last: mark_sound(tri.position, tri.star, self.floor, first, last, sound),
+            even_cuts(tri.nnodes, FEW),
+        )
+        return sound
+
+    def _deep_nodes(self, radius: int) -> Mask:
+        """Winners around which nothing moves or is looked at outside of their part, (n,).
+
+        The stars of what moves reach a ring beyond the radius, and those of a jump around a corner another one.
+        """
+        deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
+        part = self.rank.astype(np.int64) * self.parts // len(deep)
+        mark_deep(self.triangulation.star, part, radius + 2, deep, self.rooms[0].queue)
+        return deep
+
+    def _search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
+        """Winner of every point, its distance, and the number of steps that all searches took."""
+        tri, inner = self.triangulation, self.constraints.inner
+        found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
+
+        def task(thread: int, first: int, last: int) -> int:
+            part = slice(first, last)
+            return find_winners(
+                tri.position, tri.elements, tri.star, inner, batch.points[part], batch.region[part], hints[part],
+                found[part], distances[part], self.rooms[thread],
+            )  # fmt: skip
+
+        return found, distances, sum(shared(task, even_cuts(len(hints), FEW)))
+
+    def _by_parts(self, winners: Indices, deep: Mask, rng: np.random.Generator) -> tuple[Indices, Indices]:
+        """Order of the points, and where in it every part begins; last come the points near cuts."""
+        n = len(deep)
+        tiles = self.parts * max(1, round(n / (self.parts * TILE)))
+        cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
+        sort_into_tiles(winners, self.rank, deep, n, tiles, rng, cuts, order)
+        return np.append(cuts[: tiles + 1 : tiles // self.parts], cuts[-1]), order
+
+    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Indices, sound: Mask, cuts: Indices) -> None:
+        """Present the points, the parts side by side and what is near cuts after them."""
+        tri, strength = self.triangulation, stage.strength()
+
+        def task(thread: int, first: int, last: int) -> None:
+            part = slice(first, last)
+            learn(
+                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
+                batch.weights[part], winners[part], rate, strength, self.floor, sound, self.rooms[thread],
+            )  # fmt: skip
+
+        shares = min(number_of_threads(), self.parts)
+        shared(task, cuts[np.linspace(0, self.parts, shares + 1).round().astype(int)].tolist())
+        task(0, cuts[-2], cuts[-1])
+
+
+def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
+    """How many batches to make of so many points."""
+    ring = np.arange(stage.radius + 1)
+    neighbours, strength = np.maximum(1, 6 * ring), stage.strength()
+    pull = points / neurons * rate * float(neighbours @ strength) / PULL
+    return max(1, ceil(pull), ceil(points / UPDATES * int(neighbours.sum())))
+
+
+def scratch_for(triangulation: Triangulation) -> Scratch:
+    """Room for one thread to work in."""
+    n, m = triangulation.nnodes, len(triangulation.elements.node)
+    return Scratch(
+        np.zeros(n, dtype=np.int64),
+        np.zeros(m, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+        np.empty(max(n, m) + 1, dtype=np.int32),
+        np.empty(m, dtype=np.int32),
+        np.empty(m),
+        np.empty((CROSSINGS + 3, 2), dtype=np.int32),
+        np.empty(triangulation.position.shape[1]),
+    )
