@@ -10,7 +10,7 @@ from skfem import MeshTri
 
 from .density import CallableDensity, Draw, ElementDensity, along_curve
 from .epoch import Classroom
-from .kernels.flip import flip_edges
+from .kernels.flip import flip_edges, mark_doubtful
 from .kernels.geometry import HELD
 from .kernels.search import search_path
 from .kernels.smooth import sweep
@@ -18,12 +18,14 @@ from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
 from .schedule import Schedule, Stage, check_training, is_count, is_number
+from .threads import even_cuts, shared
 from .triangulation import Triangulation
 
 __all__ = ["KohonenMap"]
 
 UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
+FEW = 5_000  # elements that are not worth another thread
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -231,11 +233,17 @@ class KohonenMap:
         if not self._flips:
             return
         tri, m = self.triangulation, len(self.triangulation.elements.node)
-        stack, waiting = np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+        doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+
+        def mark(thread: int, first: int, last: int) -> None:
+            mark_doubtful(tri.position, tri.elements, first, last, doubtful)
+
         flips = limit = FLIPS
         while flips >= limit:
-            flips = flip_edges(tri.position, tri.elements, self._floor, stack, waiting, limit)
-        tri.refill_star()
+            shared(mark, even_cuts(m, FEW))
+            flips = flip_edges(tri.position, tri.elements, self._floor, doubtful, stack, waiting, limit)
+            if flips:
+                tri.refill_star()
 
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide; a corner is only left to one that slides."""

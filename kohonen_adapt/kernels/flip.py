@@ -103,16 +103,36 @@ def push(stack, waiting, height, e):
 
 
 @kernel
-def flip_edges(position, elements, floor, stack, waiting, limit):
+def mark_doubtful(position, elements, first, last, doubtful):
+    """Mark which of the elements `first` to `last` have an edge, to one of higher number, that is not Delaunay."""
+    node, neighbour, chain = elements.node, elements.neighbour, elements.chain
+    for e in range(first, last):
+        a, b, c = node[e, 0], node[e, 1], node[e, 2]
+        ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
+        cx, cy, together = position[c, 0], position[c, 1], a + b + c
+        doubtful[e] = False
+        for k in range(3):
+            other = neighbour[e, k]
+            if other > e and chain[e, k] < 0:
+                s = node[other, 0] + node[other, 1] + node[other, 2] + node[e, k] - together
+                if not_delaunay(bx, by, cx, cy, ax, ay, position[s, 0], position[s, 1]):
+                    doubtful[e] = True
+            ax, ay, bx, by, cx, cy = bx, by, cx, cy, ax, ay
+
+
+@kernel
+def flip_edges(position, elements, floor, doubtful, stack, waiting, limit):
     """Flip until nothing is left to flip, or about `limit` times; returns the number of flips.
 
-    `stack` (m,) and `waiting` (m,) False are scratch: the elements whose edges are to be looked at again. Every edge is
-    seen from the element of lower number once, then wherever a flip changed something beside it.
+    `doubtful` (m,) says which elements to start from. `stack` (m,) and `waiting` (m,) False are scratch: the elements
+    whose edges are to be looked at again, because a flip changed something beside them.
     """
     flips = 0
     for first in range(elements.node.shape[0]):
         if flips >= limit:
             break
+        if not doubtful[first]:
+            continue
         for side in range(3):
             other = elements.neighbour[first, side]
             if other <= first or not should_flip(position, elements, first, side, other, floor):
