@@ -2,7 +2,7 @@
 
 import argparse
 
-from benchmarks import drift, magnification, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
+from benchmarks import drift, limit, magnification, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
 from benchmarks import round as one_round
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
@@ -16,6 +16,7 @@ CHECKS = {
     "spread": spread.report,
     "scale": scale.report,
     "sweeps": sweeps.report,
+    "limit": limit.report,
     "round": one_round.report,
     "magnification": magnification.report,
 }

@@ -43,6 +43,10 @@ class LShape:
     def energy_norm(self, mesh, solution):
         return np.sqrt(solution @ laplace.assemble(Basis(mesh, ElementTriP1())) @ solution)
 
+    def ritz(self, mesh, solution):
+        """The functional int |grad u|^2 / 2 that the solution minimises, for the polish."""
+        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), coefficient=1.0)
+
     def error(self, mesh, solution):
         """|u - u_h|_1: u is harmonic, so int grad u . grad u_h is a smooth integral over the boundary."""
         basis = FacetBasis(mesh, ElementTriP1(), intorder=10)

@@ -14,7 +14,7 @@ from .descent import SWEEPS, descend
 from .functional import Functional, VariesInside
 from .problem import Problem, norm_of, offers, order_of, ritz_of
 from .relocation import Trained, guarded_map, trained_map
-from .ritz import functional_value
+from .ritz import Ritz, functional_value
 from .schedule import Schedule
 
 __all__ = ["Improvement", "Settings"]
@@ -48,18 +48,23 @@ class Improvement:
         self._settings = settings
         self.skipped = why_skipped(problem) if settings.polish else "it is switched off"
         self.comparable = False
+        self._ritz: Ritz | None = None  # of the last mesh that was solved
 
     def functional(self, mesh: MeshTri, solution: Any) -> float | None:
-        """The Ritz functional of a mesh's own solution, or None where there is no polish."""
-        return None if self.skipped else functional_value(mesh, ritz_of(self._problem, mesh, solution))
+        """The Ritz functional of a mesh's own solution, or None where there is no polish.
 
-    def examine(self, mesh: MeshTri, solution: Any) -> None:
-        """See from the input and its solution whether the functional can be descended, and compared."""
+        On the input, which comes first, it is seen whether the functional can be descended, and compared.
+        """
         if self.skipped:
-            return
+            return None
+        first, self._ritz = self._ritz is None, ritz_of(self._problem, mesh, solution)
+        if first:
+            self._examine(mesh, self._ritz)
+        return None if self.skipped else functional_value(mesh, self._ritz)
+
+    def _examine(self, mesh: MeshTri, ritz: Ritz) -> None:
         settings = self._settings
         som = guarded_map(mesh, settings.topology, settings.min_quality, settings.pinned)
-        ritz = ritz_of(self._problem, mesh, solution)
         try:
             self.comparable = Functional.of(ritz, som.triangulation, som.outline).comparable
         except VariesInside:
@@ -79,11 +84,11 @@ class Improvement:
             target=nodes,
         )
 
-    def polish(self, trained: Trained, solution: Any) -> float:
-        """Carry the old solution to the trained map and descend its functional there; returns what that gained."""
-        if self.skipped:
+    def polish(self, trained: Trained) -> float:
+        """Carry the last solution to the trained map and descend its functional there; returns what that gained."""
+        if self._ritz is None or self.skipped:
             return 0.0
-        ritz, som = ritz_of(self._problem, trained.mesh, solution), trained.som
+        ritz, som = self._ritz, trained.som
         functional = Functional.of(ritz, trained.triangulation, trained.outline)
         carrier = Carrier.of(ritz, functional, trained.triangulation, trained.outline)
         values, fixed = carrier.onto(som.triangulation, som.outline, trained.recycled.hint)

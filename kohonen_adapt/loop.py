@@ -100,7 +100,7 @@ def adapt(
     """
     topology = _TOPOLOGY if topology is None else topology
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
-    _check_loop(passes, rtol, atol, callback)
+    _check_loop(passes, rtol, atol, callback, polish)
     check_training(schedule, seed)
     guarded_map(mesh, topology, min_quality, pinned)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
@@ -129,9 +129,6 @@ def _loop(
         with journal.timed("estimate"):
             indicators = estimate(problem, mesh, solution)
             energy = energy_norm(problem, mesh, solution)
-        with journal.timed("polish"):
-            if move is None:
-                improvement.examine(mesh, solution)
             functional = improvement.functional(mesh, solution)
         journal.record(mesh, solution, indicators, energy, functional, improvement.comparable, move)
         if ending := stop(journal, move):
@@ -139,7 +136,7 @@ def _loop(
         with journal.timed("relocate"):
             trained = improvement.train(mesh, indicators, journal.number, growth.nodes(journal.number))
         with journal.timed("polish"):
-            gain = improvement.polish(trained, solution)
+            gain = improvement.polish(trained)
         with journal.timed("relocate"):
             move = trained.relocation(gain)
         if _same(mesh, move.mesh):
@@ -156,7 +153,7 @@ def _triples(mesh: MeshTri) -> NDArray[np.integer]:
     return np.unique(np.sort(mesh.t, axis=0), axis=1)
 
 
-def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any) -> None:
+def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any, polish: Any) -> None:
     if not is_count(passes):
         raise ValueError(f"passes must be an integer >= 0; got {passes!r}.")
     for name, value in (("rtol", rtol), ("atol", atol)):
@@ -164,3 +161,5 @@ def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any) -> None:
             raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
     if callback is not None and not callable(callback):
         raise ValueError(f"callback must be a function of the pass, or None; got {callback!r}.")
+    if not isinstance(polish, bool | np.bool_):
+        raise ValueError(f"polish must be True or False; got {polish!r}. Polish alone: kohonen_adapt.polish.")

@@ -197,6 +197,30 @@ def test_targets_out_of_range(target):
         ka.adapt(l_shape(4), Load(), target_nodes=target)
 
 
+@pytest.mark.parametrize("polish", [None, 8, "yes"])
+def test_a_polish_that_is_neither_on_nor_off(polish):
+    with pytest.raises(ValueError, match=rf"^polish must be True or False; got {polish!r}\. Polish alone"):
+        ka.adapt(l_shape(4), Load(), polish=polish)
+
+
+def test_the_functional_is_asked_for_once_on_every_mesh_with_its_own_solution():
+    class Noted(Load):
+        asked = ()
+
+        def solve(self, mesh):
+            self.last = super().solve(mesh)
+            return self.last
+
+        def ritz(self, mesh, solution):
+            assert solution is self.last
+            self.asked = (*self.asked, mesh)
+            return super().ritz(mesh, solution)
+
+    problem = Noted()
+    result = ka.adapt(l_shape(4), problem, passes=2)
+    assert [mesh is step.mesh for mesh, step in zip(problem.asked, result.history, strict=True)] == [True] * 3
+
+
 def test_the_table_shows_what_map_and_polish_gained():
     head = str(adapted("recycle")).splitlines()[0]
     assert head.endswith("gain of map  of polish  splits  collapses")
