@@ -23,6 +23,7 @@ QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
 ZERO = 1e-6  # of the largest value: a density of zero is raised to this
 QUIET = 1e-3  # of the median: an indicator below it says nothing
+MARGIN = 0.0173  # of the extent of a mesh
 CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
 
 
@@ -290,9 +291,14 @@ def sites_of(triangulation: Triangulation) -> Sites:
 
 
 def along_curve(points: Floats) -> NDArray[np.int64]:
-    """The order of the rows of (k, 2) along a space-filling curve, (k,)."""
-    keys, origin = np.empty(len(points), dtype=np.int64), points.min(axis=0)
-    hilbert_keys(points, origin, max(np.max(points.max(axis=0) - origin), np.finfo(float).tiny), keys)
+    """The order of the rows of (k, 2) along a space-filling curve, (k,).
+
+    The square that the curve fills is a little larger than need be, so that the lines that halve it again and again
+    miss the nodes of regular meshes: rounding must not decide on which side of them a node lies.
+    """
+    keys, low, high = np.empty(len(points), dtype=np.int64), points.min(axis=0), points.max(axis=0)
+    size = max(np.max(high - low), np.finfo(float).tiny)
+    hilbert_keys(points, low - MARGIN * size, (1.0 + 3.0 * MARGIN) * size, keys)
     return np.argsort(keys, kind="stable")
 
 

@@ -22,6 +22,8 @@ from .geometry import (
 )
 
 NOWHERE = -1
+SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
+EQUAL = 1e-9  # relative: qualities this near to one another count as the same, likewise
 
 
 class Pool(NamedTuple):
@@ -104,9 +106,14 @@ def remove_first(heap):
 
 @kernel
 def metric_length(position, density, a, b):
-    """Square of the length of an edge in the metric, the same whichever end comes first."""
+    """Square of the length of an edge in the metric, the same whichever end comes first.
+
+    Rounded to 24 bits, so that lengths which only rounding tells apart are the same, and it does not choose the edge.
+    """
     dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
-    return (dx * dx + dy * dy) * np.sqrt(density[a] * density[b])
+    length = (dx * dx + dy * dy) * np.sqrt(density[a] * density[b])
+    spread = length * SPLITTER
+    return spread - (spread - length)
 
 
 @kernel
@@ -429,7 +436,7 @@ def collapse_shortest(position, elements, constraints, pool, origins, shortest, 
         back = collapsed_quality(position, elements, constraints, pool, origins, w, v, longest, floor, room)
         if max(forth, back) < 0.0:
             continue
-        if back > forth:
+        if back > forth * (1.0 + EQUAL):
             v, w = w, v
         collapse(elements, pool, v, w, room)
         return w
