@@ -6,15 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from .density import along_curve
 from .functional import Functional
 from .kernels.descend import Trial, descend_flips, descend_nodes
+from .kernels.geometry import Constraints
+from .kernels.parts import mark_deep
 from .outline import Outline
 from .problem import Problem, order_of, ritz_of
 from .relocation import guarded_map
 from .schedule import check_training, is_count
+from .threads import even_cuts, shared
 from .triangulation import Triangulation
 
 __all__ = ["SWEEPS", "descend", "polish"]
+
+PART = 5_000  # nodes: those at the cuts between parts are few
 
 # Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
 #                                    0       4       8      12      16      32
@@ -137,15 +143,42 @@ def descend(
 
     Returns what moves and flips took off the functional; what better values alone gained is not in it.
     """
-    position, elements, star = triangulation.position, triangulation.elements, triangulation.star
     constraints = outline.constraints._replace(kind=functional.kinds(outline, fixed))
     trial = Trial(values, fixed, functional.on_chain, functional.of_elements(triangulation))
-    target, gain = np.empty(position.shape[1]), 0.0
+    order, gain = along_curve(triangulation.position).astype(np.int32), 0.0
     for _ in range(sweeps):
-        gain += descend_nodes(position, star, constraints, trial, floor, target)
+        gain += descend_in_parts(triangulation, constraints, trial, order, floor)
         if flips:
-            lowered, count = descend_flips(position, elements, trial, floor)
+            lowered, count = descend_flips(triangulation.position, triangulation.elements, trial, floor)
             gain += lowered
             if count:
                 triangulation.refill_star()
     return gain
+
+
+def descend_in_parts(
+    triangulation: Triangulation, constraints: Constraints, trial: Trial, order: NDArray[np.int32], floor: float
+) -> float:
+    """One sweep over the nodes: threads take parts of the mesh side by side, and what lies at their cuts comes last.
+
+    A move depends on the neighbours alone; where these are all of a node's own part, no other thread has a say. So what
+    comes out does not depend on the number of threads.
+    """
+    position, star = triangulation.position, triangulation.star
+    parts = max(1, len(order) // PART)
+    part, deep = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.bool_)
+    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    mark_deep(star, part, 1, deep, np.empty_like(order))
+    inside, across = order[deep[order]], order[~deep[order]]
+    cuts = np.searchsorted(part[inside], np.arange(parts + 1))
+    gains = np.zeros(parts + 1)
+
+    def task(thread: int, first: int, last: int) -> None:
+        target = np.empty(position.shape[1])
+        for i in range(first, last):
+            nodes = inside[cuts[i] : cuts[i + 1]]
+            gains[i] = descend_nodes(position, star, constraints, trial, nodes, floor, target)
+
+    shared(task, even_cuts(parts, 1))
+    gains[parts] = descend_nodes(position, star, constraints, trial, across, floor, np.empty(position.shape[1]))
+    return float(gains.sum())

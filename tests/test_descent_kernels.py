@@ -52,7 +52,9 @@ class Setting:
 
     def sweep(self):
         target = np.empty(2)
-        return kernels.descend_nodes(self.tri.position, self.tri.star, self.constraints, self.trial, FLOOR, target)
+        return kernels.descend_nodes(
+            self.tri.position, self.tri.star, self.constraints, self.trial, np.arange(self.tri.nnodes), FLOOR, target
+        )
 
 
 MESHES = {

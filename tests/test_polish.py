@@ -1,6 +1,10 @@
 """`polish`: the error never grows, the geometry stays, and given values stay what they are."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +24,8 @@ from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.ritz import functional_value
 from kohonen_adapt.triangulation import Triangulation
+
+ROOT = Path(__file__).parents[1]
 
 
 class Diffusion:
@@ -267,3 +273,27 @@ def test_what_it_refuses(problem, arguments, message):
 def test_a_mesh_of_another_kind_is_refused():
     with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad"):
         ka.polish(MeshQuad(), Diffusion())
+
+
+def test_any_number_of_threads_gives_the_same_bits(tmp_path):
+    """On a mesh of several parts; numba fixes the number of threads when it is imported, so in processes of their own."""
+    code = """
+import hashlib
+import numpy as np, skfem, kohonen_adapt as ka
+from skfem.models.poisson import laplace, unit_load
+class Load:
+    def solve(self, mesh):
+        basis = skfem.Basis(mesh, skfem.ElementTriP1())
+        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
+ticks = np.linspace(0, 1, 111)
+mesh = ka.polish(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), sweeps=3)
+print(hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
+"""
+    hashes = set()
+    for threads in ("1", "2"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        hashes.add(done.stdout)
+    assert len(hashes) == 1

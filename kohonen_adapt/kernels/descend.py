@@ -33,14 +33,14 @@ class Trial(NamedTuple):
 
 
 @kernel
-def descend_nodes(position, star, constraints, trial, floor, target):
-    """Move every node, in order, to where the functional of its star is lower; returns the gain of the moves.
+def descend_nodes(position, star, constraints, trial, order, floor, target):
+    """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
 
-    Its own value follows: it is what minimises the functional, or where it is given along a chain what the chain says.
-    What a better value at the same place gains does not count.
+    A node's own value follows: it is what minimises the functional, or where it is given along a chain what the chain
+    says. What a better value at the same place gains does not count.
     """
     gain = 0.0
-    for v in range(position.shape[0]):
+    for v in order:
         kind, fixed = constraints.kind[v], trial.fixed[v]
         if kind == HELD:
             if not fixed:
