@@ -275,8 +275,8 @@ def test_a_mesh_of_another_kind_is_refused():
         ka.polish(MeshQuad(), Diffusion())
 
 
-def test_any_number_of_threads_gives_the_same_bits(tmp_path):
-    """On a mesh of several parts; numba fixes the number of threads when it is imported, so in processes of their own."""
+def test_any_number_of_threads_gives_the_same_bits():
+    """On a mesh of several parts; numba fixes the number of threads at import, so in processes of their own."""
     code = """
 import hashlib
 import numpy as np, skfem, kohonen_adapt as ka
