@@ -11,6 +11,7 @@ from .kernels.curve import draw_points, hilbert_keys
 from .kernels.geometry import Elements
 from .kernels.smooth import Sites, average_at_sites, count_sites, fill_sites, multiply_factors, update_factors
 from .locate import Locator
+from .threads import even_cuts, shared
 from .triangles import area
 from .triangulation import Triangulation, check_mesh
 
@@ -24,6 +25,7 @@ QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 ZERO = 1e-6  # of the largest value: a density of zero is raised to this
 QUIET = 1e-3  # of the median: an indicator below it says nothing
 MARGIN = 0.0173  # of the extent of a mesh
+FEW = 5_000  # nodes that are not worth another thread
 CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
 
 
@@ -143,6 +145,8 @@ class Draw(NamedTuple):
 class ElementDensity:
     """A density that is constant on every element of the mesh it was estimated on."""
 
+    lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
+
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
         self.position, self.elements = snapshot(triangulation)
         self.values = without_zeros(values, values.max())
@@ -169,7 +173,13 @@ class ElementDensity:
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
         squares = np.empty(len(triangulation.elements.node))
-        update_factors(triangulation.position, self._sites, self.position, self.elements, self._log_at_corners)
+
+        def look_up(thread: int, first: int, last: int) -> None:
+            update_factors(
+                triangulation.position, first, last, self._sites, self.position, self.elements, self._log_at_corners
+            )
+
+        shared(look_up, even_cuts(triangulation.nnodes, FEW))
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares
 
@@ -182,6 +192,8 @@ class ElementDensity:
 
 class CallableDensity:
     """A density given as a function of position, sampled wherever it is needed."""
+
+    lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
 
     def __init__(self, triangulation: Triangulation, function: Callable[[Floats], ArrayLike]) -> None:
         self.position, self.elements = snapshot(triangulation)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from .density import Draw, along_curve
 from .kernels.geometry import Constraints, mark_sound
 from .kernels.parts import mark_deep, sort_into_tiles
-from .kernels.search import CROSSINGS, Scratch, find_winners
+from .kernels.search import CROSSINGS, STRETCH, Scratch, find_winners
+from .kernels.smooth import sweep
 from .kernels.train import learn
 from .schedule import Stage
 from .threads import even_cuts, number_of_threads, shared
@@ -23,11 +24,12 @@ from .triangulation import Triangulation
 
 __all__ = ["Classroom", "scratch_for"]
 
-PULL = 0.5  # share of its way that a neuron may go towards the points of one batch: the next one balances it
-PART = 5_000  # neurons: the strips along the cuts are a small share of them
-TILE = 250  # neurons whose points are presented one after the other, so that they stay in the processor's cache
+PULL = 0.4  # share of its way that a neuron may go towards the points of one batch: the next one balances it
+LEAST = 1_000  # neurons in a part: fewer are not worth a thread
+STRIPS = 0.3  # share of the neurons that may be so near the cuts that they have to wait
+TILE = 250  # neurons, more for wide radii, whose points are presented together: they stay in the processor's cache
 UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
-FEW = 2_000  # stars or searches that are not worth another thread
+FEW = 1_000  # stars or searches that are not worth another thread
 
 Indices = NDArray[np.integer]
 Mask = NDArray[np.bool_]
@@ -43,10 +45,8 @@ class Classroom:
         What is trained, and what its outlines allow.
     floor
         The quality that the guard asks for.
-    rank
-        Place of every neuron on a space-filling curve, (n,).
-    parts
-        Number of parts that the curve is cut into.
+    order, rank
+        Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
     rooms
         Scratch arrays, one set per thread.
     """
@@ -54,32 +54,34 @@ class Classroom:
     triangulation: Triangulation
     constraints: Constraints
     floor: float
+    order: Indices
     rank: Indices
-    parts: int
     rooms: list[Scratch]
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints, floor: float) -> "Classroom":
         """Cut the mesh into parts, and make room for every thread."""
-        n = triangulation.nnodes
-        rank = np.empty(n, dtype=np.int32)
-        rank[along_curve(triangulation.position)] = np.arange(n)
+        order = along_curve(triangulation.position).astype(np.int32)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
         rooms = [scratch_for(triangulation) for _ in range(number_of_threads())]
-        return cls(triangulation, constraints, floor, rank, max(1, n // PART), rooms)
+        return cls(triangulation, constraints, floor, order, rank, rooms)
 
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices, rng: np.random.Generator
     ) -> tuple[float, float]:
         """Present every point once; returns the mean distance to the winners and the mean length of their search."""
         number, total, steps = len(slot), 0.0, 0
-        sound, deep = self._sound_stars(), self._deep_nodes(stage.radius)
+        rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
+        parts = parts_for(self.triangulation.nnodes, rings)
+        sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
         batches = batches_for(stage, rate, number, self.triangulation.nnodes)
         for first in range(batches):
             rows = slice(first, None, batches)
             batch = shown.reordered(rows)
             found, distances, walked = self._search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
-            cuts, order = self._by_parts(found, deep, rng)
+            cuts, order = self._by_parts(found, stage.radius, parts, deep, rng)
             self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
             total, steps = total + float(distances.sum()), steps + walked
         return total / max(1, number), steps / max(1, number)
@@ -94,14 +96,25 @@ class Classroom:
         )
         return sound
 
-    def _deep_nodes(self, radius: int) -> Mask:
-        """Winners around which nothing moves or is looked at outside of their part, (n,).
+    def sweep(self, weight: NDArray[np.float64], circumcentres: bool) -> None:
+        """Smooth once, with the given weight of every element."""
+        tri, parts = self.triangulation, parts_for(self.triangulation.nnodes, 1)
+        deep = self._deep_nodes(parts, 1)
 
-        The stars of what moves reach a ring beyond the radius, and those of a jump around a corner another one.
-        """
+        def task(thread: int, first: int, last: int, which: bool = True) -> None:
+            sweep(
+                tri.position, tri.star, self.constraints, weight, circumcentres, self.floor, self.order[first:last],
+                deep, which, self.rooms[thread].trial,
+            )  # fmt: skip
+
+        shared(task, shares_of(starts_of_parts(tri.nnodes, parts)))
+        task(0, 0, tri.nnodes, which=False)
+
+    def _deep_nodes(self, parts: int, rings: int) -> Mask:
+        """Neurons that have only neurons of their own part within so many rings, (n,)."""
         deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
-        part = self.rank.astype(np.int64) * self.parts // len(deep)
-        mark_deep(self.triangulation.star, part, radius + 2, deep, self.rooms[0].queue)
+        part = self.rank.astype(np.int64) * parts // len(deep)
+        mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
     def _search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
@@ -116,15 +129,17 @@ class Classroom:
                 found[part], distances[part], self.rooms[thread],
             )  # fmt: skip
 
-        return found, distances, sum(shared(task, even_cuts(len(hints), FEW)))
+        return found, distances, sum(shared(task, even_cuts(len(hints), FEW, STRETCH)))
 
-    def _by_parts(self, winners: Indices, deep: Mask, rng: np.random.Generator) -> tuple[Indices, Indices]:
-        """Order of the points, and where in it every part begins; last come the points near cuts."""
+    def _by_parts(
+        self, winners: Indices, radius: int, parts: int, deep: Mask, rng: np.random.Generator
+    ) -> tuple[Indices, Indices]:
+        """Where every part begins in the order of the points, and that order; last come the points near cuts."""
         n = len(deep)
-        tiles = self.parts * max(1, round(n / (self.parts * TILE)))
+        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
         sort_into_tiles(winners, self.rank, deep, n, tiles, rng, cuts, order)
-        return np.append(cuts[: tiles + 1 : tiles // self.parts], cuts[-1]), order
+        return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Indices, sound: Mask, cuts: Indices) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
@@ -137,17 +152,43 @@ class Classroom:
                 batch.weights[part], winners[part], rate, strength, self.floor, sound, self.rooms[thread],
             )  # fmt: skip
 
-        shares = min(number_of_threads(), self.parts)
-        shared(task, cuts[np.linspace(0, self.parts, shares + 1).round().astype(int)].tolist())
+        shared(task, shares_of(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])
+
+
+def starts_of_parts(neurons: int, parts: int) -> Indices:
+    """Where every part begins in the order of the neurons, and the end, (parts + 1,)."""
+    return -(-np.arange(parts + 1) * neurons // parts)
+
+
+def shares_of(starts: Indices) -> list[int]:
+    """Of the places where parts begin those where the shares of threads do."""
+    parts = len(starts) - 1
+    shares = min(number_of_threads(), parts)
+    return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
+
+
+def parts_for(neurons: int, rings: int) -> int:
+    """The largest power of two of parts whose strips along the cuts, so many rings wide, are no more than is allowed.
+
+    Neurons in a square have sqrt(neurons) in a row; to make p parts 2 (sqrt(p) - 1) cuts go from side to side.
+    """
+    parts = 1
+    while 2 * parts * LEAST <= neurons and 4 * rings * (np.sqrt(2 * parts) - 1) <= STRIPS * np.sqrt(neurons):
+        parts *= 2
+    return parts
+
+
+def disc(radius: int) -> int:
+    """Neurons within that many rings of one, where all have six neighbours."""
+    return 1 + 3 * radius * (radius + 1)
 
 
 def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
     """How many batches to make of so many points."""
     ring = np.arange(stage.radius + 1)
-    neighbours, strength = np.maximum(1, 6 * ring), stage.strength()
-    pull = points / neurons * rate * float(neighbours @ strength) / PULL
-    return max(1, ceil(pull), ceil(points / UPDATES * int(neighbours.sum())))
+    pull = points / neurons * rate * float(np.maximum(1, 6 * ring) @ stage.strength()) / PULL
+    return max(1, ceil(pull), ceil(points / UPDATES * disc(stage.radius)))
 
 
 def scratch_for(triangulation: Triangulation) -> Scratch:

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from .density import CallableDensity, ElementDensity, density_of
-from .epoch import scratch_for
-from .kernels.train import ball_means
 from .locate import Locator
 from .outline import Outline
 from .recycling import Recycled, unchanged
@@ -23,8 +21,9 @@ logger = logging.getLogger(__package__)
 __all__ = ["Relocation", "Trained", "guarded_map", "relocate", "trained_map"]
 
 TOPOLOGIES = ("fixed", "flip", "recycle")
-MISMATCH = 0.6  # logarithm of the mean load of a ball of nodes beyond which mass must still travel as far as its radius
-CENTRES = 50  # balls that are looked at, at least
+MISMATCH = (
+    0.6  # logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide
+)
 
 
 @dataclass(frozen=True)
@@ -195,7 +194,7 @@ def trained_map(
     if topology == "recycle" or target > before.nnodes:
         recycled = som.recycle(wanted, target, pairs=topology == "recycle")
     if schedule is None:
-        radius = start_radius(som, wanted, rng) if recycled.splits == 0 and topology != "recycle" else None
+        radius = start_radius(som, wanted) if recycled.splits == 0 and topology != "recycle" else None
         schedule = Schedule.default(target, radius=radius, topology=topology)
     errors = som.learn(wanted.draw, schedule, rng, recycled.starts)
     if schedule.sweeps:
@@ -226,16 +225,18 @@ def why_still(som: KohonenMap, schedule: Schedule) -> str:
     return "every move would have broken the quality rule"
 
 
-def start_radius(som: KohonenMap, wanted: ElementDensity | CallableDensity, rng: np.random.Generator) -> int:
-    """The largest power of two for which some ball of that many rings has far too much or too little mass per node."""
-    tri, inner, scratch = som.triangulation, som.outline.constraints.inner, scratch_for(som.triangulation)
-    n, mass = tri.nnodes, node_masses(tri, wanted.masses)
-    radius = widest_radius(n)
+def start_radius(som: KohonenMap, wanted: ElementDensity | CallableDensity) -> int:
+    """The largest power of two such that some patch of that radius has far too much or too little mass per node.
+
+    Patches are stretches of a space-filling curve through each region, with a quarter of the nodes that are within the
+    radius of an inner one: around a corner of the outline, where the mismatch often is greatest, there are no more.
+    """
+    n, radius = som.triangulation.nnodes, widest_radius(som.triangulation.nnodes)
+    masses = node_masses(som.triangulation, wanted.masses)[som.along_curve()]
+    total = np.append(0.0, np.cumsum(masses))
     while radius > 2:
-        centres = rng.integers(0, n, max(CENTRES, 4 * n // radius**2)).astype(np.int32)
-        mean = np.empty(len(centres))
-        ball_means(tri.elements, tri.star, inner, mass, centres, radius, scratch, mean)
-        if np.any(np.abs(np.log(mean)) > MISMATCH):
+        size = min(n, 3 * radius**2 // 4)
+        if np.any(np.abs(np.log((total[size:] - total[:-size]) / size)) > MISMATCH):
             break
         radius //= 2
     return radius

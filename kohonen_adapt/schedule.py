@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 __all__ = ["Schedule", "Stage"]
 
 # More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
-SWEEPS = {"flip": 8, "fixed": 4, "recycle": 4}
+SWEEPS = {"flip": 6, "fixed": 4, "recycle": 4}
 # How the default schedules learn at radius 1: epochs and rate.
 LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
-    "flip": (2, 0.3),
+    "flip": (1, 0.3),
     "fixed": (5, (0.3, 0.1)),
     "recycle": (2, 0.3),
 }
+WIDE = 8  # from this radius on nodes are to be carried far: more points, which pull as hard as the guard lets them
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -166,9 +167,10 @@ class Schedule:
         Notes
         -----
         A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius, so nodes are carried far by
-        wide ones; with ``c / R^2`` points per neuron these cost no more than narrow ones. Radius 1, whose node density
-        lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead of it, hold each
-        other in check over many passes.
+        wide ones, which with ``c / R^2`` points per neuron cost little more than narrow ones. c grows with the fourth
+        root of the number of nodes, because they have farther to go and the guard lets none go far at once. Radius 1,
+        whose node density lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead
+        of it, hold each other in check over many passes.
         """
         if topology not in LOCAL:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
@@ -178,12 +180,11 @@ class Schedule:
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         widest = 1 if topology == "recycle" else widest_radius(nnodes)
         start = widest if radius is None else radius
+        dense = 1.2 * max(1, nnodes) ** 0.25
+        wide = [Stage(r, 1, 1.5 / r, points_per_neuron=dense / r**2) for r in halved(start) if r >= WIDE]
         epochs = 3 if start >= 4 else 2
-        stages = [
-            Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=min(2.0, thinness(nnodes, r) / r**2))
-            for r in halved(start)
-        ]
-        return cls((*stages, Stage(1, *LOCAL[topology])), sweeps=SWEEPS[topology])
+        narrow = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in halved(start) if r < WIDE]
+        return cls((*wide, *narrow, Stage(1, *LOCAL[topology])), sweeps=SWEEPS[topology])
 
 
 def halved(radius: int) -> list[int]:
@@ -224,8 +225,3 @@ def are_two_rates(rates: Iterable) -> bool:
 def widest_radius(nnodes: int) -> int:
     """The largest power of two that is at most 0.6 sqrt(nnodes), and at least 2."""
     return 2 ** max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))
-
-
-def thinness(nnodes: int, radius: int) -> float:
-    """Training points per neuron and epoch, times the radius squared."""
-    return max(3.0, 0.7 * nnodes**0.25) if radius >= 8 else 2.0

@@ -13,7 +13,6 @@ from .epoch import Classroom
 from .kernels.flip import flip_edges, mark_doubtful
 from .kernels.geometry import HELD
 from .kernels.search import search_path
-from .kernels.smooth import sweep
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
@@ -220,13 +219,17 @@ class KohonenMap:
 
     def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
         """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres."""
-        tri, constraints = self.triangulation, self.outline.constraints
-        for _ in range(sweeps):
-            squares = density.squares(tri)
-            sweep(
-                tri.position, tri.star, constraints, squares, self._flips, self._floor, self._classroom.rooms[0].trial
-            )
+        for number in range(sweeps):
+            if number % density.lasting == 0:
+                weight = density.squares(self.triangulation)
+            self._classroom.sweep(weight, self._flips)
             self._flip()
+
+    def along_curve(self) -> Indices:
+        """Neurons along a space-filling curve, region by region; those on interfaces in one of theirs, (n,)."""
+        tri = self.triangulation
+        region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]
+        return self._classroom.order[np.argsort(region[self._classroom.order], kind="stable")]
 
     def _flip(self) -> None:
         """Make every region constrained Delaunay as far as the quality rule allows."""

@@ -21,10 +21,11 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pools.clear)  # a fork does not take threads with it
 
 
-def even_cuts(count: int, least: int) -> list[int]:
-    """Where to cut `count` things for the threads: evenly, but into pieces of at least `least`."""
+def even_cuts(count: int, least: int, multiple: int = 1) -> list[int]:
+    """Where to cut `count` things for the threads: evenly, at multiples, but into pieces of at least `least`."""
     pieces = max(1, min(number_of_threads(), count // least))
-    return np.linspace(0, count, pieces + 1).astype(int).tolist()
+    inner = np.arange(1, pieces) * count // pieces // multiple * multiple
+    return [0, *inner.tolist(), count]
 
 
 def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list[Result]:

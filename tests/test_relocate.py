@@ -290,7 +290,7 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
 
     def radius(mesh, density):
         som = KohonenMap(mesh)
-        return start_radius(som, density_of(som.triangulation, density), np.random.default_rng(0))
+        return start_radius(som, density_of(som.triangulation, density))
 
     assert radius(mesh, function) == 16
     assert radius(mesh, lambda x: np.ones(x.shape[1])) == 2

@@ -12,6 +12,7 @@ from .compilation import kernel
 from .geometry import squared_distance, squared_distance_to_edge
 from .locate import TOLERANCE, WALK, depth_in_element, walk
 
+STRETCH = 64  # points that follow one another and may start where the one before ended
 CROSSINGS = 32  # edges crossed by a circle check; where there are more the check in order takes over
 
 
@@ -157,15 +158,19 @@ def find_winner(position, elements, star, inner, v, x, region, scratch):
 def find_winners(position, elements, star, inner, points, region, hints, winners, distances, scratch):
     """The winner of every point and its distance; returns the number of elements walked through.
 
-    `hints` has a node of the point's region to start from, best a former winner. The walk goes from element to element
-    to the one that holds the point. From there every edge that the circle through the nearest node so far cuts is
-    crossed. Where no such edge belongs to an outline the disc lies within the region, and the nearest node found is the
-    winner; elsewhere `find_winner` looks which nodes the point reaches. All in one body: calls would cost more.
+    `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
+    another, except at every STRETCH-th point, so that points may be cut there without a difference. The walk goes from
+    element to element to the one that holds the point. From there every edge that the circle through the nearest node
+    so far cuts is crossed. Where no such edge belongs to an outline the disc lies within the region, and the nearest
+    node found is the winner; elsewhere `find_winner` looks which nodes the point reaches. All in one body: calls would
+    cost more.
     """
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     steps = 0
     for t in range(points.shape[0]):
         x, y, own, v = points[t, 0], points[t, 1], region[t], int(hints[t])
+        if t % STRETCH > 0 and region[t - 1] == own:
+            v = nearer(position, v, int(winners[t - 1]), x, y)
         e = int(star.element[star.start[v]])
         if not inner[v]:
             e = int(element_in_region(elements, star, v, own))
@@ -239,6 +244,14 @@ def find_winners(position, elements, star, inner, points, region, hints, winners
             winners[t], distances[t] = winner, distance
             steps += walked
     return steps
+
+
+@kernel
+def nearer(position, v, other, x, y):
+    """Which of two nodes is nearer to (x, y)."""
+    ax, ay = position[v, 0] - x, position[v, 1] - y
+    bx, by = position[other, 0] - x, position[other, 1] - y
+    return other if bx * bx + by * by < ax * ax + ay * ay else v
 
 
 @kernel

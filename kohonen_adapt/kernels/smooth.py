@@ -86,9 +86,9 @@ def factor_in_region(sites, v, region):
 
 
 @kernel
-def update_factors(position, sites, base_position, base, log_density):
-    """Look the density up at every site in the mesh it belongs to: linear in its logarithm, region by region."""
-    for v in range(position.shape[0]):
+def update_factors(position, first, last, sites, base_position, base, log_density):
+    """Look the density up at the sites of some nodes in the mesh it belongs to: linear in its logarithm, by region."""
+    for v in range(first, last):
         for s in range(sites.start[v], sites.start[v + 1]):
             x, y = position[v, 0], position[v, 1]
             e = nearest_element(base_position, base, sites.element[s], x, y)
@@ -133,14 +133,15 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(position, star, constraints, weight, circumcentres, floor, trial):
-    """Move every node to the weighted mean of the centres of the elements around it, as far as the guard lets it.
+def sweep(position, star, constraints, weight, circumcentres, floor, order, deep, which, trial):
+    """Move nodes to the weighted mean of the centres of the elements around them, as far as the guard lets them.
 
     x <- sum |K| w_K c_K / sum |K| w_K over the star, with weights w_K = rho_K^2 and c_K the circumcentre, or where
-    nothing flips the barycentre: a circumcentre far outside a stretched element would only tear at it.
+    nothing flips the barycentre: a circumcentre far outside a stretched element would only tear at it. Of the nodes in
+    `order` those move for which `deep` is as `which` says.
     """
-    for v in range(position.shape[0]):
-        if constraints.kind[v] == HELD:
+    for v in order:
+        if deep[v] != which or constraints.kind[v] == HELD:
             continue
         if circumcentres:
             circumcentre_mean(position, star, weight, v, trial)

@@ -173,19 +173,3 @@ def learn(
                     position[v, 0], position[v, 1] = new_x, new_y
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
-
-
-@kernel
-def ball_means(elements, star, inner, mass, centres, radius, scratch, mean):
-    """Mean of a nodal quantity over the nodes within `radius` rings of each centre, in one region of it."""
-    queue, stamps = scratch.queue, scratch.node_stamp
-    for i in range(centres.shape[0]):
-        stamp, region = next_stamp(scratch), elements.region[star.element[star.start[centres[i]]]]
-        queue[0], stamps[centres[i]] = centres[i], stamp
-        first, last = 0, 1
-        for _ in range(radius):
-            first, last = last, gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp)
-        total = 0.0
-        for j in range(last):
-            total += mass[queue[j]]
-        mean[i] = total / last
