@@ -79,7 +79,7 @@ class Classroom:
         for first in range(batches):
             rows = slice(first, None, batches)
             batch = shown.reordered(rows)
-            found, distances, walked = self._search(batch, winners[slot[rows]])
+            found, distances, walked = self.search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
             cuts, order = self._by_parts(found, stage.radius, parts, deep, rng)
             self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
@@ -117,7 +117,7 @@ class Classroom:
         mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
-    def _search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
+    def search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
         """Winner of every point, its distance, and the number of steps that all searches took."""
         tri, inner = self.triangulation, self.constraints.inner
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
