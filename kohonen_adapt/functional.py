@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .kernels.geometry import FREE, HELD, SLIDING
 from .outline import Outline
-from .ritz import Ritz
+from .ritz import Ritz, check_fits
 from .triangulation import Triangulation
 
 __all__ = ["Functional", "VariesInside"]
@@ -34,6 +34,9 @@ class Functional:
         Chains whose values are given, (c,) bool.
     linear
         Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
+    held
+        Chains whose nodes are not to slide: given values that are not linear, or a chain of one facet between two nodes
+        with given values, of which nobody can tell whether they are given on it, (c,) bool.
     on_chain
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
@@ -44,6 +47,7 @@ class Functional:
     constants: Floats
     given: Mask
     linear: Mask
+    held: Mask
     on_chain: Floats
     comparable: bool
 
@@ -56,17 +60,19 @@ class Functional:
         ValueError
             If `ritz` is of another mesh, or its constants change inside a region.
         """
-        check_shapes(ritz, triangulation)
+        check_fits(ritz, triangulation.nnodes, len(triangulation.elements.node))
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         kind, count = outline.constraints.kind, len(outline.constraints.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
+        bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
         on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
-        linear = whole & (off <= LINEAR * np.ptp(values))
-        given = whole | partly
+        linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
+        given = (whole & ~bare) | partly
         comparable = not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
-        return cls(constants_of_regions(ritz, triangulation), given, linear, on_chain, bool(comparable))
+        held = (given & ~linear) | (whole & bare)
+        return cls(constants_of_regions(ritz, triangulation), given, linear, held, on_chain, bool(comparable))
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
         """A half of the coefficient, a sixth of the source and a half of the flux of every element, (m, 4)."""
@@ -77,17 +83,8 @@ class Functional:
         kind, chain = outline.constraints.kind, outline.constraints.chain[:, 0]
         sliding = kind == SLIDING
         held = (kind == FREE) & fixed
-        held[sliding] = (self.given & ~self.linear)[chain[sliding]]
+        held[sliding] = self.held[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
-
-
-def check_shapes(ritz: Ritz, triangulation: Triangulation) -> None:
-    """Refuse a functional of another mesh."""
-    nodes, elements = triangulation.nnodes, len(triangulation.elements.node)
-    if np.shape(ritz.values) != (nodes,):
-        raise ValueError(f"values of Ritz must have shape (nnodes,) = ({nodes},); got {np.shape(ritz.values)}.")
-    if ritz.region is not None and np.shape(ritz.region) != (elements,):
-        raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
 
 
 def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:

@@ -30,14 +30,30 @@ class Growth:
             If it is not an integer, or below the number of nodes that there are.
         """
         start = mesh.p.shape[1]
-        if target is not None and not (is_count(target) and target >= start):
+        if target is not None and not is_count(target):
+            raise ValueError(f"target_nodes must be an integer >= 0, or None; got {target!r}.")
+        if target is not None and target < start:
             raise ValueError(
-                f"target_nodes must be an integer of at least the {start} nodes of the mesh, or None; got {target!r}. "
+                f"target_nodes must be at least the number of nodes of the mesh, {start}; got {target}. "
                 "Start from a coarser mesh."
             )
         return cls(start, start if target is None else int(target), max(1, passes - 1))
 
     def nodes(self, number: int) -> int:
-        """Nodes of the mesh of pass `number`."""
+        """Nodes of the mesh of pass `number`, more than of the one before until all are there."""
         share = min(1.0, number / self.steps)
-        return self.target if share == 1.0 else round(self.start * (self.target / self.start) ** share)
+        wanted = self.target if share == 1.0 else round(self.start * (self.target / self.start) ** share)
+        return min(self.target, max(wanted, self.start + number))
+
+    def goes_on(self, number: int) -> bool:
+        """Whether there are nodes to come after pass `number`."""
+        return self.nodes(number) < self.target
+
+    def shortfall(self, nodes: int) -> str:
+        """What to say where that many nodes is what it came to."""
+        if nodes >= self.target:
+            return ""
+        return (
+            f"the mesh has {nodes} of {self.target} nodes, for every further split would have broken the quality rule "
+            "or the passes ended before: lower min_quality, improve the input, or ask for more passes"
+        )

@@ -53,14 +53,17 @@ class Improvement:
     def functional(self, mesh: MeshTri, solution: Any) -> float | None:
         """The Ritz functional of a mesh's own solution, or None where there is no polish.
 
-        On the input, which comes first, it is seen whether the functional can be descended, and compared.
+        It is seen whether the functional can be descended, and compared. Where one value is given all round no other
+        mesh can change that; elsewhere new nodes may see what the old ones did not.
         """
         if self.skipped:
             return None
         first, self._ritz = self._ritz is None, ritz_of(self._problem, mesh, solution)
-        if first:
+        value = functional_value(mesh, self._ritz)
+        given = np.asarray(self._ritz.values)[np.asarray(self._ritz.fixed)]
+        if first or (self.comparable and np.ptp(given) > 0.0):
             self._examine(mesh, self._ritz)
-        return None if self.skipped else functional_value(mesh, self._ritz)
+        return None if self.skipped else value
 
     def _examine(self, mesh: MeshTri, ritz: Ritz) -> None:
         settings = self._settings

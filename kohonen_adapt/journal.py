@@ -39,13 +39,18 @@ class Ending:
 
 
 class _Solved(NamedTuple):
-    """A mesh with what is known on it, its nodes in the input mesh, and its rank: the smaller, the better."""
+    """A mesh with what is known on it, its nodes in the input mesh, and what it is judged by: the less, the better."""
 
     mesh: MeshTri
     solution: Any
     indicators: Floats
     nodes: NDArray[np.intp]
-    rank: float
+    worth: float
+    functional: float | None
+
+    def lies_below(self, other: "_Solved") -> bool:
+        """Whether its functional is the lower one, as far as there are two."""
+        return self.functional is not None and other.functional is not None and self.functional < other.functional
 
 
 class Journal:
@@ -54,10 +59,11 @@ class Journal:
     def __init__(self, norm: str) -> None:
         self.history: tuple[Pass, ...] = ()
         self.worths: tuple[float, ...] = ()
-        self.ranks: tuple[float, ...] = ()
         self._norm = norm
         self._last: _Solved | None = None
-        self._best: _Solved | None = None
+        self._least: _Solved | None = None  # by worth
+        self._lowest: _Solved | None = None  # by functional
+        self._comparable = True
         self._seconds: dict[str, float] = {}
 
     @property
@@ -68,7 +74,8 @@ class Journal:
     @property
     def best_number(self) -> int:
         """Number of the best pass so far."""
-        return int(np.argmin(self.ranks))
+        functionals = [entry.functional for entry in self.history if entry.functional is not None]
+        return int(np.argmin(functionals if self._comparable else self.worths))
 
     @property
     def last(self) -> tuple[MeshTri | None, Any]:
@@ -99,7 +106,7 @@ class Journal:
     ) -> None:
         """Add the pass whose mesh was just solved and estimated; `move` made it, None for the input.
 
-        The best pass is that of the lowest functional where passes are `comparable` by it, else of the lowest estimate.
+        The best pass has the lowest functional if all passes are `comparable` by it, else the lowest estimate.
         """
         qualities = quality(mesh)
         entry = Pass(
@@ -118,13 +125,14 @@ class Journal:
             splits=move.splits if move else 0,
         )
         worth = _root_sum(indicators * np.sqrt(area(mesh))) if self._norm == "L2" else entry.estimate
-        rank = functional if comparable and functional is not None else worth
-        solved = _Solved(mesh, solution, indicators, self._nodes_after(mesh, move), rank)
-        best = solved if self._best is None or rank < self._best.rank else self._best
-        history, worths, ranks = (*self.history, entry), (*self.worths, worth), (*self.ranks, rank)
+        solved = _Solved(mesh, solution, indicators, self._nodes_after(mesh, move), worth, functional)
+        least = solved if self._least is None or worth < self._least.worth else self._least
+        lowest = solved if self._lowest is None or solved.lies_below(self._lowest) else self._lowest
+        history, worths = (*self.history, entry), (*self.worths, worth)
+        comparable = self._comparable and comparable and functional is not None
         # One statement without a call: Ctrl-C cannot fall in the middle of it.
-        self.history, self.worths, self.ranks, self._last, self._best, self._seconds = (
-            history, worths, ranks, solved, best, {}
+        self.history, self.worths, self._last, self._least, self._lowest, self._comparable, self._seconds = (
+            history, worths, solved, least, lowest, comparable, {}
         )  # fmt: skip
 
     def _nodes_after(self, mesh: MeshTri, move: Relocation | None) -> NDArray[np.intp]:
@@ -135,17 +143,18 @@ class Journal:
 
     def result(self, ending: Ending) -> AdaptResult:
         """The best pass with the history and the way the loop ended."""
-        if self._best is None:
+        best = self._lowest if self._comparable else self._least
+        if best is None:
             raise RuntimeError("the journal has no pass to give back.")
         return AdaptResult(
-            mesh=self._best.mesh,
-            solution=self._best.solution,
-            indicators=self._best.indicators,
-            estimate=_root_sum(self._best.indicators),
+            mesh=best.mesh,
+            solution=best.solution,
+            indicators=best.indicators,
+            estimate=_root_sum(best.indicators),
             history=self.history,
             status=ending.status,
             message=ending.message,
-            nodes=self._best.nodes,
+            nodes=best.nodes,
             error=ending.error,
         )
 

@@ -40,7 +40,7 @@ def adapt(
     polish: bool = True,
     target_nodes: int | None = None,
 ) -> AdaptResult:
-    """Adapt a mesh to a problem by moving its nodes to where the error is; their number stays the same.
+    """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
     A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
     error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower.
@@ -79,8 +79,9 @@ def adapt(
         Whether to descend the energy after the map. Where the problem has no ``ritz``, elements of another degree than
         1, ``norm = "L2"``, or coefficients that vary inside a region, there is no polish, and the message says so.
     target_nodes
-        Grow to that many nodes by splitting edges, a share in every pass but the last; names are kept. None keeps their
-        number.
+        Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
+        "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are
+        fewer, and the message says so.
 
     Returns
     -------
@@ -115,7 +116,8 @@ def adapt(
         ending = interrupted(journal)
     except StepFailed as failure:
         ending = failed(journal, failure)
-    return journal.result(remarked(ending, improvement.remark))
+    nodes = journal.history[-1].mesh.p.shape[1]
+    return journal.result(remarked(remarked(ending, improvement.remark), growth.shortfall(nodes)))
 
 
 def _loop(
@@ -131,7 +133,8 @@ def _loop(
             energy = energy_norm(problem, mesh, solution)
             functional = improvement.functional(mesh, solution)
         journal.record(mesh, solution, indicators, energy, functional, improvement.comparable, move)
-        if ending := stop(journal, move):
+        growing = growth.goes_on(journal.number - 1)
+        if ending := stop(journal, move, growing):
             return ending
         with journal.timed("relocate"):
             trained = improvement.train(mesh, indicators, journal.number, growth.nodes(journal.number))
@@ -139,7 +142,7 @@ def _loop(
             gain = improvement.polish(trained)
         with journal.timed("relocate"):
             move = trained.relocation(gain)
-        if _same(mesh, move.mesh):
+        if _same(mesh, move.mesh) and not growth.goes_on(journal.number):
             return not_moved(journal, move)
         mesh = move.mesh
 

@@ -180,8 +180,8 @@ def outer_edges(elements: Elements) -> Indices:
 
 
 def heaps_for(elements: Elements) -> tuple[Heap, Heap]:
-    """Two heaps with room for all edges several times over."""
-    size = 4 * len(elements.node) + 2000
+    """Two heaps with room for all edges more than twice: a mesh has three edges for two elements, and outlines."""
+    size = 4 * len(elements.node) + 8
     longest, shortest = (
         Heap(np.empty(size), np.empty((size, 2), dtype=np.int32), np.zeros(1, dtype=np.int64)) for _ in range(2)
     )

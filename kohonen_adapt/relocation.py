@@ -194,14 +194,22 @@ def trained_map(
     if topology == "recycle" or target > before.nnodes:
         recycled = som.recycle(wanted, target, pairs=topology == "recycle")
     if schedule is None:
-        radius = start_radius(som, wanted) if recycled.splits == 0 and topology != "recycle" else None
-        schedule = Schedule.default(target, radius=radius, topology=topology)
+        schedule = Schedule.default(target, radius=radius_for(som, wanted, topology, recycled), topology=topology)
     errors = som.learn(wanted.draw, schedule, rng, recycled.starts)
     if schedule.sweeps:
         if recycled.splits:
             wanted.refit(som.triangulation, Locator(before))
         som.smooth(wanted, schedule.sweeps)
     return Trained(som, mesh, before, outline, recycled, errors, why_still(som, schedule))
+
+
+def radius_for(
+    som: KohonenMap, wanted: ElementDensity | CallableDensity, topology: str, recycled: Recycled
+) -> int | None:
+    """The start radius: where nodes are put where they are wanted, none need travel."""
+    if topology == "recycle":
+        return None
+    return 2 if recycled.splits else start_radius(som, wanted)
 
 
 def guarded_map(

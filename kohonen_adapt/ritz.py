@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-__all__ = ["Ritz", "functional_value"]
+__all__ = ["Ritz", "check_fits", "functional_value"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +107,25 @@ def _constants(
             f"{name} of Ritz has {table.shape[-1]} values but region has numbers up to {region.max()}; give one for "
             "each number from 0 on."
         )
+    if table.shape[-1] == region.size > region.max(initial=-1) + 1:
+        raise ValueError(
+            f"{name} of Ritz must have one value per region number, {region.max() + 1}; got {region.size}, the "
+            "number of elements."
+        )
     return table
 
 
+def check_fits(ritz: Ritz, nodes: int, elements: int) -> None:
+    """Refuse a functional of another mesh."""
+    if np.shape(ritz.values) != (nodes,):
+        raise ValueError(f"values of Ritz must have shape (nnodes,) = ({nodes},); got {np.shape(ritz.values)}.")
+    if ritz.region is not None and np.shape(ritz.region) != (elements,):
+        raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
+
+
 def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
-    """The functional of the solution on its own mesh."""
+    """The functional of the solution on its own mesh, or an error if that is another one."""
+    check_fits(ritz, mesh.p.shape[1], mesh.t.shape[1])
     (x0, x1, x2), (y0, y1, y2) = mesh.p[:, mesh.t]
     u0, u1, u2 = np.asarray(ritz.values)[mesh.t]
     doubled = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)

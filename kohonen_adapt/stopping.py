@@ -29,8 +29,11 @@ class StopTest:
     atol: float | None
     callback: Callable[[Pass], Any] | None
 
-    def __call__(self, journal: Journal, move: Relocation | None) -> Ending | None:
-        """The ending, or None to go on; `move` made the last pass. The callback hears of every pass, the last too."""
+    def __call__(self, journal: Journal, move: Relocation | None, growing: bool) -> Ending | None:
+        """The ending, or None to go on; `move` made the last pass. The callback hears of every pass, the last too.
+
+        While the mesh is `growing`, that nothing moved or improved is no reason to end.
+        """
         last = journal.history[-1]
         told = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
@@ -40,9 +43,9 @@ class StopTest:
         # Only a plain True stops: a callback that happens to return something (a path, a list) means nothing by it.
         if isinstance(told, bool | np.bool_) and told:
             return _stopped(journal)
-        if move is not None and move.moved == 0:
+        if move is not None and move.moved == 0 and not growing:
             return not_moved(journal, move)
-        if _stalls(journal.worths):
+        if _stalls(journal.worths) and not growing:
             return _stalled(journal)
         if last.number == self.passes:
             return _max_passes(journal, self._tolerance(last) if self._tolerant else None)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from meshes import area_of, inset, l_shape, length_of
-from skfem import Basis, ElementTriP1, condense, solve
+from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
@@ -191,10 +191,45 @@ def test_growth_keeps_names():
     assert area_of(result.mesh, result.mesh.subdomains["low"]) == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("target", [0, 20, 100.0, True, "many", -1])
-def test_targets_out_of_range(target):
-    with pytest.raises(ValueError, match=r"^target_nodes must be an integer of at least the 65 nodes of the mesh"):
+@pytest.mark.parametrize("target", [100.0, True, "many", -1])
+def test_targets_that_are_no_numbers_of_nodes(target):
+    with pytest.raises(ValueError, match=rf"^target_nodes must be an integer >= 0, or None; got {target!r}\.$"):
         ka.adapt(l_shape(4), Load(), target_nodes=target)
+
+
+@pytest.mark.parametrize("target", [0, 64])
+def test_targets_below_the_input(target):
+    expected = (
+        rf"^target_nodes must be at least the number of nodes of the mesh, 65; got {target}\. Start from a coarser"
+    )
+    with pytest.raises(ValueError, match=expected):
+        ka.adapt(l_shape(4), Load(), target_nodes=target)
+
+
+def test_growth_from_a_mesh_in_which_nothing_can_move():
+    result = ka.adapt(MeshTri(), Load(), target_nodes=50, passes=4)
+    assert result.history[-1].mesh.p.shape[1] == 50
+
+
+def test_the_message_says_where_growth_ends():
+    thin = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.2, 13))
+    result = ka.adapt(thin, Load(), passes=1, target_nodes=208)
+    assert "the mesh has 52 of 208 nodes" in result.message
+
+
+def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
+    """The input has no node on the left side but its ends: only new ones see the bump there."""
+
+    class Bump(Load):
+        def solve(self, mesh):
+            basis, (x, y) = Basis(mesh, ElementTriP1()), mesh.p
+            given = np.where(x == 0.0, y * (1 - y), 0.0)
+            edge = mesh.boundary_nodes()
+            return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), x=given, D=edge))
+
+    result = ka.adapt(MeshTri(), Bump(), passes=4, target_nodes=300)
+    assert result.mesh.p.shape[1] == 300
+    assert result.message.endswith("compared by the estimate.")
 
 
 @pytest.mark.parametrize("polish", [None, 8, "yes"])

@@ -4,7 +4,21 @@ import heapq
 
 import numpy as np
 import pytest
-from meshes import area_of, centres, generic_square, holed, inset, junction, l_shape, length_of, named, peak, square
+from meshes import (
+    area_of,
+    centres,
+    generic_square,
+    holed,
+    inset,
+    junction,
+    l_shape,
+    length_of,
+    named,
+    peak,
+    slit,
+    square,
+)
+from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -213,3 +227,26 @@ def test_the_heap_gives_keys_in_order_like_a_slow_twin():
             insert(heap, key, a, b)
             heapq.heappush(slow, (key, a, b))
     assert heap.size[0] == len(slow)
+
+
+def test_heaps_that_fill_up_are_filled_anew():
+    """Far from Delaunay, with two nodes of high degree: one split sets off thousands of flips."""
+    n = 8000
+    x, i = np.linspace(1, 2, n), 2 + np.arange(n - 1)
+    p = np.hstack([[[1.5], [1.0]], [[1.5], [-1.0]], [x, 0.1 * np.sin(np.pi * (x - 1))]])
+    mesh = MeshTri(p, np.hstack([[0 * i, i, i + 1], [0 * i + 1, i, i + 1]]))
+    density = np.where(centres(mesh)[0] < 1.1, 1.0, 1e-6)
+    result = ka.relocate(mesh, density, topology="recycle", min_quality=0.0, schedule=Schedule(()))
+    assert result.p.shape == mesh.p.shape
+    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-12)
+
+
+def test_new_nodes_on_a_slit_are_found_from_their_own_bank():
+    mesh = slit(12)
+    som, done = recycled(mesh, peak(mesh, 0.55, 0.5, contrast=1e4))
+    middle = centres(mesh)[1]
+    chains = np.flatnonzero((done.old < 0) & (som.mesh.p[1] == 0.5) & (som.mesh.p[0] < 0.6))
+    star = som.triangulation.star
+    above = [centres(som.mesh)[1, star.element[star.start[v]]] > 0.5 for v in chains]
+    assert len(chains) > 5
+    assert [middle[done.hint[v]] > 0.5 for v in chains] == above

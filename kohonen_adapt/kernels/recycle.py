@@ -68,8 +68,10 @@ class Room(NamedTuple):
 
 @kernel
 def insert(heap, key, a, b):
-    """Put an edge into a heap."""
+    """Put an edge into a heap, unless that is full: it is then to be filled anew, from the mesh."""
     i = heap.size[0]
+    if i == heap.key.shape[0]:
+        return
     heap.size[0] = i + 1
     while i > 0:
         parent = (i - 1) >> 1
@@ -245,6 +247,16 @@ def halve(elements, pool, e, k, p):
 
 
 @kernel
+def guide(elements, constraints, e, k):
+    """Of the nodes of e one to find the middle of its edge opposite to corner k from, on the same bank of any slit."""
+    c = elements.chain[e, k]
+    for v in (elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]):
+        if constraints.inner[v] or (c >= 0 and constraints.kind[v] == SLIDING and constraints.chain[v, 0] == c):
+            return v
+    return elements.node[e, k]
+
+
+@kernel
 def split(position, elements, constraints, pool, origins, e, k, parameter, middle):
     """Split the edge opposite to corner k of e at `middle`; returns the new node."""
     node, neighbour = elements.node, elements.neighbour
@@ -257,7 +269,7 @@ def split(position, elements, constraints, pool, origins, e, k, parameter, middl
     constraints.chain[p, 0], constraints.chain[p, 1], constraints.parameter[p] = c, -1, parameter
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
-    origins.old[p], origins.hint[p] = -1, origins.hint[a] if origins.old[a] >= 0 else origins.hint[b]
+    origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
     origins.pinned[p] = origins.pinched[p] = False
     origins.young[p] = True
     new = halve(elements, pool, e, k, p)
@@ -452,9 +464,9 @@ def recycle(position, elements, constraints, pool, origins, longest, shortest, m
     collapse follows it is taken back, and the number of nodes is right at any time.
     """
     splits = collapses = 0
-    room_left = longest.key.shape[0] - 1000
+    full = longest.key.shape[0]
     while splits < limit:
-        if max(longest.size[0], shortest.size[0]) > room_left:
+        if longest.size[0] == full or shortest.size[0] == full:
             fill_heaps(position, elements, origins, longest, shortest)
         grows = splits < missing
         least = 0.0 if grows or shortest.size[0] == 0 else ratio * ratio * shortest.key[0]
