@@ -137,7 +137,7 @@ class Draw(NamedTuple):
     region: NDArray[np.int32]
     weights: Floats
 
-    def reordered(self, order: NDArray[np.integer] | slice) -> "Draw":
+    def reordered(self, order: NDArray[np.integer]) -> "Draw":
         """These points in that order."""
         return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 

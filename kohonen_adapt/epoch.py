@@ -77,7 +77,7 @@ class Classroom:
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
         batches = batches_for(stage, rate, number, self.triangulation.nnodes)
         for first in range(batches):
-            rows = slice(first, None, batches)
+            rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
             found, distances, walked = self.search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
@@ -113,7 +113,7 @@ class Classroom:
     def _deep_nodes(self, parts: int, rings: int) -> Mask:
         """Neurons that have only neurons of their own part within so many rings, (n,)."""
         deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
-        part = self.rank.astype(np.int64) * parts // len(deep)
+        part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
         mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 

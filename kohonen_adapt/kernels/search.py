@@ -168,9 +168,9 @@ def find_winners(position, elements, star, inner, points, region, hints, winners
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     steps = 0
     for t in range(points.shape[0]):
-        x, y, own, v = points[t, 0], points[t, 1], region[t], int(hints[t])
+        x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == own:
-            v = nearer(position, v, int(winners[t - 1]), x, y)
+            v = nearer(position, v, np.int64(winners[t - 1]), x, y)
         e = int(star.element[star.start[v]])
         if not inner[v]:
             e = int(element_in_region(elements, star, v, own))
