@@ -116,6 +116,18 @@ class KohonenMap:
         ValueError
             If a training point lies outside the mesh, a shape does not fit, the schedule is none or has sweeps, or the
             seed is not an integer >= 0.
+
+        Notes
+        -----
+        A map's density of nodes is not that of its training points. With radius 0 (vector quantisation) points of
+        density p bring the nodes to ``p^(d / (d + 2))``, in the plane ``p^(1/2)`` (Zador, IEEE Trans. Inf. Theory 28,
+        1982); wide radii give powers between 2/3 and about 1, depending on p and on the shape of the mesh (Ritter and
+        Schulten, Biol. Cybern. 54, 1986). To reach a prescribed density rho, draw the points from rho itself, give each
+        the weight ``rho^(2 / d)``, in the plane rho, scaled so that learning rate times weight is at most 1, and train
+        with ``Stage(0, ...)``: weights and points together act as ``p = rho^((d + 2) / d)``. That needs fresh points in
+        every epoch (a callable), about 20 per neuron, and a rate that falls to 0.01; nodes travel slowly without
+        neighbours, so begin near the density (`relocate`) or allow hundreds of epochs. ``python -m benchmarks
+        magnification`` measures it.
         """
         check_training(schedule, seed)
         schedule = self._schedule_without_sweeps(schedule)
