@@ -42,7 +42,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     seconds_per_round(l_shaped_mesh(8))  # first calls of scikit-fem import and cache things
     tables = [_relocations(l_shaped_mesh(squares), seeds) for squares in ((16,) if quick else SQUARES)]
     start = l_shaped_mesh(16 if quick else SQUARES[0])
-    return "\n\n".join([*tables, _winners(start), _profile(start)])
+    return "\n\n".join([*tables, _default(start, seeds), _winners(start), _profile(start)])
 
 
 @contextmanager
@@ -87,6 +87,22 @@ def _passes(mesh, seed: int) -> list[float]:
         mesh = ka.relocate(mesh, ka.density_from_indicators(mesh, indicators), seed=seed * PASSES + number)
         seconds.append(time.perf_counter() - start)
     return seconds
+
+
+def _default(start, seeds: Sequence[int]) -> str:
+    """What a pass of `adapt` costs beside solve and estimate: recycling and map, and the polish."""
+    nodes, steps, rounds = start.p.shape[1], ("relocate", "polish"), []
+    spent: dict[str, list[float]] = {step: [] for step in steps}
+    for seed in seeds:
+        rounds.append(seconds_per_round(start))
+        history = ka.adapt(start, LShape(), passes=3, seed=seed).history[1:]
+        for step in steps:
+            spent[step].append(float(np.mean([entry.seconds[step] for entry in history])))
+    reference = float(np.median(rounds))
+    rows = [
+        [step, 1e6 / nodes * float(np.median(spent[step])), float(np.median(spent[step])) / reference] for step in steps
+    ]
+    return aligned([f"a pass by default (recycle), N = {nodes}", "us per node", "rounds"], rows)
 
 
 def _winners(mesh) -> str:
