@@ -14,8 +14,8 @@ import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from benchmarks.reference_round import seconds_per_round
 from benchmarks.table import aligned
-from kohonen_adapt.density import density_of
 from kohonen_adapt.epoch import Classroom
+from kohonen_adapt.sampling import density_of
 
 PASSES = 4
 SQUARES = (64, 182)  # per unit: N = 12 545 and 99 008
@@ -24,13 +24,13 @@ WINNERS = 8e6  # per second on two threads
 STEPS = {  # what a relocation does, by the functions that do it
     "take apart": ("of", "triangulation.py"),
     "outlines": ("of", "outline.py"),
-    "density": ("density_of", "density.py"),
+    "density": ("density_of", "sampling.py"),
     "start radius": ("start_radius", "relocation.py"),
-    "draw": ("draw", "density.py"),
+    "draw": ("draw", "sampling.py"),
     "search": ("search", "epoch.py"),
     "epochs, search included": ("epoch", "epoch.py"),
     "flips": ("_flip", "som.py"),
-    "weights": ("squares", "density.py"),
+    "weights": ("squares", "sampling.py"),
     "sweeps": ("sweep", "epoch.py"),
     "whole": ("relocate", "relocation.py"),
 }

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from .density import along_curve
 from .functional import Functional
 from .kernels.descend import Trial, descend_flips, descend_nodes
 from .kernels.geometry import Constraints
@@ -14,6 +13,7 @@ from .kernels.parts import mark_deep
 from .outline import Outline
 from .problem import Problem, order_of, ritz_of
 from .relocation import guarded_map
+from .sampling import along_curve
 from .schedule import check_training, is_count
 from .threads import even_cuts, shared
 from .triangulation import Triangulation

@@ -12,12 +12,12 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from .density import Draw, along_curve
 from .kernels.geometry import Constraints, mark_sound
 from .kernels.parts import mark_deep, sort_into_tiles
 from .kernels.search import CROSSINGS, STRETCH, Scratch, find_winners
 from .kernels.smooth import sweep
 from .kernels.train import learn
+from .sampling import Draw, along_curve
 from .schedule import Stage
 from .threads import even_cuts, number_of_threads, shared
 from .triangulation import Triangulation

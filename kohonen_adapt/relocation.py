@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .density import CallableDensity, ElementDensity, density_of
 from .locate import Locator
 from .outline import Outline
 from .recycling import Recycled, unchanged
+from .sampling import CallableDensity, ElementDensity, density_of
 from .schedule import Schedule, check_training, widest_radius
 from .som import KohonenMap
 from .triangulation import Triangulation

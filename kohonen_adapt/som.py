@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .density import CallableDensity, Draw, ElementDensity, along_curve
 from .epoch import Classroom
 from .kernels.flip import flip_edges, mark_doubtful
 from .kernels.geometry import HELD
@@ -16,6 +15,7 @@ from .kernels.search import search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
+from .sampling import CallableDensity, Draw, ElementDensity, along_curve
 from .schedule import Schedule, Stage, check_training, is_count, is_number
 from .threads import even_cuts, shared
 from .triangulation import Triangulation

@@ -7,7 +7,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
-from kohonen_adapt.density import along_curve, density_of
+from kohonen_adapt.sampling import along_curve, density_of
 from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import Triangulation
 

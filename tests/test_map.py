@@ -13,10 +13,10 @@ from meshes import centres, doubled_areas, generic_square, holed, inset, outline
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.density import density_of
 from kohonen_adapt.epoch import parts_for
 from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.smooth import RELAXATION
+from kohonen_adapt.sampling import density_of
 
 NOTHING = 1e-300  # a learning rate that moves no node
 

@@ -23,11 +23,11 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule
-from kohonen_adapt.density import density_of
 from kohonen_adapt.kernels.geometry import HELD
 from kohonen_adapt.kernels.recycle import Heap, insert, remove_first
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.recycling import RATIO
+from kohonen_adapt.sampling import density_of
 from kohonen_adapt.som import KohonenMap
 from kohonen_adapt.triangulation import Triangulation
 

@@ -26,8 +26,8 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.density import density_of
 from kohonen_adapt.relocation import start_radius, trained_map
+from kohonen_adapt.sampling import density_of
 from kohonen_adapt.triangulation import Triangulation
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
