@@ -167,8 +167,7 @@ class Schedule:
         Notes
         -----
         A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius, so nodes are carried far by
-        wide ones, which with ``c / R^2`` points per neuron cost little more than narrow ones. c grows with the fourth
-        root of the number of nodes, because they have farther to go and the guard lets none go far at once. Radius 1,
+        wide ones, which with ``c / R^2`` points per neuron cost little more than narrow ones (`wide_stage`). Radius 1,
         whose node density lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead
         of it, hold each other in check over many passes.
         """
@@ -180,11 +179,20 @@ class Schedule:
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         widest = 1 if topology == "recycle" else widest_radius(nnodes)
         start = widest if radius is None else radius
-        dense = 1.2 * max(1, nnodes) ** 0.25
-        wide = [Stage(r, 1, 1.5 / r, points_per_neuron=dense / r**2) for r in halved(start) if r >= WIDE]
+        wide = [wide_stage(nnodes, r) for r in halved(start) if r >= WIDE]
         epochs = 3 if start >= 4 else 2
         narrow = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in halved(start) if r < WIDE]
         return cls((*wide, *narrow, Stage(1, *LOCAL[topology])), sweeps=SWEEPS[topology])
+
+
+def wide_stage(nnodes: int, radius: int) -> Stage:
+    """One epoch that pulls as hard as carries best: its rate times its points grow with the fourth root of the nodes.
+
+    In large meshes the guard refuses more of the hard pulls, so there are more points instead.
+    """
+    root = max(1, nnodes) ** 0.25
+    hard = min(1.5, max(1.0, 16.0 / root))
+    return Stage(radius, 1, hard / radius, points_per_neuron=min(2.0, 1.85 * root / hard / radius**2))
 
 
 def halved(radius: int) -> list[int]:
