@@ -164,7 +164,7 @@ BANDS = [  # letter, which of its cases, variant, and the band of the ratio of t
     ("M", 2, FLIP, 0.45, 0.75),
     ("M", 2, POLISHED, 0.45, 0.62),
     ("M", 2, DEFAULT, 0.40, 0.52),
-    ("C", 0, POLISHED, 0.45, 0.65),
+    ("C", 0, POLISHED, 0.45, 0.70),
     ("C", 0, DEFAULT, 0.32, 0.42),
     ("F", 0, POLISHED, 0.45, 0.62),
     ("F", 0, DEFAULT, 0.45, 0.60),
