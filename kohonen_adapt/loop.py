@@ -12,7 +12,7 @@ from .improvement import Improvement, Settings
 from .journal import Ending, Journal, StepFailed
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve
 from .relocation import guarded_map
-from .result import AdaptResult, Pass
+from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, check_training, is_count
 from .stopping import StopTest, failed, interrupted, not_moved, remarked
 
@@ -20,6 +20,9 @@ __all__ = ["adapt"]
 
 # The measured best of the topologies.
 _TOPOLOGY = "recycle"
+
+# How a loop ends that nothing has cut short.
+_AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
 
 _NUMBERS = (int, float, np.integer, np.floating)
 
@@ -116,8 +119,10 @@ def adapt(
         ending = interrupted(journal)
     except StepFailed as failure:
         ending = failed(journal, failure)
-    nodes = journal.history[-1].mesh.p.shape[1]
-    return journal.result(remarked(remarked(ending, improvement.remark), growth.shortfall(nodes)))
+    ending = remarked(ending, improvement.remark)
+    if ending.status in _AT_ITS_END:
+        ending = remarked(ending, growth.shortfall(journal.history[-1].mesh.p.shape[1]))
+    return journal.result(ending)
 
 
 def _loop(

@@ -215,6 +215,8 @@ def test_the_message_says_where_growth_ends():
     thin = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.2, 13))
     result = ka.adapt(thin, Load(), passes=1, target_nodes=208)
     assert "the mesh has 52 of 208 nodes" in result.message
+    stopped = ka.adapt(l_shape(4), Load(), target_nodes=500, callback=lambda step: True)
+    assert stopped.message.startswith("Stopped by the callback") and "500" not in stopped.message
 
 
 def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
