@@ -11,7 +11,7 @@ from .kernels.descend import Trial, descend_flips, descend_nodes
 from .kernels.geometry import Constraints
 from .kernels.parts import mark_deep
 from .outline import Outline
-from .problem import Problem, order_of, ritz_of
+from .problem import Problem, offers, order_of, ritz_of
 from .relocation import guarded_map
 from .sampling import along_curve
 from .schedule import check_training, is_count
@@ -118,7 +118,7 @@ def check_polish(problem: Problem, sweeps: object, topology: object) -> None:
         raise ValueError(f"topology must be 'fixed' or 'flip', for polish keeps every node; got {topology!r}.")
     if not is_count(sweeps):
         raise ValueError(f"sweeps must be an integer >= 0; got {sweeps!r}.")
-    missing = [name for name in ("solve", "ritz") if not callable(getattr(problem, name, None))]
+    missing = [name for name in ("solve", "ritz") if not offers(problem, name)]
     if missing:
         raise ValueError(
             f"polish needs a problem with the methods solve(mesh) and ritz(mesh, solution); "

@@ -7,6 +7,7 @@ from .carry import Carrier
 from .descent import descend
 from .functional import Functional
 from .locate import interpolate
+from .recycling import unchanged
 from .relocation import guarded_map, relocate
 from .ritz import Ritz
 from .schedule import Schedule, Stage
@@ -37,7 +38,6 @@ def _polish(mesh: MeshTri) -> None:
     triangulation, outline = som.triangulation, som.outline
     ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
     functional = Functional.of(ritz, triangulation, outline)
-    hint = triangulation.star.element[triangulation.star.start[:-1]]
     carrier = Carrier.of(ritz, functional, triangulation.copy(), outline)
-    values, fixed = carrier.onto(triangulation, outline, hint)
+    values, fixed = carrier.onto(triangulation, outline, unchanged(triangulation).hint)
     descend(triangulation, outline, functional, values, fixed, sweeps=1, flips=True, floor=0.3)

@@ -73,9 +73,8 @@ def recycle_nodes(
     pairs
         Whether to go on with splits and collapses when there are as many.
     """
-    before, star = triangulation.elements, triangulation.star
-    hint = star.element[star.start[:-1]]
-    spacious = Surgery.on(triangulation, outline, density, hint, target)
+    before = triangulation.elements
+    spacious = Surgery.on(triangulation, outline, density, unchanged(triangulation).hint, target)
     splits, collapses = spacious.run(floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
     spacious.hand_back(triangulation, outline)
     old = spacious.origins.old

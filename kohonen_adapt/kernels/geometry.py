@@ -86,6 +86,12 @@ def tolerable(worst, floor):
 
 
 @kernel
+def allowed(after, before, floor):
+    """The quality rule: the worst quality after a change is tolerable, or no worse than the worst before."""
+    return tolerable(after, floor) or (after > FLAT and after >= before)
+
+
+@kernel
 def star_tolerable(position, star, v, x, y, floor):
     """Whether all qualities in the star of v were tolerable with v at (x, y).
 

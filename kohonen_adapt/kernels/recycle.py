@@ -11,14 +11,13 @@ import numpy as np
 from .compilation import kernel
 from .flip import corner_towards, flip_edge, push, should_flip
 from .geometry import (
-    FLAT,
     FREE,
     SLIDING,
+    allowed,
     element_quality,
     nearest_parameter,
     point_on_chain,
     signed_quality,
-    tolerable,
 )
 
 NOWHERE = -1
@@ -224,7 +223,7 @@ def may_split(position, elements, pinned, e, k, floor, middle):
         j = corner_towards(elements.neighbour, other, e)
         after = min(after, half_qualities(position, node, other, j, middle[0], middle[1]))
         before = min(before, element_quality(position, node, other))
-    return tolerable(after, floor) or (after > FLAT and after >= before)
+    return allowed(after, before, floor)
 
 
 @kernel
@@ -324,7 +323,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
             >= longest
         ):
             return -1.0
-    if after > 1.5 or not (tolerable(after, floor) or (after > FLAT and after >= before)):
+    if after > 1.5 or not allowed(after, before, floor):
         return -1.0
     common = 0
     for i in range(gather_around(elements, pool, w, room.around_other)):

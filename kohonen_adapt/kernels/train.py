@@ -6,15 +6,14 @@ Kohonen Maps" (sections II and III).
 
 from .compilation import kernel
 from .geometry import (
-    FLAT,
     FREE,
     HELD,
     SLIDING,
+    allowed,
     may_move,
     nearest_parameter,
     point_on_chain,
     star_tolerable,
-    tolerable,
     worst_in_star,
 )
 from .search import next_stamp
@@ -87,7 +86,7 @@ def jump(position, elements, star, constraints, v, x, step, floor, trial):
         worst_in_star(position, star, v, position[v, 0], position[v, 1]),
         worst_in_star(position, star, next_node, position[next_node, 0], position[next_node, 1]),
     )
-    if not (tolerable(after, floor) or (after > FLAT and after >= before)):
+    if not allowed(after, before, floor):
         for k in range(trial.shape[0]):
             position[v, k], position[next_node, k] = position[next_node, k], trial[k]
         return
