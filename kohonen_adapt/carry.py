@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .functional import Functional
-from .kernels.geometry import FREE, HELD, SLIDING
+from .kernels.chains import FREE, HELD, SLIDING
 from .kernels.locate import barycentric, walk_each
 from .locate import Locator
 from .outline import Outline

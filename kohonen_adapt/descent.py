@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from .functional import Functional
+from .kernels.chains import Constraints
 from .kernels.descend import Trial, descend_flips, descend_nodes
-from .kernels.geometry import Constraints
 from .kernels.parts import mark_deep
+from .limits import Limits
 from .outline import Outline
 from .problem import Problem, offers, order_of, ritz_of
 from .relocation import guarded_map
@@ -82,8 +83,9 @@ def polish(
 
     Notes
     -----
-    Nodes whose given values are not linear along their piece of outline stay where they are: elsewhere the mesh would
-    have another set of admissible functions, and a lower functional would say nothing about the error.
+    Nodes on curves, and those whose given values are not linear along their piece of outline, stay where they are:
+    elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing about
+    the error.
 
     The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).
@@ -102,7 +104,7 @@ def polish(
     """
     check_training(None, seed)
     check_polish(problem, sweeps, topology)
-    som = guarded_map(mesh, topology, min_quality, pinned)
+    som = guarded_map(mesh, Limits(topology, min_quality, pinned))
     ritz = ritz_of(problem, mesh, problem.solve(mesh))
     functional = Functional.of(ritz, som.triangulation, som.outline)
     descend(
@@ -174,11 +176,10 @@ def descend_in_parts(
     gains = np.zeros(parts + 1)
 
     def task(thread: int, first: int, last: int) -> None:
-        target = np.empty(position.shape[1])
         for i in range(first, last):
             nodes = inside[cuts[i] : cuts[i + 1]]
-            gains[i] = descend_nodes(position, star, constraints, trial, nodes, floor, target)
+            gains[i] = descend_nodes(position, star, constraints, trial, nodes, floor)
 
     shared(task, even_cuts(parts, 1))
-    gains[parts] = descend_nodes(position, star, constraints, trial, across, floor, np.empty(position.shape[1]))
+    gains[parts] = descend_nodes(position, star, constraints, trial, across, floor)
     return float(gains.sum())

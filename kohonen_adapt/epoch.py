@@ -12,7 +12,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.geometry import Constraints, mark_sound
+from .kernels.chains import Constraints
+from .kernels.geometry import mark_sound
 from .kernels.parts import mark_deep, sort_into_tiles
 from .kernels.search import CROSSINGS, STRETCH, Scratch, find_winners
 from .kernels.smooth import sweep
@@ -103,8 +104,8 @@ class Classroom:
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
             sweep(
-                tri.position, tri.star, self.constraints, weight, circumcentres, self.floor, self.order[first:last],
-                deep, which, self.rooms[thread].trial,
+                tri.position, tri.elements, tri.star, self.constraints, weight, circumcentres, self.floor,
+                self.order[first:last], deep, which,
             )  # fmt: skip
 
         shared(task, shares_of(starts_of_parts(tri.nnodes, parts)))
@@ -119,14 +120,14 @@ class Classroom:
 
     def search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
         """Winner of every point, its distance, and the number of steps that all searches took."""
-        tri, inner = self.triangulation, self.constraints.inner
+        tri = self.triangulation
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> int:
             part = slice(first, last)
             return find_winners(
-                tri.position, tri.elements, tri.star, inner, batch.points[part], batch.region[part], hints[part],
-                found[part], distances[part], self.rooms[thread],
+                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
+                hints[part], found[part], distances[part], self.rooms[thread],
             )  # fmt: skip
 
         return found, distances, sum(shared(task, even_cuts(len(hints), FEW, STRETCH)))
@@ -202,5 +203,4 @@ def scratch_for(triangulation: Triangulation) -> Scratch:
         np.empty(m, dtype=np.int32),
         np.empty(m),
         np.empty((CROSSINGS + 3, 2), dtype=np.int32),
-        np.empty(triangulation.position.shape[1]),
     )

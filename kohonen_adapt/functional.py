@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.geometry import FREE, HELD, SLIDING
+from .kernels.chains import FREE, HELD, SLIDING, STRAIGHT
 from .outline import Outline
 from .ritz import Ritz, check_fits
 from .triangulation import Triangulation
@@ -35,13 +35,13 @@ class Functional:
     linear
         Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
     held
-        Chains whose nodes are not to slide: given values that are not linear, or a chain of one facet between two nodes
-        with given values, of which nobody can tell whether they are given on it, (c,) bool.
+        Chains whose nodes are not to slide: curves, given values that are not linear, or a chain of one facet between
+        two nodes with given values, of which nobody can tell whether they are given on it, (c,) bool.
     on_chain
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
         Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
-        values are given on whole chains only and linearly there.
+        outlines are straight, and values are given on whole chains only and linearly there.
     """
 
     constants: Floats
@@ -62,17 +62,18 @@ class Functional:
         """
         check_fits(ritz, triangulation.nnodes, len(triangulation.elements.node))
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
-        kind, count = outline.constraints.kind, len(outline.constraints.length)
+        kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
         bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
         on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
-        linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
+        straight = outline.constraints.chains.shape == STRAIGHT
+        linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
-        comparable = not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
-        held = (given & ~linear) | (whole & bare)
-        return cls(constants_of_regions(ritz, triangulation), given, linear, held, on_chain, bool(comparable))
+        comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
+        held = ~straight | (given & ~linear) | (whole & bare)
+        return cls(constants_of_regions(ritz, triangulation), given, linear, held, on_chain, comparable)
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
         """A half of the coefficient, a sixth of the source and a half of the flux of every element, (m, 4)."""
@@ -114,14 +115,17 @@ def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], ND
 def line_of_chains(
     triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
 ) -> tuple[Floats, Floats]:
-    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,)."""
-    constraints = outline.constraints
-    way = triangulation.position[node] - constraints.origin[chain]
-    parameter = np.sum(way * constraints.direction[chain], axis=1)
+    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,).
+
+    Both mean nothing on curves.
+    """
+    chains = outline.constraints.chains
+    way = triangulation.position[node] - chains.origin[chain]
+    parameter = np.sum(way * chains.direction[chain], axis=1)
     order = np.lexsort((parameter, chain))
-    last = np.cumsum(np.bincount(chain, minlength=len(constraints.length))) - 1
+    last = np.cumsum(np.bincount(chain, minlength=len(chains.length))) - 1
     end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
-    rate = (end - start) / constraints.length
+    rate = (end - start) / chains.length
     off = np.zeros(len(start))
     np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
     return np.stack([start, rate], axis=1), off

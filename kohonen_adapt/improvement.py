@@ -1,6 +1,5 @@
 """How a pass improves a mesh: the map learns the density of the error, then the polish descends the energy."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,7 @@ from .carry import Carrier
 from .density import density_from_indicators
 from .descent import SWEEPS, descend
 from .functional import Functional, VariesInside
+from .limits import Limits
 from .problem import Problem, norm_of, offers, order_of, ritz_of
 from .relocation import Trained, guarded_map, trained_map
 from .ritz import Ritz, functional_value
@@ -25,9 +25,7 @@ class Settings:
     """What every pass is improved with; see `adapt`."""
 
     schedule: Schedule | None
-    topology: str
-    min_quality: float
-    pinned: Sequence[int | str] | NDArray[np.integer] | str
+    limits: Limits
     seed: int
     polish: bool
 
@@ -66,8 +64,7 @@ class Improvement:
         return None if self.skipped else value
 
     def _examine(self, mesh: MeshTri, ritz: Ritz) -> None:
-        settings = self._settings
-        som = guarded_map(mesh, settings.topology, settings.min_quality, settings.pinned)
+        som = guarded_map(mesh, self._settings.limits)
         try:
             self.comparable = Functional.of(ritz, som.triangulation, som.outline).comparable
         except VariesInside:
@@ -80,9 +77,7 @@ class Improvement:
             mesh,
             density_from_indicators(mesh, indicators, order=order_of(problem), norm=norm_of(problem)),
             schedule=settings.schedule,
-            topology=settings.topology,
-            min_quality=settings.min_quality,
-            pinned=settings.pinned,
+            limits=settings.limits,
             seed=int(np.random.SeedSequence((settings.seed, number)).generate_state(1)[0]),
             target=nodes,
         )
@@ -95,7 +90,8 @@ class Improvement:
         functional = Functional.of(ritz, trained.triangulation, trained.outline)
         carrier = Carrier.of(ritz, functional, trained.triangulation, trained.outline)
         values, fixed = carrier.onto(som.triangulation, som.outline, trained.recycled.hint)
-        flips, floor = self._settings.topology != "fixed", float(self._settings.min_quality)
+        limits = self._settings.limits
+        flips, floor = limits.topology != "fixed", float(limits.min_quality)
         return descend(
             som.triangulation, som.outline, functional, values, fixed, sweeps=SWEEPS, flips=flips, floor=floor
         )
@@ -108,8 +104,8 @@ class Improvement:
         if self.skipped:
             return f"there was no polish: {self.skipped}"
         return (
-            "values given on outlines are not linear along them, or given inside, so their nodes were not polished, "
-            "and passes were compared by the estimate"
+            "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
+            "nodes were not polished, and passes were compared by the estimate"
         )
 
 

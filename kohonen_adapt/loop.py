@@ -1,15 +1,17 @@
 """The loop: solve, estimate, relocate, and stop when it is enough."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from .chains import Curve
 from .growth import Growth
 from .improvement import Improvement, Settings
 from .journal import Ending, Journal, StepFailed
+from .limits import Limits
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve
 from .relocation import guarded_map
 from .result import AdaptResult, Pass, Status
@@ -42,6 +44,7 @@ def adapt(
     callback: Callable[[Pass], Any] | None = None,
     polish: bool = True,
     target_nodes: int | None = None,
+    curves: Mapping[str, Curve] | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
@@ -85,6 +88,9 @@ def adapt(
         Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
         "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are
         fewer, and the message says so.
+    curves
+        The curves that named boundaries are on; see `relocate`. Nodes on curves slide with the map, and are not
+        polished.
 
     Returns
     -------
@@ -106,10 +112,11 @@ def adapt(
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
     _check_loop(passes, rtol, atol, callback, polish)
     check_training(schedule, seed)
-    guarded_map(mesh, topology, min_quality, pinned)  # refuses what it would refuse later, before the first solve
+    limits = Limits(topology, min_quality, pinned, curves)
+    guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
     growth = Growth.of(mesh, target_nodes, passes)
-    improvement = Improvement(problem, Settings(schedule, topology, min_quality, pinned, seed, polish))
+    improvement = Improvement(problem, Settings(schedule, limits, seed, polish))
     journal = Journal(norm_of(problem))
     try:
         ending = _loop(mesh, problem, improvement, growth, StopTest(passes, rtol, atol, callback), journal)

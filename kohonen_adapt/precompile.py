@@ -6,6 +6,7 @@ from skfem import MeshTri
 from .carry import Carrier
 from .descent import descend
 from .functional import Functional
+from .limits import Limits
 from .locate import interpolate
 from .recycling import unchanged
 from .relocation import guarded_map, relocate
@@ -34,7 +35,7 @@ def warmup() -> None:
 
 def _polish(mesh: MeshTri) -> None:
     """Carry a function to where it is, and lower its energy by one sweep."""
-    som = guarded_map(mesh, "flip", 0.3, ())
+    som = guarded_map(mesh, Limits())
     triangulation, outline = som.triangulation, som.outline
     ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
     functional = Functional.of(ritz, triangulation, outline)

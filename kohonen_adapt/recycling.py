@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels.chains import Constraints
 from .kernels.connectivity import fill_star
-from .kernels.geometry import Constraints, Elements
+from .kernels.geometry import Elements
 from .kernels.recycle import Heap, Origins, Pool, Room, fill_heaps, recycle, spread_starts
 from .outline import Outline
 from .triangulation import Triangulation, empty_star
@@ -192,7 +193,7 @@ def room_for(position: Floats, elements: Elements) -> Room:
     n, m = len(position), len(elements.node)
     around, other, stack = (np.empty(m, dtype=np.int32) for _ in range(3))
     counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
-    return Room(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_), np.empty(position.shape[1]))
+    return Room(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_))
 
 
 def padded(array: NDArray, rows: int, value: float) -> NDArray:

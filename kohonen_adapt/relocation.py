@@ -1,13 +1,15 @@
 """One mesh in, one better mesh out: the nodes move to where the density wants them."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from .chains import Curve
+from .limits import Limits
 from .locate import Locator
 from .outline import Outline
 from .recycling import Recycled, unchanged
@@ -115,6 +117,7 @@ def relocate(
     min_quality: float = 0.3,
     pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
     seed: int = 0,
+    curves: Mapping[str, Curve] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
 
@@ -140,6 +143,10 @@ def relocate(
         Node numbers, and names of boundaries and subdomains, of what stays where it is.
     seed
         The same seed gives the same mesh, bit for bit, on one type of CPU.
+    curves
+        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
+        ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
+        radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
 
     Returns
     -------
@@ -166,7 +173,11 @@ def relocate(
     True
     """
     done = trained_map(
-        mesh, density, schedule=schedule, topology=topology, min_quality=min_quality, pinned=pinned, seed=seed
+        mesh,
+        density,
+        schedule=schedule,
+        limits=Limits(topology, min_quality, pinned, curves),
+        seed=seed,
     ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
         logger.warning("relocate moved no node: %s.", done.message)
@@ -178,15 +189,13 @@ def trained_map(
     density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
     *,
     schedule: Schedule | None,
-    topology: str,
-    min_quality: float,
-    pinned: Sequence[int | str] | NDArray[np.integer] | str,
+    limits: Limits,
     seed: int,
     target: int | None = None,
 ) -> Trained:
     """What `relocate` does, before it is made a mesh again; with at least `target` nodes."""
     check_training(schedule, seed)
-    som = guarded_map(mesh, topology, min_quality, pinned)
+    som, topology = guarded_map(mesh, limits), limits.topology
     wanted, rng = density_of(som.triangulation, density), np.random.default_rng(seed)
     before, outline = som.triangulation.copy(), som.outline.copy()
     recycled = unchanged(before)
@@ -212,16 +221,19 @@ def radius_for(
     return 2 if recycled.splits else start_radius(som, wanted)
 
 
-def guarded_map(
-    mesh: MeshTri, topology: str, min_quality: float, pinned: Sequence[int | str] | NDArray[np.integer] | str
-) -> KohonenMap:
+def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
     """A map that keeps the quality rule; whatever is wrong with the mesh or the options is refused here."""
-    if min_quality is None:
+    if limits.min_quality is None:
         raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
-    if topology not in TOPOLOGIES:
-        raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
-    map_topology = "fixed" if topology == "fixed" else "flip"
-    return KohonenMap(mesh, topology=map_topology, min_quality=min_quality, pinned=pinned)
+    if limits.topology not in TOPOLOGIES:
+        raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {limits.topology!r}.")
+    return KohonenMap(
+        mesh,
+        topology="fixed" if limits.topology == "fixed" else "flip",
+        min_quality=limits.min_quality,
+        pinned=limits.pinned,
+        curves=limits.curves,
+    )
 
 
 def why_still(som: KohonenMap, schedule: Schedule) -> str:

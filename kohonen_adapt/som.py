@@ -1,6 +1,6 @@
 """The Kohonen map: a mesh whose nodes are neurons, and how it is trained."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 
@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from .chains import Curve
 from .epoch import Classroom
+from .kernels.chains import HELD
 from .kernels.flip import flip_edges, mark_doubtful
-from .kernels.geometry import HELD
 from .kernels.search import search_path
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
@@ -44,6 +45,10 @@ class KohonenMap:
         every check off: elements may then overlap (Fig. 7 of the paper).
     pinned
         Node numbers, and names of boundaries and subdomains, of what stays where it is.
+    curves
+        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
+        ``project(x (2, n)) -> (2, n)``. Without one, six nodes and more on a circle are taken for an arc, and other
+        turns for corners.
 
     Attributes
     ----------
@@ -69,10 +74,11 @@ class KohonenMap:
         topology: str = "flip",
         min_quality: float | None = 0.3,
         pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+        curves: Mapping[str, Curve] | None = None,
     ) -> None:
         check_options(topology, min_quality)
         self.triangulation = Triangulation.of(mesh)
-        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned))
+        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned), curves)
         self.search_steps: list[float] = []
         self._flips = topology == "flip"
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
@@ -188,6 +194,9 @@ class KohonenMap:
         """
         self._flip()
         errors: list[float] = []
+        training = any(stage.epochs for stage in schedule.stages)
+        if training:
+            self._settle()
         starts = self.triangulation.elements.node[:, 0] if starts is None else starts
         for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts.copy()):
             error, steps = self._classroom.epoch(stage, rate, shown, slot, winners, rng)
@@ -196,6 +205,8 @@ class KohonenMap:
             self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
                 break
+        if training:
+            self._settle()
         return tuple(errors)
 
     def _presentations(
@@ -225,6 +236,7 @@ class KohonenMap:
 
     def recycle(self, density: ElementDensity | CallableDensity, target: int, pairs: bool) -> Recycled:
         """Put nodes where the density wants more, up to `target` in all, and in `pairs` take others away elsewhere."""
+        self._settle()
         done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target, pairs)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
         return done
@@ -236,12 +248,17 @@ class KohonenMap:
                 weight = density.squares(self.triangulation)
             self._classroom.sweep(weight, self._flips)
             self._flip()
+        self._settle()
 
     def along_curve(self) -> Indices:
         """Neurons along a space-filling curve, region by region; those on interfaces in one of theirs, (n,)."""
         tri = self.triangulation
         region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]
         return self._classroom.order[np.argsort(region[self._classroom.order], kind="stable")]
+
+    def _settle(self) -> None:
+        """Put the nodes that slide on curves exactly there."""
+        self.outline.settle(self.triangulation, self._floor)
 
     def _flip(self) -> None:
         """Make every region constrained Delaunay as far as the quality rule allows."""
@@ -292,10 +309,10 @@ class KohonenMap:
         if not is_count(start) or not np.any(elements.node[elements.region == region] == start):
             raise ValueError(f"start must be a node of the region that x lies in; got {start!r}.")
         path = np.empty(tri.nnodes + 1, dtype=np.int32)
-        inner = self.outline.constraints.inner
         count = search_path(
-            tri.position, elements, tri.star, inner, int(start), point.points[0], region, self._classroom.rooms[0], path
-        )
+            tri.position, elements, tri.star, self.outline.constraints, int(start), point.points[0], region,
+            self._classroom.rooms[0], path,
+        )  # fmt: skip
         return path[:count]
 
 

@@ -8,6 +8,7 @@ import pytest
 from skfem import MeshTri
 from stand_ins import trained
 
+from kohonen_adapt.limits import Limits
 from kohonen_adapt.loop import adapt as adapt_and_polish
 from kohonen_adapt.result import AdaptResult, Status
 
@@ -173,17 +174,17 @@ def test_the_settings_reach_the_map(mover):
     assert mesh is MESH
     assert density.shape == (ELEMENTS,)
     del settings["seed"]
-    assert settings == {"schedule": None, "topology": "fixed", "min_quality": 0.2, "pinned": (7, 3), "target": NODES}
+    assert settings == {"schedule": None, "limits": Limits("fixed", 0.2, (7, 3)), "target": NODES}
 
 
 def test_an_iterator_of_pinned_nodes_lasts_for_every_pass(mover):
     adapt(MESH, Script([3.0, 2.0, 1.0]), passes=2, pinned=iter([7, 3]))
-    assert [call[2]["pinned"] for call in mover.calls] == [(7, 3)] * 2
+    assert [call[2]["limits"].pinned for call in mover.calls] == [(7, 3)] * 2
 
 
 def test_the_default_topology_recycles(mover):
     adapt(MESH, Script([2.0, 1.0]), passes=1)
-    assert mover.calls[0][2]["topology"] == "recycle"
+    assert mover.calls[0][2]["limits"].topology == "recycle"
 
 
 def test_every_pass_starts_from_the_mesh_before_it(mover):

@@ -137,8 +137,8 @@ def test_magnetostatics_is_polished_and_keeps_its_materials():
         (Striped(), "there was no polish: its coefficients vary inside a region of the mesh"),
         (
             Saddle(),
-            "values given on outlines are not linear along them, or given inside, so their nodes were not polished, "
-            "and passes were compared by the estimate",
+            "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
+            "nodes were not polished, and passes were compared by the estimate",
         ),
     ],
 )

@@ -9,9 +9,9 @@ from meshes import generic_square, inset, junction, perturbed, square
 
 from kohonen_adapt.functional import Functional
 from kohonen_adapt.kernels import descend as kernels
+from kohonen_adapt.kernels.chains import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.descend import LEAST_CURVATURE, OVERSTEP, Trial, derivatives, gain_of_flip, quadratic
 from kohonen_adapt.kernels.flip import flip_edge
-from kohonen_adapt.kernels.geometry import FREE, HELD, SLIDING
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.ritz import Ritz, functional_value
 from kohonen_adapt.triangulation import Triangulation
@@ -51,9 +51,8 @@ class Setting:
         self.values[:] = ritz_solution(*self.arrays, self.fixed)
 
     def sweep(self):
-        target = np.empty(2)
         return kernels.descend_nodes(
-            self.tri.position, self.tri.star, self.constraints, self.trial, np.arange(self.tri.nnodes), FLOOR, target
+            self.tri.position, self.tri.star, self.constraints, self.trial, np.arange(self.tri.nnodes), FLOOR
         )
 
 
@@ -111,7 +110,7 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build):
     for v in np.flatnonzero(constraints.kind != HELD):
         way = 1e-3 * rng.normal(size=2)
         if constraints.kind[v] == SLIDING:
-            way = 1e-3 * constraints.direction[constraints.chain[v, 0]]
+            way = 1e-3 * constraints.chains.direction[constraints.chain[v, 0]]
         before = functional(*at.arrays)
         c0, r0, _ = quadratic(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v])
         slope = derivatives(at.tri.position, at.tri.star, at.trial, v)
@@ -139,7 +138,7 @@ def test_a_sweep_equals_its_slow_twin(build, load):
         if constraints.kind[v] == FREE:
             axes[v] = np.eye(2)
         elif constraints.kind[v] == SLIDING:
-            axes[v] = constraints.direction[chain[v]][:, None]
+            axes[v] = constraints.chains.direction[chain[v]][:, None]
             rates[v] = at.functional.on_chain[chain[v], 1] if given else None
         elif not given:
             axes[v] = np.zeros((2, 0))

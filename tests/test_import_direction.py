@@ -13,11 +13,11 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
-    *("kernels", "threads", "triangles", "facets"),
-    *("triangulation", "outline", "locate", "density", "sampling"),
+    *("kernels", "threads", "triangles", "facets", "polylines", "curves"),
+    *("triangulation", "borders", "chains", "outline", "locate", "density", "sampling"),
     *("ritz", "recycling", "functional", "carry"),
     *("schedule", "epoch", "som"),
-    *("relocation", "problem", "descent", "precompile"),
+    *("limits", "relocation", "problem", "descent", "precompile"),
     *("result", "journal", "stopping", "improvement", "growth", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("recycling")]

@@ -23,7 +23,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule
-from kohonen_adapt.kernels.geometry import HELD
+from kohonen_adapt.kernels.chains import HELD
 from kohonen_adapt.kernels.recycle import Heap, insert, remove_first
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.recycling import RATIO
@@ -104,8 +104,8 @@ def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
     assert np.array_equal(som.outline.constraints.kind, outline.constraints.kind)
     assert np.array_equal(som.outline.constraints.inner, outline.constraints.inner)
     sliding = som.outline.constraints.kind == 1
-    chain, table = som.outline.constraints.chain[sliding, 0], som.outline.constraints
-    looked_up = table.origin[chain] + table.parameter[sliding, None] * table.direction[chain]
+    chain, table = som.outline.constraints.chain[sliding, 0], som.outline.constraints.chains
+    looked_up = table.origin[chain] + som.outline.constraints.parameter[sliding, None] * table.direction[chain]
     np.testing.assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
 
 

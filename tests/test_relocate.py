@@ -26,6 +26,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.limits import Limits
 from kohonen_adapt.relocation import start_radius, trained_map
 from kohonen_adapt.sampling import density_of
 from kohonen_adapt.triangulation import Triangulation
@@ -301,7 +302,7 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
 
 def test_an_account_of_what_it_took():
     mesh = square(6)
-    options = {"topology": "flip", "min_quality": 0.3, "pinned": (), "seed": 0}
+    options = {"limits": Limits(), "seed": 0}
     done = trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation()
     way = np.hypot(*(done.mesh.p - mesh.p))
     assert len(done.quantization_errors) == 2
@@ -311,7 +312,7 @@ def test_an_account_of_what_it_took():
     still = trained_map(mesh, pull(mesh), schedule=Schedule(()), **options).relocation()
     assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
     assert still.message == "the schedule has no epochs and no sweeps"
-    options["pinned"] = range(49)
+    options["limits"] = Limits(pinned=range(49))
     assert (
         trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation().message
         == "every node is a corner or pinned"
@@ -373,7 +374,5 @@ def test_a_relocation_that_moves_nothing_says_so(caplog):
 
 def test_a_single_triangle_has_nothing_to_move():
     mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
-    done = trained_map(
-        mesh, np.ones(1), schedule=None, topology="flip", min_quality=0.3, pinned=(), seed=0
-    ).relocation()
+    done = trained_map(mesh, np.ones(1), schedule=None, limits=Limits(), seed=0).relocation()
     assert (done.moved, done.message) == (0, "every node is a corner or pinned")

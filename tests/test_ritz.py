@@ -7,7 +7,7 @@ from meshes import generic_square, inset, junction, l_shape, named, slit, square
 import kohonen_adapt as ka
 from kohonen_adapt.carry import Carrier
 from kohonen_adapt.functional import Functional
-from kohonen_adapt.kernels.geometry import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.chains import FREE, HELD, SLIDING
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.ritz import Ritz
 from kohonen_adapt.triangulation import Triangulation

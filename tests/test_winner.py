@@ -38,11 +38,11 @@ def points_in(p, t, element, rng):
 
 def search(som, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
-    tri, inner, room = som.triangulation, som.outline.constraints.inner, som._classroom.rooms[0]
-    winner, distance, _ = find_winner(tri.position, tri.elements, tri.star, inner, start, x, region, room)
+    tri, limits, room = som.triangulation, som.outline.constraints, som._classroom.rooms[0]
+    winner, distance, _ = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, room)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
     arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
-    find_winners(tri.position, tri.elements, tri.star, inner, *arrays, winners, distances, room)
+    find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, room)
     if alike:
         assert winners[0] == winner
         assert distances[0] == pytest.approx(distance, rel=1e-14)

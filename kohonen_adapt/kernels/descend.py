@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chains import FREE, HELD, point_at
 from .compilation import kernel
 from .flip import flip_edge
-from .geometry import FLAT, FREE, HELD, element_quality, may_move, point_on_chain, signed_quality
+from .geometry import FLAT, element_quality, may_move, signed_quality
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -33,7 +34,7 @@ class Trial(NamedTuple):
 
 
 @kernel
-def descend_nodes(position, star, constraints, trial, order, floor, target):
+def descend_nodes(position, star, constraints, trial, order, floor):
     """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
 
     A node's own value follows: it is what minimises the functional, or where it is given along a chain what the chain
@@ -51,7 +52,7 @@ def descend_nodes(position, star, constraints, trial, order, floor, target):
         if kind == FREE:
             gain += move_free(position, star, trial, v, slope, floor)
         else:
-            gain += slide(position, star, constraints, trial, v, slope, floor, target)
+            gain += slide(position, star, constraints, trial, v, slope, floor)
     return gain
 
 
@@ -155,11 +156,11 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 
 @kernel
-def slide(position, star, constraints, trial, v, slope, floor, target):
-    """The same for a node on a chain, in its parameter; its value is eliminated, or looked up where it is given."""
+def slide(position, star, constraints, trial, v, slope, floor):
+    """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     chain, parameter, given = constraints.chain[v, 0], constraints.parameter[v], trial.fixed[v]
-    tx, ty = constraints.direction[chain, 0], constraints.direction[chain, 1]
+    tx, ty = constraints.chains.direction[chain, 0], constraints.chains.direction[chain, 1]
     mixed = tx * xw + ty * yw
     now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
     if given:
@@ -169,16 +170,16 @@ def slide(position, star, constraints, trial, v, slope, floor, target):
     change = -OVERSTEP * along / curvature
     if -change * along > ROUNDING * size:
         for _ in range(HALVINGS + 1):
-            point_on_chain(constraints, chain, parameter + change, target)
-            if may_move(position, star, v, target[0], target[1], floor):
-                c, r, k = quadratic(position, star, trial, v, target[0], target[1])
+            x, y = point_at(constraints.chains, chain, parameter + change)
+            if may_move(position, star, v, x, y, floor):
+                c, r, k = quadratic(position, star, trial, v, x, y)
                 w = -r / k
                 if given:
                     w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
                 gain = now - c - (r + 0.5 * k * w) * w
                 if gain > ROUNDING * size:
                     constraints.parameter[v] = parameter + change
-                    position[v, 0], position[v, 1] = target[0], target[1]
+                    position[v, 0], position[v, 1] = x, y
                     trial.value[v] += w
                     return gain
             change *= 0.5

@@ -9,7 +9,6 @@ from .compilation import kernel
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # a quality below it is rounding: no move or flip may leave such an element, whatever the rule says
-FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
 
 
 class Elements(NamedTuple):
@@ -28,18 +27,6 @@ class Star(NamedTuple):
     element: np.ndarray  # (3 m,) int32
     ahead: np.ndarray  # (3 m,) int32
     behind: np.ndarray  # (3 m,) int32
-
-
-class Constraints(NamedTuple):
-    """Where each node may go; a chain is a straight piece of outline from its origin along its direction."""
-
-    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
-    chain: np.ndarray  # (n, 2) int32: its chain, or the two that meet in a corner; -1 for none
-    parameter: np.ndarray  # (n,) arc length on the chain
-    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
-    origin: np.ndarray  # (c, d)
-    direction: np.ndarray  # (c, d) unit vectors
-    length: np.ndarray  # (c,)
 
 
 @kernel
@@ -131,6 +118,15 @@ def may_move(position, star, v, x, y, floor):
 
 
 @kernel
+def settle(position, star, nodes, target, still, floor):
+    """Move nodes that are more than `still` away from their target there, unless the guard forbids it."""
+    for i in range(nodes.shape[0]):
+        v, x, y = nodes[i], target[i, 0], target[i, 1]
+        if abs(x - position[v, 0]) + abs(y - position[v, 1]) > still and may_move(position, star, v, x, y, floor):
+            position[v, 0], position[v, 1] = x, y
+
+
+@kernel
 def squared_distance(position, v, x):
     """Squared distance from node v to the point x, in any number of dimensions."""
     total = 0.0
@@ -149,19 +145,3 @@ def squared_distance_to_edge(ax, ay, bx, by, x, y):
     vx -= along * ux
     vy -= along * uy
     return vx * vx + vy * vy
-
-
-@kernel
-def nearest_parameter(constraints, c, x):
-    """Arc length of the point of chain c that is nearest to x."""
-    along = 0.0
-    for k in range(x.shape[0]):
-        along += (x[k] - constraints.origin[c, k]) * constraints.direction[c, k]
-    return min(constraints.length[c], max(0.0, along))
-
-
-@kernel
-def point_on_chain(constraints, c, parameter, out):
-    """The position that belongs to an arc length: nodes on outlines are looked up, so they cannot drift."""
-    for k in range(out.shape[0]):
-        out[k] = constraints.origin[c, k] + parameter * constraints.direction[c, k]

@@ -8,17 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chains import FREE, SLIDING, gone_along, parameter_of, point_at, way_along
 from .compilation import kernel
 from .flip import corner_towards, flip_edge, push, should_flip
-from .geometry import (
-    FREE,
-    SLIDING,
-    allowed,
-    element_quality,
-    nearest_parameter,
-    point_on_chain,
-    signed_quality,
-)
+from .geometry import allowed, element_quality, signed_quality
 
 NOWHERE = -1
 SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
@@ -62,7 +55,6 @@ class Room(NamedTuple):
     counter: np.ndarray  # (1,) int64
     stack: np.ndarray  # (m,) int32: elements whose edges may have to be flipped
     waiting: np.ndarray  # (m,) bool
-    trial: np.ndarray  # (2,) a position
 
 
 @kernel
@@ -201,27 +193,29 @@ def half_qualities(position, node, e, k, x, y):
 
 
 @kernel
-def place_midpoint(position, constraints, c, a, b, out):
-    """The middle of an edge; on a chain the middle in its parameter, which is returned."""
+def midpoint(position, constraints, c, a, b):
+    """The middle of an edge; on a chain the middle in its parameter, which comes third."""
+    ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
     if c < 0:
-        out[0] = 0.5 * (position[a, 0] + position[b, 0])
-        out[1] = 0.5 * (position[a, 1] + position[b, 1])
-        return 0.0
-    middle = 0.5 * (nearest_parameter(constraints, c, position[a]) + nearest_parameter(constraints, c, position[b]))
-    point_on_chain(constraints, c, middle, out)
-    return middle
+        return 0.5 * (ax + bx), 0.5 * (ay + by), 0.0
+    chains = constraints.chains
+    start = parameter_of(position, constraints, c, a)
+    end = parameter_of(position, constraints, c, b)
+    parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
+    x, y = point_at(chains, c, parameter)
+    return x, y, parameter
 
 
 @kernel
-def may_split(position, elements, pinned, e, k, floor, middle):
+def may_split(position, elements, pinned, e, k, floor, x, y):
     """Whether the edge opposite to corner k of e may be split there under the quality rule."""
     node, other = elements.node, elements.neighbour[e, k]
     if pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]:
         return False
-    after, before = half_qualities(position, node, e, k, middle[0], middle[1]), element_quality(position, node, e)
+    after, before = half_qualities(position, node, e, k, x, y), element_quality(position, node, e)
     if other >= 0:
         j = corner_towards(elements.neighbour, other, e)
-        after = min(after, half_qualities(position, node, other, j, middle[0], middle[1]))
+        after = min(after, half_qualities(position, node, other, j, x, y))
         before = min(before, element_quality(position, node, other))
     return allowed(after, before, floor)
 
@@ -256,14 +250,14 @@ def guide(elements, constraints, e, k):
 
 
 @kernel
-def split(position, elements, constraints, pool, origins, e, k, parameter, middle):
-    """Split the edge opposite to corner k of e at `middle`; returns the new node."""
+def split(position, elements, constraints, pool, origins, e, k, x, y, parameter):
+    """Split the edge opposite to corner k of e at (x, y); returns the new node."""
     node, neighbour = elements.node, elements.neighbour
     a, b, other, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], neighbour[e, k], elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
     p = pool.free_nodes[pool.height[0]]
-    position[p, 0], position[p, 1] = middle[0], middle[1]
+    position[p, 0], position[p, 1] = x, y
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, 0], constraints.chain[p, 1], constraints.parameter[p] = c, -1, parameter
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
@@ -313,6 +307,10 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
             if chain[e, to_x] >= 0 or (across < 0 and elements.neighbour[e, to_x] < 0):
                 return -1.0
             continue
+        if not joins_within_reach(position, constraints, w, a, chain[e, (k + 2) % 3]):
+            return -1.0
+        if not joins_within_reach(position, constraints, w, b, chain[e, (k + 1) % 3]):
+            return -1.0
         q = signed_quality(
             position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1]
         )
@@ -334,6 +332,19 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
                 room.stamp[other] = mark + 1
                 common += 1
     return after if common == shared else -1.0
+
+
+@kernel
+def joins_within_reach(position, constraints, w, other, c):
+    """Whether the facet between two nodes that an edge of chain c is to become is no longer than it may be."""
+    if c < 0:
+        return True
+    dx, dy, reach = (
+        position[w, 0] - position[other, 0],
+        position[w, 1] - position[other, 1],
+        constraints.chains.reach[c],
+    )
+    return dx * dx + dy * dy <= reach * reach
 
 
 @kernel
@@ -427,9 +438,9 @@ def split_longest(position, elements, constraints, pool, origins, longest, short
         if e < 0 or not -key > least:
             break
         a, b, c = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3], elements.chain[e, k]
-        parameter = place_midpoint(position, constraints, c, a, b, room.trial)
-        if may_split(position, elements, origins.pinned, e, k, floor, room.trial):
-            return split(position, elements, constraints, pool, origins, e, k, parameter, room.trial), a, -key
+        x, y, parameter = midpoint(position, constraints, c, a, b)
+        if may_split(position, elements, origins.pinned, e, k, floor, x, y):
+            return split(position, elements, constraints, pool, origins, e, k, x, y, parameter), a, -key
     return NOWHERE, NOWHERE, 0.0
 
 

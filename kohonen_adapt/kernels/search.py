@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chains import distance_to_chain, parameter_of
 from .compilation import kernel
 from .geometry import squared_distance, squared_distance_to_edge
-from .locate import TOLERANCE, WALK, depth_in_element, walk
+from .locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
 STRETCH = 64  # points that follow one another and may start where the one before ended
 CROSSINGS = 32  # edges crossed by a circle check; where there are more the check in order takes over
@@ -26,7 +27,6 @@ class Scratch(NamedTuple):
     frontier: np.ndarray  # (m,) int32: elements that the flood may enter
     reach: np.ndarray  # (m,) float64: squared distance from the point to the edge it would enter through
     crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
-    trial: np.ndarray  # (d,) a position
 
 
 @kernel
@@ -62,11 +62,14 @@ def element_in_region(elements, star, v, region):
 
 
 @kernel
-def holding_element(position, elements, star, v, x, region, scratch):
-    """The element of the region that holds x: a walk that starts at v, and where that is blocked a flood."""
+def holding_element(position, elements, star, constraints, v, x, region, scratch):
+    """The element of the region that holds x: a walk that starts at v, and where that is blocked a flood.
+
+    A point between a curve and its facets may lie in no element of its region now; the one that it is behind holds it.
+    """
     e = element_in_region(elements, star, v, region)
     e, inside = walk(position, elements, e, x[0], x[1])
-    if inside:
+    if inside or behind_curve(position, elements, constraints, e, x[0], x[1]):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
     queue[0], scratch.element_stamp[e] = e, stamp
@@ -85,6 +88,19 @@ def holding_element(position, elements, star, v, x, region, scratch):
                 queue[last] = across
                 last += 1
     return best
+
+
+@kernel
+def behind_curve(position, elements, constraints, e, x, y):
+    """Whether (x, y), outside of e, lies beyond a facet on a curve and no farther from that than its facets may be."""
+    chains = constraints.chains
+    for k in range(3):
+        c = elements.chain[e, k]
+        if c >= 0 and chains.bulge[c] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+            near = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
+            if distance_to_chain(chains, c, x, y, near)[0] <= chains.bulge[c] * chains.bulge[c]:
+                return True
+    return False
 
 
 @kernel
@@ -140,22 +156,22 @@ def nearest_reached(position, elements, e, x, scratch):
 
 
 @kernel
-def find_winner(position, elements, star, inner, v, x, region, scratch):
+def find_winner(position, elements, star, constraints, v, x, region, scratch):
     """Walk from node v to ever closer neighbours, then check the circle; returns winner, distance and steps walked."""
     steps = 0
     while True:
-        nearest = closest_neighbour(position, elements, star, inner, v, x, region)
+        nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
         if nearest == v:
             break
         v = nearest
         steps += 1
-    e = holding_element(position, elements, star, v, x, region, scratch)
+    e = holding_element(position, elements, star, constraints, v, x, region, scratch)
     winner, squared = nearest_reached(position, elements, e, x, scratch)
     return winner, np.sqrt(squared), steps
 
 
 @kernel
-def find_winners(position, elements, star, inner, points, region, hints, winners, distances, scratch):
+def find_winners(position, elements, star, constraints, points, region, hints, winners, distances, scratch):
     """The winner of every point and its distance; returns the number of elements walked through.
 
     `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
@@ -166,7 +182,7 @@ def find_winners(position, elements, star, inner, points, region, hints, winners
     cost more.
     """
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
-    steps = 0
+    steps, inner = 0, constraints.inner
     for t in range(points.shape[0]):
         x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == own:
@@ -240,7 +256,7 @@ def find_winners(position, elements, star, inner, points, region, hints, winners
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance, walked = find_winner(position, elements, star, inner, v, points[t], own, scratch)
+            winner, distance, walked = find_winner(position, elements, star, constraints, v, points[t], own, scratch)
             winners[t], distances[t] = winner, distance
             steps += walked
     return steps
@@ -266,17 +282,17 @@ def cuts(px, py, qx, qy, side, best):
 
 
 @kernel
-def search_path(position, elements, star, inner, v, x, region, scratch, path):
+def search_path(position, elements, star, constraints, v, x, region, scratch, path):
     """The nodes that the search for the winner of x visits from v on, the winner last; returns their number."""
     path[0], count = v, 1
     while True:
-        nearest = closest_neighbour(position, elements, star, inner, v, x, region)
+        nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
         if nearest == v:
             break
         v = nearest
         path[count] = v
         count += 1
-    winner = find_winner(position, elements, star, inner, v, x, region, scratch)[0]
+    winner = find_winner(position, elements, star, constraints, v, x, region, scratch)[0]
     if winner != v:
         path[count] = winner
         count += 1

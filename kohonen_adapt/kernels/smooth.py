@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chains import FREE, HELD, gone_along, nearest_parameter, point_at, way_along, within_reach
 from .compilation import kernel
-from .geometry import FREE, HELD, may_move, nearest_parameter, point_on_chain
+from .geometry import may_move
 from .locate import depth_in_element, side_of_edge, walk
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
@@ -133,7 +134,7 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(position, star, constraints, weight, circumcentres, floor, order, deep, which, trial):
+def sweep(position, elements, star, constraints, weight, circumcentres, floor, order, deep, which):
     """Move nodes to the weighted mean of the centres of the elements around them, as far as the guard lets them.
 
     x <- sum |K| w_K c_K / sum |K| w_K over the star, with weights w_K = rho_K^2 and c_K the circumcentre, or where
@@ -144,17 +145,17 @@ def sweep(position, star, constraints, weight, circumcentres, floor, order, deep
         if deep[v] != which or constraints.kind[v] == HELD:
             continue
         if circumcentres:
-            circumcentre_mean(position, star, weight, v, trial)
+            x, y = circumcentre_mean(position, star, weight, v)
         else:
-            barycentre_mean(position, star, weight, v, trial)
+            x, y = barycentre_mean(position, star, weight, v)
         if constraints.kind[v] == FREE:
-            step_towards(position, star, v, trial, floor)
+            step_towards(position, star, v, x, y, floor)
         else:
-            slide_towards(position, star, constraints, v, trial, floor)
+            slide_towards(position, elements, star, constraints, v, x, y, floor)
 
 
 @kernel
-def circumcentre_mean(position, star, weight, v, out):
+def circumcentre_mean(position, star, weight, v):
     """Weighted mean of the circumcentres of the star of v; |K| c_K needs no division, so flat elements do no harm."""
     x, y = position[v, 0], position[v, 1]
     total, mean_x, mean_y = 0.0, 0.0, 0.0
@@ -165,12 +166,11 @@ def circumcentre_mean(position, star, weight, v, out):
         total += w * 2.0 * (ax * by - ay * bx)
         mean_x += w * (by * aa - ay * bb)
         mean_y += w * (ax * bb - bx * aa)
-    out[0] = x + mean_x / total
-    out[1] = y + mean_y / total
+    return x + mean_x / total, y + mean_y / total
 
 
 @kernel
-def barycentre_mean(position, star, weight, v, out):
+def barycentre_mean(position, star, weight, v):
     """Weighted mean of the barycentres of the star of v."""
     x, y = position[v, 0], position[v, 1]
     total, mean_x, mean_y = 0.0, 0.0, 0.0
@@ -181,14 +181,13 @@ def barycentre_mean(position, star, weight, v, out):
         total += w
         mean_x += w * (ax + bx) / 3.0
         mean_y += w * (ay + by) / 3.0
-    out[0] = x + mean_x / total
-    out[1] = y + mean_y / total
+    return x + mean_x / total, y + mean_y / total
 
 
 @kernel
-def step_towards(position, star, v, target, floor):
-    """Move a free node to the target, or half as far until the guard agrees."""
-    dx, dy = RELAXATION * (target[0] - position[v, 0]), RELAXATION * (target[1] - position[v, 1])
+def step_towards(position, star, v, x, y, floor):
+    """Move a free node to (x, y), or half as far until the guard agrees."""
+    dx, dy = RELAXATION * (x - position[v, 0]), RELAXATION * (y - position[v, 1])
     for _ in range(HALVINGS + 1):
         if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):
             position[v, 0] += dx
@@ -198,15 +197,15 @@ def step_towards(position, star, v, target, floor):
 
 
 @kernel
-def slide_towards(position, star, constraints, v, target, floor):
-    """Move a node on a chain towards the chain's point nearest to the target, likewise."""
-    chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
-    change = RELAXATION * (nearest_parameter(constraints, chain, target) - parameter)
+def slide_towards(position, elements, star, constraints, v, x, y, floor):
+    """Move a node on a chain towards the chain's point nearest to (x, y), likewise."""
+    chains, chain, parameter = constraints.chains, constraints.chain[v, 0], constraints.parameter[v]
+    way = RELAXATION * way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
     for _ in range(HALVINGS + 1):
-        point_on_chain(constraints, chain, parameter + change, target)
-        if may_move(position, star, v, target[0], target[1], floor):
-            constraints.parameter[v] = parameter + change
-            for k in range(target.shape[0]):
-                position[v, k] = target[k]
+        there = gone_along(chains, chain, parameter, way)
+        x, y = point_at(chains, chain, there)
+        if within_reach(position, elements, star, chains, chain, v, x, y) and may_move(position, star, v, x, y, floor):
+            constraints.parameter[v] = there
+            position[v, 0], position[v, 1] = x, y
             return
-        change *= 0.5
+        way *= 0.5

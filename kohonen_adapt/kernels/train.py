@@ -4,30 +4,21 @@ Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "O
 Kohonen Maps" (sections II and III).
 """
 
-from .compilation import kernel
-from .geometry import (
+from .chains import (
     FREE,
     HELD,
     SLIDING,
-    allowed,
-    may_move,
+    distance_to_chain,
+    gone_along,
     nearest_parameter,
-    point_on_chain,
-    star_tolerable,
-    worst_in_star,
+    parameter_of,
+    point_at,
+    way_along,
+    within_reach,
 )
+from .compilation import kernel
+from .geometry import allowed, may_move, star_tolerable, worst_in_star
 from .search import next_stamp
-
-
-@kernel
-def distance_to_chain(constraints, c, x):
-    """Squared distance from x to the chain's nearest point, and the arc length of that point."""
-    parameter = nearest_parameter(constraints, c, x)
-    total = 0.0
-    for k in range(x.shape[0]):
-        difference = x[k] - constraints.origin[c, k] - parameter * constraints.direction[c, k]
-        total += difference * difference
-    return total, parameter
 
 
 @kernel
@@ -63,35 +54,40 @@ def relabel_edge(elements, star, a, b, chain):
 
 
 @kernel
-def jump(position, elements, star, constraints, v, x, step, floor, trial):
+def jump(position, elements, star, constraints, v, x, y, step, floor):
     """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
-    onto, away = constraints.chain[v, 0], constraints.chain[v, 1]
-    distance, target = distance_to_chain(constraints, onto, x)
-    distance_away, target_away = distance_to_chain(constraints, away, x)
+    chains, onto, away = constraints.chains, constraints.chain[v, 0], constraints.chain[v, 1]
+    corner_x, corner_y = position[v, 0], position[v, 1]
+    corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
+    distance, target = distance_to_chain(chains, onto, x, y, corner)
+    distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
     if distance_away < distance:
-        onto, away, target = away, onto, target_away
+        onto, away, corner, target = away, onto, corner_away, target_away
     next_node = follower(elements, star, constraints, v, away)
-    corner = nearest_parameter(constraints, onto, position[v])
     parameter = corner + step * (target - corner)
     if next_node < 0 or parameter == corner:
         return
-    before = min(
-        worst_in_star(position, star, v, position[v, 0], position[v, 1]),
-        worst_in_star(position, star, next_node, position[next_node, 0], position[next_node, 1]),
-    )
-    point_on_chain(constraints, onto, parameter, trial)
-    for k in range(trial.shape[0]):
-        trial[k], position[v, k], position[next_node, k] = position[next_node, k], trial[k], position[v, k]
-    after = min(
-        worst_in_star(position, star, v, position[v, 0], position[v, 1]),
-        worst_in_star(position, star, next_node, position[next_node, 0], position[next_node, 1]),
-    )
-    if not allowed(after, before, floor):
-        for k in range(trial.shape[0]):
-            position[v, k], position[next_node, k] = position[next_node, k], trial[k]
+    if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
+        return
+    before = worst_of_two(position, star, v, next_node)
+    next_x, next_y = position[next_node, 0], position[next_node, 1]
+    position[v, 0], position[v, 1] = point_at(chains, onto, parameter)
+    position[next_node, 0], position[next_node, 1] = corner_x, corner_y
+    if not allowed(worst_of_two(position, star, v, next_node), before, floor):
+        position[v, 0], position[v, 1] = corner_x, corner_y
+        position[next_node, 0], position[next_node, 1] = next_x, next_y
         return
     hand_over(constraints, v, next_node, onto, away, parameter)
     relabel_edge(elements, star, v, next_node, onto)
+
+
+@kernel
+def worst_of_two(position, star, v, w):
+    """Worst signed quality of the stars of two nodes."""
+    return min(
+        worst_in_star(position, star, v, position[v, 0], position[v, 1]),
+        worst_in_star(position, star, w, position[w, 0], position[w, 1]),
+    )
 
 
 @kernel
@@ -140,7 +136,7 @@ def learn(
     at 1. Stars marked `sound` need not look back. Neurons are moved here and not in a function of their own: its call
     would take longer than its work.
     """
-    kind, inner = constraints.kind, constraints.inner
+    kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
     for t in range(points.shape[0]):
         x = points[t]
@@ -159,12 +155,14 @@ def learn(
                     new_y = position[v, 1] + step * (x[1] - position[v, 1])
                 elif kind[v] == SLIDING:
                     chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
-                    parameter += step * (nearest_parameter(constraints, chain, x) - parameter)
-                    new_x = constraints.origin[chain, 0] + parameter * constraints.direction[chain, 0]
-                    new_y = constraints.origin[chain, 1] + parameter * constraints.direction[chain, 1]
+                    target = nearest_parameter(chains, chain, x[0], x[1], parameter)
+                    parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
+                    new_x, new_y = point_at(chains, chain, parameter)
+                    if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
+                        continue
                 else:
                     if constraints.chain[v, 1] >= 0:
-                        jump(position, elements, star, constraints, v, x, step, floor, scratch.trial)
+                        jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (
                     not sound[v] and may_move(position, star, v, new_x, new_y, floor)
