@@ -124,7 +124,7 @@ def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve
     rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
     count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
     pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, 0]]])
-    for p in np.flatnonzero(pieces.curve >= 0):
+    for p in np.flatnonzero(pieces.curve >= 0).tolist():
         name, given = list(curves.items())[pieces.curve[p]]
         check_near(nodes_of(position, node, pieces, p), given, name)
         if isinstance(given, Arc):
@@ -151,7 +151,7 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
     table = straight_table(position[runs.node[pieces.rows[:, 0]]], position[runs.node[pieces.rows[:, 1]]])
     bend(table, pieces, angle, longest)
     knots: list[Floats] = [np.empty((0, 5))] * count
-    for p in np.flatnonzero(pieces.curve >= 0):
+    for p in np.flatnonzero(pieces.curve >= 0).tolist():
         name, given = list(curves.items())[pieces.curve[p]]
         nodes = nodes_of(position, runs.node, pieces, p)
         if isinstance(given, Line):
@@ -200,12 +200,8 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(WIDEST, full / FACETS))
-    table.bulge[is_round] = sagitta(np.maximum(table.reach, longest)[is_round], radius) + NEAR * radius
-
-
-def sagitta(chord: Floats, radius: Floats) -> Floats:
-    """How far at most an arc is from a chord, an upper bound."""
-    return chord**2 / (4.0 * radius)
+    chord = np.maximum(table.reach, longest)[is_round]
+    table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
 
 
 def straighten(table: Chains, p: int, ends: Floats) -> None:
@@ -222,7 +218,7 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
     table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
     tightest = least_radius(knots)
     table.reach[p] = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
-    table.bulge[p] = min(longest, sagitta(table.reach[p], tightest)) + NEAR * size_of(knots[:, 1:3])
+    table.bulge[p] = min(longest, table.reach[p] ** 2 / (4.0 * tightest)) + NEAR * size_of(knots[:, 1:3])
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
