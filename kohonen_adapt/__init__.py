@@ -1,6 +1,7 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
 from . import estimators
+from .curves import Arc, Line, Spline
 from .density import density_from_indicators, density_from_sizes
 from .descent import polish
 from .io import read_mesh, write_mesh
@@ -17,11 +18,14 @@ from .triangles import quality
 
 __all__ = [
     "AdaptResult",
+    "Arc",
     "KohonenMap",
+    "Line",
     "Pass",
     "Problem",
     "Ritz",
     "Schedule",
+    "Spline",
     "Stage",
     "Status",
     "adapt",
