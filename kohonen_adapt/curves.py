@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from .facets import number_facets
 from .polylines import polylines_of
 from .spans import Spans, cubics_through
 
@@ -197,6 +198,7 @@ class Spline:
         facets = np.unique(np.asarray(boundaries[name], dtype=np.int64))
         if len(facets) == 0:
             raise ValueError(f"boundary {name!r} has no facets, so there is no curve through their nodes.")
+        number_facets(mesh)
         polylines = polylines_of(mesh.facets[:, facets].T, mesh.p)
         return cls.of_pieces([(mesh.p[:, line.nodes], line.closed) for line in polylines])
 

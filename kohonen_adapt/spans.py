@@ -13,7 +13,7 @@ __all__ = ["Spans", "cubics_through"]
 SPANS = 4  # how many spans a stretch of mean length between two points is cut into
 FLAT = 1.0 / 16.0  # of its chord: a span that may be farther off it is halved
 HALVINGS = 20  # at most, should the spline have a cusp
-CHUNK = 1024  # points that are looked up together
+CHUNK = 256  # points that are looked up together: many spans may be about as near to each of them
 STEPS = 100  # of Newton's method; bisection alone takes 53
 EPSILON = np.finfo(float).eps
 
