@@ -1,9 +1,10 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
 from . import estimators
+from .curves import Arc, Line, Spline
 from .density import density_from_indicators, density_from_sizes
 from .descent import polish
-from .io import read_mesh, write_mesh
+from .io import read_curves, read_mesh, write_mesh
 from .locate import find_elements, interpolate
 from .loop import adapt
 from .precompile import warmup
@@ -17,11 +18,14 @@ from .triangles import quality
 
 __all__ = [
     "AdaptResult",
+    "Arc",
     "KohonenMap",
+    "Line",
     "Pass",
     "Problem",
     "Ritz",
     "Schedule",
+    "Spline",
     "Stage",
     "Status",
     "adapt",
@@ -32,6 +36,7 @@ __all__ = [
     "interpolate",
     "polish",
     "quality",
+    "read_curves",
     "read_mesh",
     "relocate",
     "warmup",

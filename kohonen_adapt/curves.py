@@ -2,31 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import isfinite
 from numbers import Real
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial import KDTree
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from .facets import number_facets
 from .polylines import polylines_of
+from .spans import Spans, cubics_through
 
 __all__ = ["Arc", "Line", "Spline"]
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
-SPANS = 4  # how many spans a stretch of mean length between two points is cut into
-FLAT = 1.0 / 16.0  # of its chord: a span that may be farther off it is halved
-HALVINGS = 20  # at most, should the spline have a cusp
-CHUNK = 1024  # points that are looked up together
-STEPS = 100  # of Newton's method; bisection alone takes 53
-EPSILON = np.finfo(float).eps
+SAME = 1e-14  # of the length of a spline: points nearer to each other are one
 
 
 @dataclass(frozen=True)
@@ -206,6 +198,7 @@ class Spline:
         facets = np.unique(np.asarray(boundaries[name], dtype=np.int64))
         if len(facets) == 0:
             raise ValueError(f"boundary {name!r} has no facets, so there is no curve through their nodes.")
+        number_facets(mesh)
         polylines = polylines_of(mesh.facets[:, facets].T, mesh.p)
         return cls.of_pieces([(mesh.p[:, line.nodes], line.closed) for line in polylines])
 
@@ -220,11 +213,9 @@ class Spline:
         self.closed = tuple(bool(closed) for _, closed in pieces)
         # From here on a point is what it is beyond the first one, so that a far origin takes no digits.
         self._origin = self.pieces[0][:, :1]
-        stretches = [
-            _stretches(points - self._origin, closed) for points, closed in zip(self.pieces, self.closed, strict=True)
-        ]
-        self._spans = Spans.of(np.concatenate(stretches, axis=2))
-        self._tree = KDTree(self._spans.middle.T)
+        pairs = zip(self.pieces, self.closed, strict=True)
+        cubics = [cubics_through(points - self._origin, closed) for points, closed in pairs]
+        self._spans = Spans.of(np.concatenate(cubics, axis=2))
 
     def project(self, x: ArrayLike) -> Floats:
         """The nearest points of the spline, its ends included.
@@ -251,124 +242,7 @@ class Spline:
         The spline is cut into short spans. Those that may be nearest, by the distance of their chords, are found in a
         tree; on each, the root of ``(c(v) - x) . c'(v)`` is found by Newton's method, with bisection where that fails.
         """
-        off = _checked_points(x, "x") - self._origin
-        for start in range(0, off.shape[1], CHUNK):
-            off[:, start : start + CHUNK] = self._nearest(off[:, start : start + CHUNK])
-        return off + self._origin
-
-    def _nearest(self, x: Floats) -> Floats:
-        near, _ = self._tree.query(x.T)
-        spans = self._tree.query_ball_point(x.T, near + self._spans.reach, return_sorted=True)
-        point = np.repeat(np.arange(len(spans)), [len(row) for row in spans])
-        span = np.fromiter(chain.from_iterable(spans), dtype=np.int64, count=len(point))
-        possible = self._spans.may_be_nearest(point, span, x)
-        point, span = point[possible], span[possible]
-        foot = self._spans.feet(span, x[:, point])
-        distance = np.sum((foot - x[:, point]) ** 2, axis=0)
-        order = np.lexsort((distance, point))
-        return foot[:, order[np.searchsorted(point, np.arange(len(spans)))]]
-
-
-class Spans(NamedTuple):
-    """Short cubics c(v), v from 0 to 1, that make a spline; their chords are near them."""
-
-    coefficient: Floats  # (4, 2, s) of v^3, v^2, v and 1
-    chord: Floats  # (2, s)
-    middle: Floats  # (2, s) of the chord
-    bulge: Floats  # (s,): no point is farther off the chord
-    reach: float  # the nearest span to any point has its middle at most so much farther away than the nearest middle
-    size: float  # of the whole spline
-
-    @classmethod
-    def of(cls, stretches: Floats) -> "Spans":
-        """Cut the cubics between neighbouring points, (4, 2, m), until they are short and hardly bent."""
-        length = np.sqrt(np.sum(_chord(stretches) ** 2, axis=0))
-        spans = _cut(stretches, np.ceil(SPANS * length / length.mean()).astype(np.int64))
-        for _ in range(HALVINGS):
-            bent = _bulge(spans) > FLAT * np.sqrt(np.sum(_chord(spans) ** 2, axis=0))
-            if not bent.any():
-                break
-            spans = _cut(spans, 1 + bent)
-        chord, bulge = _chord(spans), _bulge(spans)
-        middle = spans[3] + 0.5 * chord
-        reach = 0.5 * float(np.sqrt(np.sum(chord**2, axis=0).max())) + 2.0 * float(bulge.max())
-        return cls(spans, chord, middle, bulge, reach, float(np.ptp(middle, axis=1).max()) + 2.0 * reach)
-
-    def may_be_nearest(self, point: Indices, span: Indices, x: Floats) -> NDArray[np.bool_]:
-        """Which pairs of a point and a span are left when every chord is surrounded by what its span may reach."""
-        off = x[:, point] - self.middle[:, span]
-        chord = self.chord[:, span]
-        along = np.clip(np.sum(off * chord, axis=0) / np.sum(chord**2, axis=0), -0.5, 0.5)
-        distance = np.sqrt(np.sum((off - along * chord) ** 2, axis=0))
-        most = np.full(x.shape[1], np.inf)
-        np.minimum.at(most, point, distance + self.bulge[span])
-        return distance - self.bulge[span] <= most[point]
-
-    def feet(self, span: Indices, x: Floats) -> Floats:
-        """The nearest point of each span to the point that stands with it, (2, k) for (k,) and (2, k)."""
-        cubic = self.coefficient[:, :, span]
-        cubic[3] -= x
-        length = np.sqrt(np.sum(self.chord[:, span] ** 2, axis=0))
-        low, high = _brackets(cubic)
-        v = 0.5 * (low + high)
-        for _ in range(STEPS):
-            rate, change = _slope(cubic, v)
-            high, low = np.where(rate > 0.0, v, high), np.where(rate > 0.0, low, v)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = v - rate / change
-            step = np.where((change > 0.0) & (low <= step) & (step <= high), step, 0.5 * (low + high))
-            settled = np.abs(step - v) * length <= EPSILON * self.size
-            v = step
-            if settled.all():
-                break
-        return ((cubic[0] * v + cubic[1]) * v + cubic[2]) * v + cubic[3] + x
-
-
-def _cut(cubics: Floats, parts: Indices) -> Floats:
-    """Every cubic in that many parts of equal parameter, each again over 0 to 1, by Taylor's formula."""
-    a, b, c, d = np.repeat(cubics, parts, axis=2)
-    width = 1.0 / np.repeat(parts, parts)
-    at = width * (np.arange(len(width)) - np.repeat(np.cumsum(parts) - parts, parts))
-    slope = (3.0 * a * at + 2.0 * b) * at + c
-    return np.stack([width**3 * a, width**2 * (3.0 * a * at + b), width * slope, ((a * at + b) * at + c) * at + d])
-
-
-def _chord(cubics: Floats) -> Floats:
-    """From the beginning to the end of every cubic, (2, m)."""
-    return np.sum(cubics[:3], axis=0)
-
-
-def _bulge(cubics: Floats) -> Floats:
-    """How far a cubic may be off its chord, (m,): an eighth of the largest second derivative, which is at an end."""
-    return 0.25 * np.sqrt(
-        np.maximum(np.sum(cubics[1] ** 2, axis=0), np.sum((3.0 * cubics[0] + cubics[1]) ** 2, axis=0))
-    )
-
-
-def _brackets(cubic: Floats) -> tuple[Floats, Floats]:
-    """Between which v the distance of a cubic from the origin falls first and rises last; an end alone if none."""
-    at_start, at_end = _slope(cubic, 0.0)[0] >= 0.0, _slope(cubic, 1.0)[0] <= 0.0
-    end_is_nearer = np.sum(np.sum(cubic, axis=0) ** 2, axis=0) < np.sum(cubic[3] ** 2, axis=0)
-    low = np.where(at_end & (end_is_nearer | ~at_start), 1.0, 0.0)
-    high = np.where(at_start & ~(end_is_nearer & at_end), 0.0, 1.0)
-    return low, high
-
-
-def _slope(cubic: Floats, v: Floats | float) -> tuple[Floats, Floats]:
-    """First and second derivative of half the squared distance of a cubic from the origin."""
-    a, b, c, d = cubic
-    place, first, second = ((a * v + b) * v + c) * v + d, (3.0 * a * v + 2.0 * b) * v + c, 6.0 * a * v + 2.0 * b
-    return np.sum(place * first, axis=0), np.sum(first**2 + place * second, axis=0)
-
-
-def _stretches(points: Floats, closed: bool) -> Floats:
-    """The cubics between neighbouring points, each over 0 to 1: coefficients (4, 2, m) of v^3, v^2, v and 1."""
-    points = np.append(points, points[:, :1], axis=1) if closed else points
-    chord = np.sqrt(np.sum(np.diff(points, axis=1) ** 2, axis=0))
-    parameter = np.append(0.0, np.cumsum(chord)) / np.sum(chord)
-    spline = CubicSpline(parameter, points.T, bc_type="periodic" if closed else "not-a-knot")
-    power = np.arange(3, -1, -1)[:, None]
-    return np.moveaxis(spline.c, 2, 1) * (np.diff(parameter) ** power)[:, None]
+        return self._spans.nearest(_checked_points(x, "x") - self._origin) + self._origin
 
 
 def _checked_point(point: ArrayLike, what: str) -> tuple[float, float]:
@@ -397,14 +271,13 @@ def _checked_piece(points: ArrayLike, closed: bool) -> Floats:
     if array.shape[1] < least:
         kind = "a closed" if closed else "an open"
         raise ValueError(f"{kind} Spline must have at least {least} points; got {array.shape[1]}.")
-    following = np.roll(array, -1, axis=1)
-    same = np.all(array == following, axis=0)
-    same[-1] &= closed
+    gap = np.sqrt(np.sum((np.roll(array, -1, axis=1) - array) ** 2, axis=0))
+    same = (gap <= SAME * gap.sum())[: None if closed else -1]
     if same.any():
         first = int(np.argmax(same))
         raise ValueError(
-            f"every point of a Spline must differ from the next; points {first} and {(first + 1) % len(same)} are both "
-            f"at {tuple(array[:, first].tolist())}. Leave one of them out."
+            f"every point of a Spline must differ from the next; points {first} and {(first + 1) % array.shape[1]} are "
+            f"both at {tuple(array[:, first].tolist())}. Leave one of them out."
         )
     array.flags.writeable = False
     return array

@@ -1,4 +1,4 @@
-"""Mesh files in and out: Gmsh MSH 2.2 and 4.1 with physical groups, VTU for ParaView."""
+"""Mesh files in and out: Gmsh MSH 2.2 and 4.1 with physical groups, curves of second order too; VTU for ParaView."""
 
 import math
 from collections.abc import Mapping
@@ -9,15 +9,17 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from ..curves import Spline
 from ..triangulation import check_mesh
 from .assembly import to_mesh
 from .checks import checked_fields, checked_sets
 from .gmsh_reader import read_msh
 from .gmsh_writer import write_msh
+from .second_order import to_curves
 from .vtu import read_vtu, write_vtu
 from .whole_file import whole_file
 
-__all__ = ["read_mesh", "write_mesh"]
+__all__ = ["read_curves", "read_mesh", "write_mesh"]
 
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Which version of MSH a suffix asks for; `.msh2` is what Gmsh itself takes for 2.2."""
@@ -28,9 +30,10 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
 
     Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
     dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``.
-    Second-order triangles are read as their corners, an element in several groups is read once, nodes that no triangle
-    uses are dropped. Which part of the area carries a name, and what was left out, is reported through ``logging``.
-    Boundaries come without orientation: the files hold none that Gmsh keeps.
+    Second-order triangles are read as their corners (`read_curves` reads what their mid-side nodes say), an element in
+    several groups is read once, nodes that no triangle uses are dropped. Which part of the area carries a name, and
+    what was left out, is reported through ``logging``. Boundaries come without orientation: the files hold none that
+    Gmsh keeps.
 
     Parameters
     ----------
@@ -52,13 +55,46 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
         If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
     """
     path = Path(path)
-    suffix = _suffix(path, "read_mesh")
-    if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
-        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
-    if not path.is_file():
-        raise FileNotFoundError(f"read_mesh expected a mesh file; there is none at '{path}'.")
+    suffix = _suffix(path, "read_mesh", (*MSH_VERSION, ".vtu"))
+    _check_source(path, scale, "read_mesh")
     content = read_vtu(path) if suffix == ".vtu" else read_msh(path)
     return to_mesh(content, path, float(scale))
+
+
+def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
+    """Read the curves on which a second-order Gmsh file has the mid-side nodes of its named boundaries.
+
+    With ``Mesh.ElementOrder = 2`` Gmsh puts these nodes on the curves of the drawing; the spline through them and the
+    ends of the facets is much nearer to the curves than one through the ends alone. It has pieces as
+    `Spline.through` has.
+
+    Parameters
+    ----------
+    path
+        The Gmsh file.
+    mesh
+        What `read_mesh` made of it, with the names that it now has; interior boundaries too.
+    scale
+        The same as for `read_mesh`.
+
+    Returns
+    -------
+    dict
+        A `Spline` by name for every boundary of `mesh` with a mid-side node off its facet by more than rounding. What
+        is straight is left out.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is not that of a Gmsh file, the file is damaged or of first order, or `mesh` is another mesh.
+    """
+    path = Path(path)
+    _suffix(path, "read_curves", tuple(MSH_VERSION))
+    _check_source(path, scale, "read_curves")
+    check_mesh(mesh)
+    return to_curves(read_msh(path), mesh, path, float(scale))
 
 
 def write_mesh(
@@ -96,7 +132,7 @@ def write_mesh(
         If the file cannot be written.
     """
     path = Path(path)
-    suffix = _suffix(path, "write_mesh")
+    suffix = _suffix(path, "write_mesh", (*MSH_VERSION, ".vtu"))
     check_mesh(mesh)
     subdomains = checked_sets(mesh.subdomains, "subdomain")
     boundaries = checked_sets(mesh.boundaries, "boundary")
@@ -109,9 +145,15 @@ def write_mesh(
             write_msh(draft, mesh, subdomains, boundaries, points, cells, version=MSH_VERSION[suffix])
 
 
-def _suffix(path: Path, caller: str) -> str:
+def _suffix(path: Path, caller: str, known: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
-    known = (*MSH_VERSION, ".vtu")
     if suffix not in known:
         raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.")
     return suffix
+
+
+def _check_source(path: Path, scale: float, caller: str) -> None:
+    if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
+    if not path.is_file():
+        raise FileNotFoundError(f"{caller} expected a mesh file; there is none at '{path}'.")
