@@ -6,11 +6,15 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.triangles import area
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+POLES = 8
+TURN = np.exp(2j * np.pi / POLES)  # from a pole of the motor to the next
 
 
 def run(name, folder):
@@ -27,6 +31,18 @@ def magnet(tmp_path_factory):
 def l_shape(tmp_path_factory):
     folder = tmp_path_factory.mktemp("l_shape")
     return folder, *run("l_shape.py", folder)
+
+
+@pytest.fixture(scope="module")
+def motor(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("motor")
+    return folder, *run("motor.py", folder)
+
+
+@pytest.fixture(scope="module")
+def actuator(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("actuator")
+    return folder, *run("actuator.py", folder)
 
 
 def test_magnet_has_a_smaller_error_at_the_same_nodes_and_the_same_geometry(magnet):
@@ -86,15 +102,107 @@ def test_l_shape_writes_its_files(l_shape):
     np.testing.assert_array_equal(meshio.vtu.read(folder / "l_shape.vtu").point_data["u"], after.solution)
 
 
-@pytest.mark.parametrize("name", ["magnet.png", "l_shape.png"])
-def test_pictures_are_pictures(magnet, l_shape, name):
-    folder = magnet[0] if name == "magnet.png" else l_shape[0]
-    content = (folder / name).read_bytes()
+@pytest.mark.parametrize(("example", "share"), [("motor", 0.5), ("actuator", 0.6)])
+def test_devices_have_a_smaller_error_at_the_same_nodes_and_names(request, example, share):
+    _, before, after = request.getfixturevalue(example)
+    assert after.estimate < share * before.estimate
+    assert after.mesh.p.shape == before.mesh.p.shape
+    assert ka.quality(after.mesh).min() >= 0.3 - 1e-12
+    assert after.mesh.boundaries.keys() == before.mesh.boundaries.keys()
+    assert after.mesh.subdomains.keys() == before.mesh.subdomains.keys()
+    for name, elements in before.mesh.subdomains.items():  # nodes on an arc may come to cut off more of it
+        wanted = area(before.mesh)[elements].sum()
+        assert area(after.mesh)[after.mesh.subdomains[name]].sum() == pytest.approx(wanted, rel=5e-3)
+
+
+def test_motor_keeps_its_circles_and_two_layers_in_the_gap(motor):
+    drawn, mesh = motor[1].mesh, motor[2].mesh
+    radius = np.hypot(*mesh.p)
+    for name, wanted in (("outer", 0.080), ("ring", 0.0445), ("inner", 0.015)):
+        nodes = mesh.facets[:, mesh.boundaries[name]]
+        chord = np.cos(np.pi / POLES / len(drawn.boundaries[name]))  # the middle of a facet, where new nodes begin
+        assert wanted * chord * (1 - 1e-9) < radius[nodes].min() and radius[nodes].max() < wanted * (1 + 1e-12)
+    corners = radius[mesh.t[:, mesh.subdomains["gap"]]]
+    assert corners.min() > 0.044 * (1 - 1e-4) and corners.max() < 0.045 * (1 + 1e-12)
+    assert np.ptp(corners, axis=0).max() < 0.0009  # no element from the rotor to the bore
+
+
+def test_motor_stays_antiperiodic(motor):
+    mesh, potential = motor[2].mesh, motor[2].solution.potential
+    right, left = sides(mesh)
+    z = mesh.p[0] + 1j * mesh.p[1]
+    np.testing.assert_allclose(z[left], TURN * z[right], rtol=0, atol=1e-12 * np.ptp(mesh.p))
+    np.testing.assert_array_equal(potential[left], -potential[right])
+    assert np.abs(potential[left]).max() > 0.1 * np.abs(potential).max()
+
+
+def test_motor_has_a_plausible_field(motor):
+    """Ten degrees to either side of the pole: a magnet of 1.2 T, 4 mm thick, works on 1 mm of air and the openings."""
+    axis = np.stack([np.sin(angle := np.linspace(-0.17, 0.17, 101)), np.cos(angle)])
+    across = np.sum(axis * motor[2].solution.flux_density_at(0.0447 * axis), axis=0)
+    bound = 1.2 / (1 + 1.05 / 4)  # without slots
+    assert 0.8 * bound < across.mean() < bound
+
+
+def test_motor_solves_the_whole_machine(motor):
+    """Eight poles put together, with no condition between them, have the potential of one, with changing signs."""
+    materials, before = motor_materials(), motor[1]
+    machine, number = whole_machine(before.mesh)
+    signs = (-1.0) ** np.arange(POLES)
+    poles = {f"{name} {k}": next_pole(given, k) for name, given in materials.items() for k in range(POLES)}
+    potential = Magnetostatics(poles, potential={"outer": 0.0, "inner": 0.0}).solve(machine).potential
+    wanted = signs[:, None] * before.solution.potential
+    np.testing.assert_allclose(potential[number], wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+def motor_materials():
+    return runpy.run_path(str(EXAMPLES / "motor.py"))["MATERIALS"]
+
+
+def sides(mesh):
+    """The nodes of the motor's sides from the shaft outwards."""
+    radius = np.hypot(*mesh.p)
+    nodes = [np.unique(mesh.facets[:, mesh.boundaries[name]]) for name in ("right", "left")]
+    return [side[np.argsort(radius[side])] for side in nodes]
+
+
+def whole_machine(mesh):
+    """All poles from the mesh of one, and the number there of every node of every pole, (POLES, nnodes)."""
+    right, left = sides(mesh)
+    number = np.arange(POLES * mesh.p.shape[1]).reshape(POLES, -1)
+    number[:, left] = np.roll(number, -1, axis=0)[:, right]
+    kept, number = np.unique(number, return_inverse=True)
+    number = number.reshape(POLES, -1)
+    z = (TURN ** np.arange(POLES)[:, None] * (mesh.p[0] + 1j * mesh.p[1])).ravel()[kept]
+    machine = MeshTri(np.stack([z.real, z.imag]), np.hstack([pole[mesh.t] for pole in number]))
+    parts = {f"{name} {k}": e + k * mesh.t.shape[1] for name, e in mesh.subdomains.items() for k in range(POLES)}
+    rims = {"outer": lambda x: np.hypot(*x) > 0.05, "inner": lambda x: np.hypot(*x) < 0.05}
+    return machine.with_subdomains(parts).with_boundaries(rims), number
+
+
+def next_pole(given, k):
+    """A material of the first pole in the one k poles on."""
+    remanence = (-TURN) ** k * complex(*given.remanence)
+    return Material(given.permeability, (remanence.real, remanence.imag), (-1) ** k * given.current_density)
+
+
+def test_actuator_has_a_plausible_field(actuator):
+    """The coil's current drives most of its flux across the 4 mm below the plunger; the iron and the other gap help."""
+    (across,), (along,) = actuator[2].solution.flux_density_at(np.array([[0.001], [-0.002]]))
+    bound = 4e-7 * np.pi * 4e6 * 0.0085 * 0.024 / 0.004
+    assert 0.6 * bound < abs(along) < bound and abs(across) < 0.02 * bound
+
+
+@pytest.mark.parametrize("name", ["magnet", "l_shape", "motor", "actuator"])
+def test_pictures_are_pictures(request, name):
+    folder = request.getfixturevalue(name)[0]
+    content = (folder / f"{name}.png").read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n" and len(content) > 100_000
 
 
-def test_the_drawing_makes_the_mesh(tmp_path):
-    """`c_core.geo` holds the very groups and measures of the mesh beside it."""
+@pytest.mark.parametrize(("name", "rel"), [("c_core", 1e-9), ("motor", 1e-3), ("actuator", 1e-3)])
+def test_the_drawing_makes_the_mesh(tmp_path, name, rel):
+    """The .geo holds the very groups and measures of the mesh beside it; arcs a little finer or coarser."""
     try:
         import gmsh
     except (ImportError, OSError) as error:
@@ -102,12 +210,13 @@ def test_the_drawing_makes_the_mesh(tmp_path):
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(EXAMPLES / "c_core.geo"))
+        gmsh.open(str(EXAMPLES / f"{name}.geo"))
         gmsh.model.mesh.generate(2)
         gmsh.write(str(tmp_path / "again.msh"))
     finally:
         gmsh.finalize()
-    again, mesh = ka.read_mesh(tmp_path / "again.msh"), ka.read_mesh(EXAMPLES / "c_core.msh")
+    again, mesh = ka.read_mesh(tmp_path / "again.msh"), ka.read_mesh(EXAMPLES / f"{name}.msh")
     assert again.p.shape[1] == pytest.approx(mesh.p.shape[1], rel=0.05)  # Gmsh's versions differ a little
-    for name, elements in mesh.subdomains.items():
-        assert area(again)[again.subdomains[name]].sum() == pytest.approx(area(mesh)[elements].sum(), rel=1e-9)
+    assert again.boundaries.keys() == mesh.boundaries.keys()
+    for part, elements in mesh.subdomains.items():
+        assert area(again)[again.subdomains[part]].sum() == pytest.approx(area(mesh)[elements].sum(), rel=rel)
