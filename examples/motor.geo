@@ -6,15 +6,15 @@
 // Materials of examples/motor.py: iron mu_r = 1000; magnet remanence 1.2 T along y, mu_r = 1.05; the neighbouring pole
 // is the same with the opposite sign, so that the potential on "left" is minus the one on "right".
 //
-// "ring" lies in the middle of the gap, in steps of the same length. All points of the rotor are at angles from
-// `rotor`: a rotor turned by whole steps keeps the nodes on the ring, and what sticks out of the sector comes back in
-// on the other side with the opposite sign.
+// "ring" lies in the middle of the gap, in steps of the same length, and the rotor turns on it by whole steps
+// (-setnumber step 6: by 3.75 degrees; turn the magnet's remanence too). Where it then sticks out of the sector on the
+// left, the ring belongs to "left", and where it has left the stator alone on the right to "right".
 
 DefineConstant[ size = {1, Name "size"} ];  // 1 as drawn, 0.7 for about twice as many nodes
+DefineConstant[ step = {0, Name "step"} ];  // of the rotor, counter-clockwise: 0 to ring_steps - 1
 
 pole = Pi / 4;          // angle of the sector
 pitch = pole / 3;       // of a slot
-rotor = 0;              // angle of the pole's axis from the y-axis
 r_shaft = 15;
 r_core = 40;            // of the rotor's iron, below the magnet
 r_rotor = 44;
@@ -22,6 +22,7 @@ r_ring = 44.5;
 r_bore = 45;
 r_outer = 80;
 ring_steps = 72;
+rotor = step * pole / ring_steps;  // angle of the magnet's axis from the y-axis
 
 half_magnet = 17 * Pi / 180;
 r_end = 3;              // of the magnet's round ends
@@ -53,31 +54,72 @@ Macro LocalPoint  // point u along the ray at angle t, v to the left of it
   Point(made) = {-u * Sin(t) - v * Cos(t), u * Cos(t) - v * Sin(t), 0, h};
 Return
 
-// The two sides: side 0 is "right", side 1 is "left", a radius each.
-radii[] = {r_shaft, r_core, r_rotor, r_ring, r_bore, r_outer};
-sizes[] = {h_shaft, h_magnet, h_gap, h_gap, h_gap, h_yoke};
-For side In {0 : 1}
-  For k In {0 : 5}
-    r = radii[k]; h = sizes[k];
-    t = (side - 0.5) * pole;
-    If (k < 4)
-      t += rotor;
+// The ring, from right to left, an arc for every facet, so that its nodes are at their angles to rounding: what only
+// the stator has, what both have, what only the rotor has.
+stator_only[] = {};
+both[] = {};
+rotor_only[] = {};
+For k In {0 : ring_steps + step}
+  t = (k / ring_steps - 0.5) * pole;
+  r = r_ring;
+  h = h_gap;
+  Call PolarPoint;
+  on_ring[k] = made;
+  If (k > 0)
+    l = newl;
+    Circle(l) = {on_ring[k - 1], origin, on_ring[k]};
+    Transfinite Curve {l} = 2;
+    If (k <= step)
+      stator_only[] += l;
     EndIf
+    If (k > step && k <= ring_steps)
+      both[] += l;
+    EndIf
+    If (k > ring_steps)
+      rotor_only[] += l;
+    EndIf
+  EndIf
+EndFor
+
+// The two sides: side 0 is "right", side 1 is "left". The rotor's part ends at the ring, the stator's begins there.
+rotor_radii[] = {r_shaft, r_core, r_rotor};
+rotor_sizes[] = {h_shaft, h_magnet, h_gap};
+stator_radii[] = {r_bore, r_outer};
+stator_sizes[] = {h_gap, h_yoke};
+For side In {0 : 1}
+  t = (side - 0.5) * pole + rotor;
+  For k In {0 : 2}
+    r = rotor_radii[k];
+    h = rotor_sizes[k];
     Call PolarPoint;
     p~{side}~{k} = made;
   EndFor
-  For k In {0 : 4}
+  t = (side - 0.5) * pole;
+  For k In {0 : 1}
+    r = stator_radii[k];
+    h = stator_sizes[k];
+    Call PolarPoint;
+    p~{side}~{k + 3} = made;
+  EndFor
+  For k In {0 : 1}
     radial~{side}~{k} = newl;
     Line(radial~{side}~{k}) = {p~{side}~{k}, p~{side}~{k + 1}};
   EndFor
+  radial~{side}~{2} = newl;
+  Line(radial~{side}~{2}) = {p~{side}~{2}, on_ring[side * ring_steps + step]};
+  radial~{side}~{3} = newl;
+  Line(radial~{side}~{3}) = {on_ring[side * ring_steps], p~{side}~{3}};
+  radial~{side}~{4} = newl;
+  Line(radial~{side}~{4}) = {p~{side}~{3}, p~{side}~{4}};
 EndFor
 
-// Rotor, from right to left: shaft, core with the foot of the magnet, surface with its top, ring.
-shaft = newl; Circle(shaft) = {p_0_0, origin, p_1_0};
-ring = newl; Circle(ring) = {p_0_3, origin, p_1_3};
+// Rotor, from right to left: shaft, core with the foot of the magnet, surface with its top.
+shaft = newl;
+Circle(shaft) = {p_0_0, origin, p_1_0};
 For side In {0 : 1}
   t = rotor + (2 * side - 1) * half_magnet;
-  r = r_core; h = h_gap;
+  r = r_core;
+  h = h_gap;
   Call PolarPoint;
   foot~{side} = made;
   r = r_rotor;
@@ -87,26 +129,37 @@ For side In {0 : 1}
   u = (r_core + r_rotor) / 2;
   v = (1 - 2 * side) * Sqrt(r_end^2 - ((r_rotor - r_core) / 2)^2);
   Call LocalPoint;
-  end~{side} = newl; Circle(end~{side}) = {foot~{side}, made, top~{side}};
+  end~{side} = newl;
+  Circle(end~{side}) = {foot~{side}, made, top~{side}};
 EndFor
-core_0 = newl; Circle(core_0) = {p_0_1, origin, foot_0};
-core_m = newl; Circle(core_m) = {foot_0, origin, foot_1};
-core_1 = newl; Circle(core_1) = {foot_1, origin, p_1_1};
-surface_0 = newl; Circle(surface_0) = {p_0_2, origin, top_0};
-surface_m = newl; Circle(surface_m) = {top_0, origin, top_1};
-surface_1 = newl; Circle(surface_1) = {top_1, origin, p_1_2};
+core_0 = newl;
+Circle(core_0) = {p_0_1, origin, foot_0};
+core_m = newl;
+Circle(core_m) = {foot_0, origin, foot_1};
+core_1 = newl;
+Circle(core_1) = {foot_1, origin, p_1_1};
+surface_0 = newl;
+Circle(surface_0) = {p_0_2, origin, top_0};
+surface_m = newl;
+Circle(surface_m) = {top_0, origin, top_1};
+surface_1 = newl;
+Circle(surface_1) = {top_1, origin, p_1_2};
 
-t = rotor; r = at_hole; h = h_shaft;
+t = rotor;
+r = at_hole;
+h = h_shaft;
 Call PolarPoint;
 centre = made;
 For k In {0 : 3}
-  u = at_hole + r_hole * Cos(k * Pi / 2); v = r_hole * Sin(k * Pi / 2);
+  u = at_hole + r_hole * Cos(k * Pi / 2);
+  v = r_hole * Sin(k * Pi / 2);
   Call LocalPoint;
   around~{k} = made;
 EndFor
 hole[] = {};
 For k In {0 : 3}
-  l = newl; Circle(l) = {around~{k}, centre, around~{(k + 1) % 4}};
+  l = newl;
+  Circle(l) = {around~{k}, centre, around~{(k + 1) % 4}};
   hole[] += l;
 EndFor
 
@@ -114,7 +167,7 @@ EndFor
 slope = pitch / 2;
 r_bottom = at_bottom * Sin(slope) - half_tooth;
 half_wedge = wedge * Tan(slope) - half_tooth / Cos(slope);
-last = p_0_4;       // where the bore has come to
+last = p_0_3;       // where the bore has come to
 bore[] = {};        // its arcs, the mouths of the slots included
 inside[] = {};      // the inner outline of the stator, around the slots
 For slot In {0 : 2}
@@ -122,65 +175,98 @@ For slot In {0 : 2}
   For side In {0 : 1}
     sign = 2 * side - 1;
     h = h_gap;
-    u = Sqrt(r_bore^2 - half_opening^2); v = sign * half_opening;
+    u = Sqrt(r_bore^2 - half_opening^2);
+    v = sign * half_opening;
     Call LocalPoint;
     a~{side} = made;
     u = tip;
     Call LocalPoint;
     b~{side} = made;
     h = h_slot;
-    u = wedge; v = sign * half_wedge;
+    u = wedge;
+    v = sign * half_wedge;
     Call LocalPoint;
     c~{side} = made;
-    u = at_bottom - r_bottom * Sin(slope); v = sign * r_bottom * Cos(slope);
+    u = at_bottom - r_bottom * Sin(slope);
+    v = sign * r_bottom * Cos(slope);
     Call LocalPoint;
     d~{side} = made;
   EndFor
-  u = at_bottom; v = 0;
+  u = at_bottom;
+  v = 0;
   Call LocalPoint;
   middle = made;
   u = at_bottom + r_bottom;
   Call LocalPoint;
   deepest = made;
 
-  tooth = newl; Circle(tooth) = {last, origin, a_0};
-  mouth = newl; Circle(mouth) = {a_0, origin, a_1};
+  tooth = newl;
+  Circle(tooth) = {last, origin, a_0};
+  mouth = newl;
+  Circle(mouth) = {a_0, origin, a_1};
   last = a_1;
   For side In {0 : 1}
-    opening~{side} = newl; Line(opening~{side}) = {a~{side}, b~{side}};
-    shoulder~{side} = newl; Line(shoulder~{side}) = {b~{side}, c~{side}};
-    wall~{side} = newl; Line(wall~{side}) = {c~{side}, d~{side}};
-    bottom~{side} = newl; Circle(bottom~{side}) = {d~{side}, middle, deepest};
+    opening~{side} = newl;
+    Line(opening~{side}) = {a~{side}, b~{side}};
+    shoulder~{side} = newl;
+    Line(shoulder~{side}) = {b~{side}, c~{side}};
+    wall~{side} = newl;
+    Line(wall~{side}) = {c~{side}, d~{side}};
+    bottom~{side} = newl;
+    Circle(bottom~{side}) = {d~{side}, middle, deepest};
   EndFor
-  cover = newl; Line(cover) = {c_0, c_1};
+  cover = newl;
+  Line(cover) = {c_0, c_1};
   bore[] += {tooth, mouth};
   inside[] += {tooth, opening_0, shoulder_0, wall_0, bottom_0, -bottom_1, -wall_1, -shoulder_1, -opening_1};
-  l = newll; Curve Loop(l) = {mouth, opening_1, shoulder_1, -cover, -shoulder_0, -opening_0};
-  slot_air~{slot} = news; Plane Surface(slot_air~{slot}) = {l};
-  l = newll; Curve Loop(l) = {cover, wall_1, bottom_1, -bottom_0, -wall_0};
-  coil~{slot} = news; Plane Surface(coil~{slot}) = {l};
+  l = newll;
+  Curve Loop(l) = {mouth, opening_1, shoulder_1, -cover, -shoulder_0, -opening_0};
+  slot_air~{slot} = news;
+  Plane Surface(slot_air~{slot}) = {l};
+  l = newll;
+  Curve Loop(l) = {cover, wall_1, bottom_1, -bottom_0, -wall_0};
+  coil~{slot} = news;
+  Plane Surface(coil~{slot}) = {l};
 EndFor
-tooth = newl; Circle(tooth) = {last, origin, p_1_4};
+tooth = newl;
+Circle(tooth) = {last, origin, p_1_3};
 bore[] += tooth;
 inside[] += tooth;
-outer = newl; Circle(outer) = {p_0_5, origin, p_1_5};
+outer = newl;
+Circle(outer) = {p_0_4, origin, p_1_4};
 
-l = newll; Curve Loop(l) = {radial_0_4, outer, -radial_1_4, -inside[]};
-stator = news; Plane Surface(stator) = {l};
-l = newll; Curve Loop(l) = {radial_0_3, bore[], -radial_1_3, -ring};
-gap_outside = news; Plane Surface(gap_outside) = {l};
-l = newll; Curve Loop(l) = {radial_0_2, ring, -radial_1_2, -surface_1, -surface_m, -surface_0};
-gap_inside = news; Plane Surface(gap_inside) = {l};
-l = newll; Curve Loop(l) = {core_m, end_1, -surface_m, -end_0};
-magnet = news; Plane Surface(magnet) = {l};
-l = newll; Curve Loop(l) = {core_0, end_0, -surface_0, -radial_0_1};
-beside_0 = news; Plane Surface(beside_0) = {l};
-l = newll; Curve Loop(l) = {core_1, radial_1_1, -surface_1, -end_1};
-beside_1 = news; Plane Surface(beside_1) = {l};
-round = newll; Curve Loop(round) = {hole[]};
-drilled = news; Plane Surface(drilled) = {round};
-l = newll; Curve Loop(l) = {radial_0_0, core_0, core_m, core_1, -radial_1_0, -shaft};
-iron = news; Plane Surface(iron) = {l, round};
+l = newll;
+Curve Loop(l) = {radial_0_4, outer, -radial_1_4, -inside[]};
+stator = news;
+Plane Surface(stator) = {l};
+l = newll;
+Curve Loop(l) = {radial_0_3, bore[], -radial_1_3, -both[], -stator_only[]};
+gap_outside = news;
+Plane Surface(gap_outside) = {l};
+l = newll;
+Curve Loop(l) = {radial_0_2, both[], rotor_only[], -radial_1_2, -surface_1, -surface_m, -surface_0};
+gap_inside = news;
+Plane Surface(gap_inside) = {l};
+l = newll;
+Curve Loop(l) = {core_m, end_1, -surface_m, -end_0};
+magnet = news;
+Plane Surface(magnet) = {l};
+l = newll;
+Curve Loop(l) = {core_0, end_0, -surface_0, -radial_0_1};
+beside_0 = news;
+Plane Surface(beside_0) = {l};
+l = newll;
+Curve Loop(l) = {core_1, radial_1_1, -surface_1, -end_1};
+beside_1 = news;
+Plane Surface(beside_1) = {l};
+round = newll;
+Curve Loop(round) = {hole[]};
+drilled = news;
+Plane Surface(drilled) = {round};
+l = newll;
+Curve Loop(l) = {radial_0_0, core_0, core_m, core_1, -radial_1_0, -shaft};
+iron = news;
+Plane Surface(iron) = {l, round};
 
 Physical Surface("stator", 1) = {stator};
 Physical Surface("rotor", 2) = {iron};
@@ -193,11 +279,10 @@ Physical Surface("gap", 8) = {gap_inside, gap_outside};
 Physical Surface("rotor_air", 9) = {beside_0, beside_1, drilled};
 Physical Curve("outer", 10) = {outer};
 Physical Curve("inner", 11) = {shaft};
-Physical Curve("right", 12) = {radial_0_0, radial_0_1, radial_0_2, radial_0_3, radial_0_4};
-Physical Curve("left", 13) = {radial_1_0, radial_1_1, radial_1_2, radial_1_3, radial_1_4};
-Physical Curve("ring", 14) = {ring};
+Physical Curve("right", 12) = {radial_0_0, radial_0_1, radial_0_2, radial_0_3, radial_0_4, stator_only[]};
+Physical Curve("left", 13) = {radial_1_0, radial_1_1, radial_1_2, radial_1_3, radial_1_4, rotor_only[]};
+Physical Curve("ring", 14) = {stator_only[], both[]};
 
-Transfinite Curve {ring} = ring_steps + 1;
 For k In {0 : 4}
   Periodic Curve {radial~{1}~{k}} = {radial~{0}~{k}} Rotate {{0, 0, 1}, {0, 0, 0}, pole};
 EndFor

@@ -6,6 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from mesh_files import gmsh, gmsh_session, needs_gmsh
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -201,22 +202,35 @@ def test_pictures_are_pictures(request, name):
 
 
 @pytest.mark.parametrize(("name", "rel"), [("c_core", 1e-9), ("motor", 1e-3), ("actuator", 1e-3)])
+@needs_gmsh
 def test_the_drawing_makes_the_mesh(tmp_path, name, rel):
     """The .geo holds the very groups and measures of the mesh beside it; arcs a little finer or coarser."""
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:
-        pytest.skip(f"gmsh cannot be imported: {error}")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(EXAMPLES / f"{name}.geo"))
-        gmsh.model.mesh.generate(2)
-        gmsh.write(str(tmp_path / "again.msh"))
-    finally:
-        gmsh.finalize()
-    again, mesh = ka.read_mesh(tmp_path / "again.msh"), ka.read_mesh(EXAMPLES / f"{name}.msh")
+    again, mesh = drawn(name, tmp_path), ka.read_mesh(EXAMPLES / f"{name}.msh", scale=1e-3)
     assert again.p.shape[1] == pytest.approx(mesh.p.shape[1], rel=0.05)  # Gmsh's versions differ a little
     assert again.boundaries.keys() == mesh.boundaries.keys()
     for part, elements in mesh.subdomains.items():
         assert area(again)[again.subdomains[part]].sum() == pytest.approx(area(mesh)[elements].sum(), rel=rel)
+
+
+@needs_gmsh
+def test_the_motor_turned_by_a_slot_has_the_same_energy_without_current(tmp_path):
+    module = runpy.run_path(str(EXAMPLES / "motor.py"))
+    energies = []
+    for step in (0, 24):
+        br = 1.2j * TURN ** (step / 72)
+        magnet = Material(permeability=1.05, remanence=(br.real, br.imag))
+        materials = {name: Material(given.permeability) for name, given in module["MATERIALS"].items()}
+        sector = module["Sector"](materials | {"magnet": magnet}, potential={"outer": 0.0, "inner": 0.0})
+        energies.append(sector.solve(drawn("motor", tmp_path, step=step)).energy)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-3)
+
+
+def drawn(name, folder, **numbers):
+    """What Gmsh makes of a drawing, with these numbers set."""
+    with gmsh_session() as model:
+        for key, value in numbers.items():
+            gmsh.onelab.setNumber(key, [value])
+        gmsh.open(str(EXAMPLES / f"{name}.geo"))
+        model.mesh.generate(2)
+        gmsh.write(str(folder / "drawn.msh"))
+    return ka.read_mesh(folder / "drawn.msh", scale=1e-3)
