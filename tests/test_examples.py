@@ -111,9 +111,9 @@ def test_devices_have_a_smaller_error_at_the_same_nodes_and_names(request, examp
     assert ka.quality(after.mesh).min() >= 0.3 - 1e-12
     assert after.mesh.boundaries.keys() == before.mesh.boundaries.keys()
     assert after.mesh.subdomains.keys() == before.mesh.subdomains.keys()
-    for name, elements in before.mesh.subdomains.items():  # nodes on an arc may come to cut off more of it
+    for name, elements in before.mesh.subdomains.items():  # facets on an arc may come to cut off more of it, or less
         wanted = area(before.mesh)[elements].sum()
-        assert area(after.mesh)[after.mesh.subdomains[name]].sum() == pytest.approx(wanted, rel=5e-3)
+        assert area(after.mesh)[after.mesh.subdomains[name]].sum() == pytest.approx(wanted, rel=2e-2)
 
 
 def test_motor_keeps_its_circles_and_two_layers_in_the_gap(motor):
