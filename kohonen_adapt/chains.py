@@ -16,7 +16,7 @@ from .kernels.trace import cut_runs, lengths_and_angles
 
 logger = logging.getLogger(__package__)
 
-__all__ = ["Curve", "Pieces", "chains_of", "check_curves", "copied", "curve_of_facets", "cut"]
+__all__ = ["Curve", "Pieces", "chains_of", "check_curves", "curve_of_facets", "cut", "pair_chains", "projected"]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet: beyond, a facet would leave too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one
@@ -179,6 +179,7 @@ def straight_table(start: Floats, end: Floats) -> Chains:
         closed=np.zeros(count, dtype=np.bool_),
         reach=np.full(count, np.inf),
         bulge=np.zeros(count),
+        paired=np.zeros(count, dtype=np.bool_),
         row=np.zeros(count + 1, dtype=np.int32),
         knot=np.empty((0, 5)),
     )
@@ -290,6 +291,16 @@ def report(table: Chains, pieces: Pieces) -> None:
         logger.debug("recognised %s of radius %.6g about (%.6g, %.6g), %d nodes", kind, radius, x, y, count)
 
 
-def copied(chains: Chains) -> Chains:
-    """The same chains in arrays of their own."""
-    return Chains(*(array.copy() for array in chains))
+def pair_chains(table: Chains, mate: Indices, motion: Indices, motions: Floats) -> None:
+    """Let chains that are images of others, `mate` (c,), -1 for none, be that exactly, parameters included.
+
+    `motion` (c,) is the number of the one that carries a chain to its mate; of each two the even one decides.
+    """
+    table.paired[:] = mate >= 0
+    first = np.flatnonzero((mate >= 0) & (motion % 2 == 0))
+    image, step = mate[first], motions[motion[first]]
+    turn, shift = step[:, :, :2], step[:, :, 2]
+    table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
+    table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
+    for array in (table.length, table.curvature, table.reach, table.bulge):
+        array[image] = array[first]

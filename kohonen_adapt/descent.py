@@ -146,7 +146,8 @@ def descend(
     Returns what moves and flips took off the functional; what better values alone gained is not in it.
     """
     constraints = outline.constraints._replace(kind=functional.kinds(outline, fixed))
-    trial = Trial(values, fixed, functional.on_chain, functional.of_elements(triangulation))
+    twins = outline.constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
+    trial = Trial(values, fixed | twins, functional.on_chain, functional.of_elements(triangulation))
     order, gain = along_curve(triangulation.position).astype(np.int32), 0.0
     for _ in range(sweeps):
         gain += descend_in_parts(triangulation, constraints, trial, order, floor)

@@ -115,6 +115,8 @@ class Classroom:
         """Neurons that have only neurons of their own part within so many rings, (n,)."""
         deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
+        paired = np.flatnonzero(self.constraints.twins.partner >= 0)
+        part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
         mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
@@ -199,7 +201,7 @@ def scratch_for(triangulation: Triangulation) -> Scratch:
         np.zeros(n, dtype=np.int64),
         np.zeros(m, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
-        np.empty(max(n, m) + 1, dtype=np.int32),
+        np.empty(n + m + 1, dtype=np.int32),
         np.empty(m, dtype=np.int32),
         np.empty(m),
         np.empty((CROSSINGS + 3, 2), dtype=np.int32),

@@ -83,8 +83,8 @@ class Functional:
         """What each node may do, (n,), when those are held whose given values no formula would carry along."""
         kind, chain = outline.constraints.kind, outline.constraints.chain[:, 0]
         sliding = kind == SLIDING
-        held = (kind == FREE) & fixed
-        held[sliding] = self.held[chain[sliding]]
+        held = ((kind == FREE) & fixed) | (outline.constraints.twins.partner >= 0)
+        held[sliding] |= self.held[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
 
 

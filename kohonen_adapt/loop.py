@@ -45,6 +45,7 @@ def adapt(
     polish: bool = True,
     target_nodes: int | None = None,
     curves: Mapping[str, Curve] | None = None,
+    periodic: Sequence[tuple[str, str]] = (),
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
@@ -91,6 +92,9 @@ def adapt(
     curves
         The curves that named boundaries are on; see `relocate`. Nodes on curves slide with the map, and are not
         polished.
+    periodic
+        Pairs of names of boundaries that are one another's image, and stay so node by node; see `relocate`. Their nodes
+        slide with the map, and are neither polished nor recycled.
 
     Returns
     -------
@@ -112,7 +116,7 @@ def adapt(
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
     _check_loop(passes, rtol, atol, callback, polish)
     check_training(schedule, seed)
-    limits = Limits(topology, min_quality, pinned, curves)
+    limits = Limits(topology, min_quality, pinned, curves, periodic)
     guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
     growth = Growth.of(mesh, target_nodes, passes)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from .borders import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
-from .chains import Curve, chains_of, check_curves, curve_of_facets, cut, projected
+from .borders import LEFT, Facets, Joints, Runs, facet_of_edge, joints_of, outline_facets, runs_of, turned
+from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected
 from .kernels.chains import (
     FREE,
     HELD,
@@ -18,11 +18,13 @@ from .kernels.chains import (
     TABLED,
     Chains,
     Constraints,
+    Twins,
     find_parameters,
     look_up,
     mark_along,
 )
 from .kernels.geometry import settle
+from .pairs import Pairs, find_pairs
 from .triangulation import Triangulation
 
 __all__ = ["Outline", "pinned_nodes"]
@@ -58,39 +60,44 @@ class Outline:
     given: Indices
 
     @classmethod
-    def of(cls, triangulation: Triangulation, pinned: Mask, curves: Mapping[str, Curve] | None = None) -> "Outline":
+    def of(
+        cls,
+        triangulation: Triangulation,
+        pinned: Mask,
+        curves: Mapping[str, Curve] | None = None,
+        periodic: Sequence[tuple[str, str]] = (),
+    ) -> "Outline":
         """Find the chains of a triangulation, and mark their facets in it.
 
         Raises
         ------
         ValueError
-            If a curve is given for what is no boundary, or the nodes there are not on it.
+            If a curve is given for what is no boundary, or the nodes there are not on it; if periodic boundaries do not
+            match.
         """
         curves = check_curves(curves, triangulation.mesh.boundaries)
         facets = outline_facets(triangulation)
+        pairs = find_pairs(triangulation, facets, periodic)
         joints = joints_of(facets, triangulation.position)
-        runs = runs_of(facets, joints, stops=pinned)
-        runs, pieces = cut(triangulation.position, runs, curve_of_facets(facets, curves), curves)
+        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curves)
         chains = chains_of(triangulation.position, runs, pieces, curves)
-        slots = pieces.slots
         chain = np.empty(len(facets.element), dtype=np.int32)
-        chain[runs.facet[slots]] = pieces.of_slot
+        chain[runs.facet[pieces.slots]] = pieces.of_slot
         mark_facets(triangulation, facets, chain)
-        sliding = np.zeros(triangulation.nnodes, dtype=bool)
-        sliding[runs.node[slots]] = True
-        opens = pieces.rows[pieces.rows[:, 3] == 0]
-        sliding[runs.node[opens[:, :2]]] = False
-        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains)
+        twins = twins_of(triangulation, facets, pairs)
+        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains, twins)
         find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
-        first = pieces.rows[:, 0]
-        along = facets.nodes[runs.facet[first], 0] == runs.node[first]
-        names = {name: turned(side[runs.facet[first]], along) for name, side in facets.sides.items()}
+        make_mates(constraints, pairs, chain)
+        first = runs.facet[pieces.rows[:, 0]]
+        along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
+        names = {name: turned(side[first], along) for name, side in facets.sides.items()}
         return cls(constraints, names, pinned, curves, pieces.curve)
 
     def copy(self) -> "Outline":
         """The outline as it is now."""
-        arrays = {name: array.copy() for name, array in self.constraints._asdict().items() if name != "chains"}
-        return replace(self, constraints=self.constraints._replace(**arrays))  # chains stay what they are
+        own = ("kind", "chain", "parameter", "inner")  # chains and twins stay what they are
+        arrays = {name: getattr(self.constraints, name).copy() for name in own}
+        return replace(self, constraints=self.constraints._replace(**arrays))
 
     def settle(self, triangulation: Triangulation, floor: float) -> None:
         """Put the nodes that slide on curves exactly there, as far as the quality rule lets them.
@@ -167,6 +174,47 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
     raise ValueError(f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {known}.")
 
 
+def cut_alike(
+    triangulation: Triangulation, facets: Facets, joints: Joints, pairs: Pairs, pinned: Mask, curves: dict[str, Curve]
+) -> tuple[Runs, Pieces, Mask]:
+    """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
+    curve, paired = curve_of_facets(facets, curves), np.flatnonzero(pairs.partner >= 0)
+    if np.any((curve >= 0) & (pairs.facet >= 0)):
+        raise ValueError(
+            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles."
+        )
+    stops = pinned.copy()
+    while True:
+        runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves)
+        sliding = np.zeros(triangulation.nnodes, dtype=bool)
+        sliding[runs.node[pieces.slots]] = True
+        opens = pieces.rows[pieces.rows[:, 3] == 0]
+        sliding[runs.node[opens[:, :2]]] = False
+        alone = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
+        if len(alone) == 0:
+            return runs, pieces, sliding
+        stops[alone] = True
+
+
+def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twins:
+    """The pairs as kernels need them."""
+    region = triangulation.elements.region
+    there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
+    rows = np.flatnonzero(pairs.facet >= 0)
+    there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
+    return Twins(pairs.partner, pairs.motion, pairs.motions, there)
+
+
+def make_mates(constraints: Constraints, pairs: Pairs, chain: Indices) -> None:
+    """Let paired chains be the same but for their motion, and the parameters of paired nodes."""
+    rows = np.flatnonzero(pairs.facet >= 0)
+    mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
+    mate[chain[rows]], motion[chain[rows]] = chain[pairs.facet[rows]], pairs.facet_motion[rows]
+    pair_chains(constraints.chains, mate, motion, pairs.motions)
+    v = np.flatnonzero((constraints.kind == SLIDING) & (pairs.motion >= 0) & (pairs.motion % 2 == 0))
+    constraints.parameter[pairs.partner[v]] = constraints.parameter[v]
+
+
 def mark_facets(triangulation: Triangulation, facets: Facets, chain: Indices) -> None:
     """Write the chain of every outline facet into the elements on both of its sides."""
     elements = triangulation.elements
@@ -186,6 +234,7 @@ def constrain(
     sliding: Mask,
     pinned: Mask,
     chains: Chains,
+    twins: Twins,
 ) -> Constraints:
     """What every node may do, its parameter not yet found."""
     n = triangulation.nnodes
@@ -197,7 +246,7 @@ def constrain(
     own[joints.node] = chain[joints.facets]
     own[pinned] = -1
     own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
-    return Constraints(kind, own, np.zeros(n), inner_nodes(triangulation), chains)
+    return Constraints(kind, own, np.zeros(n), inner_nodes(triangulation), chains, twins)
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:

@@ -109,6 +109,10 @@ class Surgery:
             chain=padded(outline.constraints.chain, rows, -1),
             parameter=padded(outline.constraints.parameter, rows, 0.0),
             inner=padded(outline.constraints.inner, rows, False),
+            twins=outline.constraints.twins._replace(
+                partner=padded(outline.constraints.twins.partner, rows, -1),
+                motion=padded(outline.constraints.twins.motion, rows, -1),
+            ),
         )
         anchor = padded(hint, rows, -1)
         pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m]))
@@ -158,7 +162,10 @@ class Surgery:
         triangulation.star = empty_star(rows, len(triangulation.elements.node))
         fill_star(triangulation.elements.node, triangulation.star)
         constraints, names = self.constraints, ("kind", "chain", "parameter", "inner")
-        outline.constraints = constraints._replace(**{name: getattr(constraints, name)[kept] for name in names})
+        partner, motion = constraints.twins.partner[kept], constraints.twins.motion[kept]
+        twins = constraints.twins._replace(partner=np.where(partner >= 0, number[partner], -1), motion=motion)
+        arrays = {name: getattr(constraints, name)[kept] for name in names}
+        outline.constraints = constraints._replace(twins=twins, **arrays)
         outline.pinned = self.origins.pinned[kept]
         self.origins = Origins(*(array[kept] for array in self.origins))
 

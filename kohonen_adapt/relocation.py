@@ -118,6 +118,7 @@ def relocate(
     pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
+    periodic: Sequence[tuple[str, str]] = (),
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
 
@@ -147,6 +148,10 @@ def relocate(
         The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
         ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
         radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
+    periodic
+        Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
+        translation or rotation carries the one to the other node by node, and does so afterwards. A training point
+        beside one also reaches what lies beside the other.
 
     Returns
     -------
@@ -176,7 +181,7 @@ def relocate(
         mesh,
         density,
         schedule=schedule,
-        limits=Limits(topology, min_quality, pinned, curves),
+        limits=Limits(topology, min_quality, pinned, curves, periodic),
         seed=seed,
     ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -233,6 +238,7 @@ def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
         min_quality=limits.min_quality,
         pinned=limits.pinned,
         curves=limits.curves,
+        periodic=limits.periodic,
     )
 
 

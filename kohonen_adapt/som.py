@@ -49,6 +49,9 @@ class KohonenMap:
         The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
         ``project(x (2, n)) -> (2, n)``. Without one, six nodes and more on a circle are taken for an arc, and other
         turns for corners.
+    periodic
+        Pairs of names of boundaries that a translation or rotation carries to one another: their nodes stay matched,
+        and a training point beside one also reaches what lies beside the other.
 
     Attributes
     ----------
@@ -75,10 +78,11 @@ class KohonenMap:
         min_quality: float | None = 0.3,
         pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
         curves: Mapping[str, Curve] | None = None,
+        periodic: Sequence[tuple[str, str]] = (),
     ) -> None:
         check_options(topology, min_quality)
         self.triangulation = Triangulation.of(mesh)
-        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned), curves)
+        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned), curves, periodic)
         self.search_steps: list[float] = []
         self._flips = topology == "flip"
         self._floor = UNGUARDED if min_quality is None else float(min_quality)

@@ -27,8 +27,18 @@ class Chains(NamedTuple):
     closed: np.ndarray  # (c,) bool: a loop without a corner, on which the parameter begins anew at its end
     reach: np.ndarray  # (c,) the longest facet that may be made: longer ones would leave too much of a curve out
     bulge: np.ndarray  # (c,) how far a curve may be from its facets
+    paired: np.ndarray  # (c,) bool: its nodes have partners on another chain, at the same parameters
     row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
+
+
+class Twins(NamedTuple):
+    """Nodes that are one because a boundary is another's periodic image, and how the mesh goes on there."""
+
+    partner: np.ndarray  # (n,) int32: the other node, -1 for none
+    motion: np.ndarray  # (n,) int32: the motion that carries the node to its partner, -1 likewise
+    motions: np.ndarray  # (k, 2, 3): x -> A x + b as rows [A | b]
+    region: np.ndarray  # (k, r) int32: the region in which a region goes on where a motion carries it, -1 for none
 
 
 class Constraints(NamedTuple):
@@ -39,6 +49,7 @@ class Constraints(NamedTuple):
     parameter: np.ndarray  # (n,) where on its chain
     inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
     chains: Chains
+    twins: Twins
 
 
 @kernel

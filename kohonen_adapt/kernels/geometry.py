@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chains import point_at, within_reach
 from .compilation import kernel
 
 SQRT12 = 2.0 * math.sqrt(3.0)
@@ -115,6 +116,27 @@ def may_move(position, star, v, x, y, floor):
         return False
     worst = worst_in_star(position, star, v, x, y)
     return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
+
+
+@kernel
+def slide_pair(position, elements, star, constraints, v, parameter, floor):
+    """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
+    w, chains = constraints.twins.partner[v], constraints.chains
+    onto, mate = constraints.chain[v, 0], constraints.chain[w, 0]
+    x, y = point_at(chains, onto, parameter)
+    if not within_reach(position, elements, star, chains, onto, v, x, y):
+        return False
+    if not may_move(position, star, v, x, y, floor):
+        return False
+    before_x, before_y = position[v, 0], position[v, 1]
+    position[v, 0], position[v, 1] = x, y  # where the mesh is one element wide the partner's star has moved, too
+    x, y = point_at(chains, mate, parameter)
+    if not may_move(position, star, w, x, y, floor):
+        position[v, 0], position[v, 1] = before_x, before_y
+        return False
+    position[w, 0], position[w, 1] = x, y
+    constraints.parameter[v] = constraints.parameter[w] = parameter
+    return True
 
 
 @kernel

@@ -286,7 +286,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
     node, chain = elements.node, elements.chain
     if constraints.kind[v] != FREE and constraints.kind[v] != SLIDING:
         return -1.0
-    if origins.pinched[w] or origins.young[v]:
+    if origins.pinched[w] or origins.young[v] or constraints.twins.partner[v] >= 0:
         return -1.0
     count = gather_around(elements, pool, v, room.around)
     room.counter[0] += 2
@@ -439,6 +439,8 @@ def split_longest(position, elements, constraints, pool, origins, longest, short
             break
         a, b, c = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3], elements.chain[e, k]
         x, y, parameter = midpoint(position, constraints, c, a, b)
+        if c >= 0 and constraints.chains.paired[c]:
+            continue  # the nodes of a periodic pair are neither made nor taken away
         if may_split(position, elements, origins.pinned, e, k, floor, x, y):
             return split(position, elements, constraints, pool, origins, e, k, x, y, parameter), a, -key
     return NOWHERE, NOWHERE, 0.0

@@ -23,7 +23,7 @@ class Scratch(NamedTuple):
     node_stamp: np.ndarray  # (n,) int64
     element_stamp: np.ndarray  # (m,) int64
     counter: np.ndarray  # (1,) int64
-    queue: np.ndarray  # (max(n, m) + 1,) int32
+    queue: np.ndarray  # (n + m + 1,) int32
     frontier: np.ndarray  # (m,) int32: elements that the flood may enter
     reach: np.ndarray  # (m,) float64: squared distance from the point to the edge it would enter through
     crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner

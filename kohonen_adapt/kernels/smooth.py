@@ -10,7 +10,7 @@ import numpy as np
 
 from .chains import FREE, HELD, gone_along, nearest_parameter, point_at, way_along, within_reach
 from .compilation import kernel
-from .geometry import may_move
+from .geometry import may_move, slide_pair
 from .locate import depth_in_element, side_of_edge, walk
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
@@ -144,14 +144,30 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
     for v in order:
         if deep[v] != which or constraints.kind[v] == HELD:
             continue
-        if circumcentres:
-            x, y = circumcentre_mean(position, star, weight, v)
-        else:
-            x, y = barycentre_mean(position, star, weight, v)
+        x, y, mass = centre_mean(position, star, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
             step_towards(position, star, v, x, y, floor)
-        else:
-            slide_towards(position, elements, star, constraints, v, x, y, floor)
+            continue
+        chains, chain, parameter = constraints.chains, constraints.chain[v, 0], constraints.parameter[v]
+        way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+        if not chains.paired[chain]:
+            slide(position, elements, star, constraints, v, RELAXATION * way, floor)
+            continue
+        w = constraints.twins.partner[v]
+        if w > v:  # each pair once
+            chain = constraints.chain[w, 0]
+            x, y, mass_there = centre_mean(position, star, weight, circumcentres, w)
+            way_there = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+            way = (mass * way + mass_there * way_there) / (mass + mass_there)
+            slide_both(position, elements, star, constraints, v, RELAXATION * way, floor)
+
+
+@kernel
+def centre_mean(position, star, weight, circumcentres, v):
+    """Weighted mean of the circumcentres or else of the barycentres of the star of v, and the sum of the weights."""
+    if circumcentres:
+        return circumcentre_mean(position, star, weight, v)
+    return barycentre_mean(position, star, weight, v)
 
 
 @kernel
@@ -166,7 +182,7 @@ def circumcentre_mean(position, star, weight, v):
         total += w * 2.0 * (ax * by - ay * bx)
         mean_x += w * (by * aa - ay * bb)
         mean_y += w * (ax * bb - bx * aa)
-    return x + mean_x / total, y + mean_y / total
+    return x + mean_x / total, y + mean_y / total, total
 
 
 @kernel
@@ -181,7 +197,7 @@ def barycentre_mean(position, star, weight, v):
         total += w
         mean_x += w * (ax + bx) / 3.0
         mean_y += w * (ay + by) / 3.0
-    return x + mean_x / total, y + mean_y / total
+    return x + mean_x / total, y + mean_y / total, total
 
 
 @kernel
@@ -197,15 +213,24 @@ def step_towards(position, star, v, x, y, floor):
 
 
 @kernel
-def slide_towards(position, elements, star, constraints, v, x, y, floor):
-    """Move a node on a chain towards the chain's point nearest to (x, y), likewise."""
-    chains, chain, parameter = constraints.chains, constraints.chain[v, 0], constraints.parameter[v]
-    way = RELAXATION * way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+def slide(position, elements, star, constraints, v, way, floor):
+    """Move a node that far along its chain, or half as far until the guard agrees."""
+    chains, chain = constraints.chains, constraints.chain[v, 0]
     for _ in range(HALVINGS + 1):
-        there = gone_along(chains, chain, parameter, way)
-        x, y = point_at(chains, chain, there)
+        parameter = gone_along(chains, chain, constraints.parameter[v], way)
+        x, y = point_at(chains, chain, parameter)
         if within_reach(position, elements, star, chains, chain, v, x, y) and may_move(position, star, v, x, y, floor):
-            constraints.parameter[v] = there
+            constraints.parameter[v] = parameter
             position[v, 0], position[v, 1] = x, y
+            return
+        way *= 0.5
+
+
+@kernel
+def slide_both(position, elements, star, constraints, v, way, floor):
+    """Move a node and its partner that far along their chains, likewise."""
+    for _ in range(HALVINGS + 1):
+        parameter = gone_along(constraints.chains, constraints.chain[v, 0], constraints.parameter[v], way)
+        if slide_pair(position, elements, star, constraints, v, parameter, floor):
             return
         way *= 0.5

@@ -4,6 +4,8 @@ Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "O
 Kohonen Maps" (sections II and III).
 """
 
+import numpy as np
+
 from .chains import (
     FREE,
     HELD,
@@ -17,7 +19,7 @@ from .chains import (
     within_reach,
 )
 from .compilation import kernel
-from .geometry import allowed, may_move, star_tolerable, worst_in_star
+from .geometry import allowed, may_move, slide_pair, star_tolerable, worst_in_star
 from .search import next_stamp
 
 
@@ -63,6 +65,8 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
     distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
     if distance_away < distance:
         onto, away, corner, target = away, onto, corner_away, target_away
+    if chains.paired[onto] or chains.paired[away]:
+        return
     next_node = follower(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
     if next_node < 0 or parameter == corner:
@@ -127,6 +131,58 @@ def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp
 
 
 @kernel
+def reach_beyond(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
+    """Let a point also reach those around it that lie beyond a periodic boundary, where its image is.
+
+    Ring r of the nodes that it has reached stands in ``scratch.queue[rings[r] : rings[r + 1]]``. On the other side the
+    rings begin at the partners of those, each with its own number; the partners have moved already.
+    """
+    twins, queue, stamps = constraints.twins, scratch.queue, scratch.node_stamp
+    reached = rings[-1]
+    for m in range(twins.motions.shape[0]):
+        there, stamp = twins.region[m, region], next_stamp(scratch)
+        if there < 0:
+            continue
+        motion = twins.motions[m]
+        image_x = motion[0, 0] * x[0] + motion[0, 1] * x[1] + motion[0, 2]
+        image_y = motion[1, 0] * x[0] + motion[1, 1] * x[1] + motion[1, 2]
+        first, last = reached, reached
+        for ring in range(strength.shape[0]):
+            if last > first:
+                end = gather_ring(elements, star, constraints.inner, there, queue, first, last, stamps, stamp)
+                first, last = last, end
+                for i in range(first, last):
+                    follow_image(
+                        position, elements, star, constraints, queue[i], image_x, image_y, rate * strength[ring], floor
+                    )
+            for i in range(rings[ring], rings[ring + 1]):
+                v = queue[i]
+                if twins.motion[v] == m and stamps[twins.partner[v]] != stamp:
+                    stamps[twins.partner[v]] = stamp
+                    queue[last] = twins.partner[v]
+                    last += 1
+
+
+@kernel
+def follow_image(position, elements, star, constraints, v, x, y, step, floor):
+    """Move one neuron towards (x, y), guarded; corners and those with a partner stay."""
+    chains, chain = constraints.chains, constraints.chain[v, 0]
+    if constraints.kind[v] == FREE:
+        new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
+        if may_move(position, star, v, new_x, new_y, floor):
+            position[v, 0], position[v, 1] = new_x, new_y
+    elif constraints.kind[v] == SLIDING and not chains.paired[chain]:
+        parameter = constraints.parameter[v]
+        target = nearest_parameter(chains, chain, x, y, parameter)
+        parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
+        new_x, new_y = point_at(chains, chain, parameter)
+        if within_reach(position, elements, star, chains, chain, v, new_x, new_y) and may_move(
+            position, star, v, new_x, new_y, floor
+        ):
+            position[v, 0], position[v, 1], constraints.parameter[v] = new_x, new_y, parameter
+
+
+@kernel
 def learn(
     position, elements, star, constraints, points, region, weights, winners, rate, strength, floor, sound, scratch
 ):
@@ -138,6 +194,7 @@ def learn(
     """
     kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
+    periodic, rings = constraints.twins.motions.shape[0] > 0, np.zeros(strength.shape[0] + 1, dtype=np.int64)
     for t in range(points.shape[0]):
         x = points[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
@@ -147,7 +204,7 @@ def learn(
             if ring > 0:
                 end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
-            step = rate_of_point * strength[ring]
+            step, rings[ring + 1] = rate_of_point * strength[ring], last
             for i in range(first, last):
                 v = queue[i]
                 if kind[v] == FREE:
@@ -157,6 +214,9 @@ def learn(
                     chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
                     target = nearest_parameter(chains, chain, x[0], x[1], parameter)
                     parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
+                    if chains.paired[chain]:
+                        slide_pair(position, elements, star, constraints, v, parameter, floor)
+                        continue
                     new_x, new_y = point_at(chains, chain, parameter)
                     if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
                         continue
@@ -170,3 +230,7 @@ def learn(
                     position[v, 0], position[v, 1] = new_x, new_y
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
+        if periodic:
+            reach_beyond(
+                position, elements, star, constraints, x, region[t], rate_of_point, strength, rings, floor, scratch
+            )
