@@ -13,6 +13,7 @@ from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut
 from .kernels.chains import (
     FREE,
     HELD,
+    JUNCTION,
     SLIDING,
     STRAIGHT,
     TABLED,
@@ -66,8 +67,12 @@ class Outline:
         pinned: Mask,
         curves: Mapping[str, Curve] | None = None,
         periodic: Sequence[tuple[str, str]] = (),
+        *,
+        junctions: bool = False,
     ) -> "Outline":
         """Find the chains of a triangulation, and mark their facets in it.
+
+        Neurons may leave `junctions` of three chains if elements may change sides for that.
 
         Raises
         ------
@@ -85,7 +90,7 @@ class Outline:
         chain[runs.facet[pieces.slots]] = pieces.of_slot
         mark_facets(triangulation, facets, chain)
         twins = twins_of(triangulation, facets, pairs)
-        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains, twins)
+        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains, twins, junctions)
         find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
         make_mates(constraints, pairs, chain)
         first = runs.facet[pieces.rows[:, 0]]
@@ -235,6 +240,7 @@ def constrain(
     pinned: Mask,
     chains: Chains,
     twins: Twins,
+    junctions: bool,
 ) -> Constraints:
     """What every node may do, its parameter not yet found."""
     n = triangulation.nnodes
@@ -244,6 +250,8 @@ def constrain(
     kind[sliding] = SLIDING
     own = np.full((n, 2), -1, dtype=np.int32)
     own[joints.node] = chain[joints.facets]
+    if junctions:
+        own[np.bincount(facets.nodes.ravel(), minlength=n) == 3, 0] = JUNCTION
     own[pinned] = -1
     own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
     return Constraints(kind, own, np.zeros(n), inner_nodes(triangulation), chains, twins)

@@ -188,7 +188,7 @@ def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
     """The triangulation as it is now: the map goes on to change its own."""
     elements = triangulation.elements
     return triangulation.position.copy(), elements._replace(
-        node=elements.node.copy(), neighbour=elements.neighbour.copy()
+        node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=elements.region.copy()
     )
 
 

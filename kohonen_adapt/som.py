@@ -39,7 +39,8 @@ class KohonenMap:
     mesh
         A `skfem.MeshTri`; it is not modified.
     topology
-        ``"flip"`` keeps every region constrained Delaunay by flips between epochs, ``"fixed"`` keeps the elements.
+        ``"flip"`` keeps every region constrained Delaunay by flips between epochs, and where three outlines meet an
+        element may change sides for a neuron to leave; ``"fixed"`` keeps the elements.
     min_quality
         No update or flip leaves an element worse than this, unless the worst there was worse before. None switches
         every check off: elements may then overlap (Fig. 7 of the paper).
@@ -82,9 +83,11 @@ class KohonenMap:
     ) -> None:
         check_options(topology, min_quality)
         self.triangulation = Triangulation.of(mesh)
-        self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned), curves, periodic)
-        self.search_steps: list[float] = []
         self._flips = topology == "flip"
+        self.outline = Outline.of(
+            self.triangulation, pinned_nodes(mesh, pinned), curves, periodic, junctions=self._flips
+        )
+        self.search_steps: list[float] = []
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
 

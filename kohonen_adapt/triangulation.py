@@ -65,7 +65,7 @@ class Triangulation:
             )
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
-        return cls(position, Elements(node, neighbour, region, chain), star, mesh, region)
+        return cls(position, Elements(node, neighbour, region.copy(), chain), star, mesh, region)
 
     @property
     def nnodes(self) -> int:

@@ -340,3 +340,33 @@ def test_an_inner_named_line_divides_no_region_but_is_never_crossed():
 
 def test_kinds_have_names():
     assert (FREE, SLIDING, HELD) == (0, 1, 2)
+
+
+@pytest.mark.parametrize("place", [(0.5, 0.5), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0)])
+def test_where_three_chains_meet_a_neuron_may_leave_the_corner(place):
+    """An element at the junction changes sides; what is drawn on the plane stays."""
+    mesh, changed = junction(12), 0
+    for seed in range(3):
+        result = ka.relocate(mesh, peak(mesh, *place, width=0.3), seed=seed)
+        changed += any(len(rows) != len(result.subdomains[name]) for name, rows in mesh.subdomains.items())
+        assert place in places(result)
+        for name, rows in mesh.subdomains.items():
+            x, y = result.p[:, result.t[:, result.subdomains[name]]]
+            area = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])).sum() / 2
+            assert area == pytest.approx(len(rows) / 288, rel=1e-13)
+        fixed = ka.relocate(mesh, peak(mesh, *place, width=0.3), topology="fixed", seed=seed)
+        assert all(np.array_equal(rows, fixed.subdomains[name]) for name, rows in mesh.subdomains.items())
+    assert changed
+
+
+def test_a_jump_at_a_junction_by_hand():
+    """The neuron in the junction goes right, its left neighbour takes its place, and the element between them, too."""
+    mesh = junction(4)
+    numbers = {tuple(x): v for v, x in enumerate(mesh.p.T.tolist())}
+    middle, left, up = (numbers[place] for place in [(0.5, 0.5), (0.25, 0.5), (0.5, 0.75)])
+    ear = np.sort([middle, left, up]).tolist()
+    assert ear in mesh.t[:, mesh.subdomains["left"]].T.tolist()
+    result = trained_once(mesh, (0.6, 0.51), rate=0.5, topology="flip")
+    np.testing.assert_allclose(result.p[:, [middle, left]], [[0.55, 0.5], [0.5, 0.5]])
+    assert ear in result.t[:, result.subdomains["right"]].T.tolist()
+    assert len(result.subdomains["right"]) == len(mesh.subdomains["right"]) + 1

@@ -102,6 +102,8 @@ def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
     functional = Functional.of(ritz, som.triangulation, som.outline)
     som.train(rng.random((2, 200)) ** 2)
     assert not np.array_equal(som.mesh.t, mesh.t)
+    for k, rows in enumerate(som.mesh.subdomains.values()):  # at a junction elements may have changed sides
+        number[rows] = k
     data = np.column_stack([coefficient, source, flux.T])[number]
     ours = functional.constants[som.triangulation.elements.region]
     np.testing.assert_array_equal(ours, data)

@@ -13,6 +13,7 @@ from .compilation import kernel
 
 FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
+JUNCTION = -2  # in place of a chain: the node is held where three of them meet
 BISECTIONS = 45  # to the nearest point between two knots: that many bits
 
 
@@ -45,7 +46,7 @@ class Constraints(NamedTuple):
     """Where each node may go."""
 
     kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
-    chain: np.ndarray  # (n, 2) int32: its chain, or the two that meet in a corner; -1 for none
+    chain: np.ndarray  # (n, 2) int32: its chain, or the two that meet in a corner; -1 for none, or JUNCTION
     parameter: np.ndarray  # (n,) where on its chain
     inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
     chains: Chains
