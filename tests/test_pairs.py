@@ -69,7 +69,7 @@ def test_translated_sides_stay_matched(topology):
 
 def test_without_pairs_the_sides_part():
     mesh = ka.relocate(cell(16), peak_at(0.0, 0.3), topology="fixed")
-    with pytest.raises(ValueError, match="'left' and 'right'"):
+    with pytest.raises(ValueError, match="Mesh them as a pair"):
         KohonenMap(mesh, periodic=[("left", "right")])
 
 
