@@ -18,7 +18,7 @@ logger = logging.getLogger(__package__)
 
 __all__ = ["Curve", "Pieces", "chains_of", "check_curves", "curve_of_facets", "cut", "pair_chains", "projected"]
 
-WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet: beyond, a facet would leave too much of the curve out
+WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 BITS = 43  # of centres and radii of recognised circles
@@ -178,6 +178,7 @@ def straight_table(start: Floats, end: Floats) -> Chains:
         curvature=np.zeros(count),
         closed=np.zeros(count, dtype=np.bool_),
         reach=np.full(count, np.inf),
+        merged=np.full(count, np.inf),
         bulge=np.zeros(count),
         paired=np.zeros(count, dtype=np.bool_),
         row=np.zeros(count + 1, dtype=np.int32),
@@ -201,6 +202,7 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(WIDEST, full / FACETS))
+    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
     chord = np.maximum(table.reach, longest)[is_round]
     table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
 
@@ -219,6 +221,7 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
     table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
     tightest = least_radius(knots)
     table.reach[p] = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
+    table.merged[p] = 0.5 * table.reach[p]
     table.bulge[p] = min(longest, table.reach[p] ** 2 / (4.0 * tightest)) + NEAR * size_of(knots[:, 1:3])
 
 
@@ -302,5 +305,5 @@ def pair_chains(table: Chains, mate: Indices, motion: Indices, motions: Floats) 
     turn, shift = step[:, :, :2], step[:, :, 2]
     table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
     table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
-    for array in (table.length, table.curvature, table.reach, table.bulge):
+    for array in (table.length, table.curvature, table.reach, table.merged, table.bulge):
         array[image] = array[first]

@@ -27,6 +27,7 @@ class Chains(NamedTuple):
     curvature: np.ndarray  # (c,) of ROUND ones: 1 / radius, positive if they run counter-clockwise
     closed: np.ndarray  # (c,) bool: a loop without a corner, on which the parameter begins anew at its end
     reach: np.ndarray  # (c,) the longest facet that may be made: longer ones would leave too much of a curve out
+    merged: np.ndarray  # (c,) the same of two facets that are to be one
     bulge: np.ndarray  # (c,) how far a curve may be from its facets
     paired: np.ndarray  # (c,) bool: its nodes have partners on another chain, at the same parameters
     row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]

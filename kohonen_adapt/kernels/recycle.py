@@ -339,12 +339,8 @@ def joins_within_reach(position, constraints, w, other, c):
     """Whether the facet between two nodes that an edge of chain c is to become is no longer than it may be."""
     if c < 0:
         return True
-    dx, dy, reach = (
-        position[w, 0] - position[other, 0],
-        position[w, 1] - position[other, 1],
-        constraints.chains.reach[c],
-    )
-    return dx * dx + dy * dy <= reach * reach
+    dx, dy = position[w, 0] - position[other, 0], position[w, 1] - position[other, 1]
+    return dx * dx + dy * dy <= constraints.chains.merged[c] ** 2
 
 
 @kernel
