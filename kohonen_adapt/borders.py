@@ -8,12 +8,11 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from .facets import number_facets
-from .kernels.trace import trace_runs
+from .polylines import CORNER, Runs, traced
 from .triangulation import Triangulation, codes_of_names
 
-__all__ = ["Facets", "Joints", "Runs", "facet_of_edge", "joints_of", "outline_facets", "runs_of", "turned"]
+__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of", "turned"]
 
-SHARP = np.deg2rad(35.0)  # a turn that no curve makes from facet to facet
 UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
 
 Mask = NDArray[np.bool_]
@@ -37,15 +36,6 @@ class Joints(NamedTuple):
     facets: Indices  # (j, 2)
     ends: Indices  # (j, 2) the facets' other nodes
     smooth: Mask  # (j,) a curve may go through: the same names and regions on both sides, no sharp turn
-
-
-class Runs(NamedTuple):
-    """Facets that go on into one another, from end to end or all round; `trace_runs` describes the arrays."""
-
-    node: NDArray[np.int32]  # (s,)
-    facet: NDArray[np.int32]  # (s,) the facet after each node, -1 after the last of a run
-    start: NDArray[np.int32]  # (r + 1,)
-    closed: Mask  # (r,)
 
 
 def outline_facets(triangulation: Triangulation) -> Facets:
@@ -116,7 +106,7 @@ def joints_of(facets: Facets, position: NDArray[np.float64]) -> Joints:
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
     u, w = (position[other[:, side]] - position[node] for side in (0, 1))
     turn = np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
-    return Joints(node, rows // 2, other, (arriving == leaving) & (turn < SHARP))
+    return Joints(node, rows // 2, other, (arriving == leaving) & (turn < CORNER))
 
 
 def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
@@ -124,9 +114,4 @@ def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
     through = np.full((len(stops), 2), -1, dtype=np.int32)
     going = joints.smooth & ~stops[joints.node]
     through[joints.node[going]] = joints.facets[going]
-    count = len(facets.nodes)
-    node, facet = (np.empty(2 * count + 1, dtype=np.int32) for _ in range(2))
-    start, closed = np.zeros(count + 1, dtype=np.int32), np.zeros(count, dtype=np.bool_)
-    runs = trace_runs(facets.nodes.astype(np.int32), through, node, facet, start, closed)
-    slots = start[runs]
-    return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
+    return traced(facets.nodes, through)

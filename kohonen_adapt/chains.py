@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from .borders import Facets, Runs
+from .borders import Facets
 from .curves import Arc, Line
 from .kernels.chains import ROUND, STRAIGHT, TABLED, Chains
 from .kernels.trace import cut_runs, lengths_and_angles
+from .polylines import Runs
 
 logger = logging.getLogger(__package__)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from .borders import LEFT, Facets, Joints, Runs, facet_of_edge, joints_of, outline_facets, runs_of, turned
+from .borders import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
 from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected
 from .kernels.chains import (
     FREE,
@@ -26,6 +26,7 @@ from .kernels.chains import (
 )
 from .kernels.geometry import settle
 from .pairs import Pairs, find_pairs
+from .polylines import Runs
 from .triangulation import Triangulation
 
 __all__ = ["Outline", "pinned_nodes"]

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
 
-__all__ = ["Polyline", "polylines_of"]
+from .kernels.trace import trace_runs
+
+__all__ = ["CORNER", "Polyline", "Runs", "polylines_of", "traced"]
 
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
 
@@ -20,6 +20,15 @@ class Polyline(NamedTuple):
 
     nodes: Indices
     closed: bool
+
+
+class Runs(NamedTuple):
+    """Segments that go on into one another, from end to end or all round; `trace_runs` describes the arrays."""
+
+    node: NDArray[np.int32]  # (s,)
+    facet: NDArray[np.int32]  # (s,) the segment after each node, -1 after the last of a run
+    start: NDArray[np.int32]  # (r + 1,)
+    closed: NDArray[np.bool_]  # (r,)
 
 
 def polylines_of(segments: Indices, position: Floats) -> list[Polyline]:
@@ -38,36 +47,42 @@ def polylines_of(segments: Indices, position: Floats) -> list[Polyline]:
     list of Polyline
         Loops without a corner are closed. A loop with one corner starts and ends there.
     """
-    one, other = _joints(segments, position)
-    opened = _openings(one // 2, other // 2, len(segments))
-    # A vertex is an end of segments that go on there, or a middle, and so has one or two neighbours.
-    half = np.arange(2 * len(segments))
-    half[other[~opened]] = one[~opened]
-    middles = np.arange(len(half), segments.size).reshape(len(segments), -1)
-    path = np.column_stack([half[0::2], middles, half[1::2]])
-    vertex, first, number = np.unique(path, return_index=True, return_inverse=True)
-    rank, piece = _ranks(number.reshape(path.shape), len(vertex))
-    order = np.lexsort((rank, piece))
-    closed = np.zeros(piece.max() + 1, dtype=bool)
-    closed[piece[np.isin(vertex, one[opened])]] = True
-    parts = np.split(segments.ravel()[first[order]], np.flatnonzero(np.diff(piece[order])) + 1)
-    return [Polyline(nodes[:-1] if loop else nodes, bool(loop)) for nodes, loop in zip(parts, closed, strict=True)]
+    end = segments[:, [0, -1]]
+    node, segment, start, closed = traced(end, _joints(segments, position))
+    forth = end[segment, 0] == node  # of the last of a run the segment is -1
+    polylines = []
+    for first, last, loop in zip(start[:-1], start[1:] - 1, closed, strict=True):
+        along = segments[segment[first:last]]
+        along = np.where(forth[first:last, None], along, along[:, ::-1])
+        nodes = along[:, :-1].ravel()
+        polylines.append(Polyline(nodes if loop else np.append(nodes, node[last]), bool(loop)))
+    return polylines
 
 
-def _joints(segments: Indices, position: Floats) -> tuple[Indices, Indices]:
-    """The two halves at every node in which just two segments meet without a corner, in the order of the nodes.
+def traced(ends: Indices, through: Indices) -> Runs:
+    """Trace segments with the ends (m, 2) where `through` (n, 2) has two that go on into one another."""
+    count = len(ends)
+    node, facet = (np.empty(2 * count, dtype=np.int32) for _ in range(2))
+    start, closed = np.zeros(count + 1, dtype=np.int32), np.zeros(count, dtype=np.bool_)
+    runs = trace_runs(ends.astype(np.int32), through, node, facet, start, closed)
+    slots = start[runs]
+    return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
 
-    Half 2 s is the beginning of segment s, half 2 s + 1 its end.
-    """
+
+def _joints(segments: Indices, position: Floats) -> Indices:
+    """The two segments of which one goes on into the other at a node, (n, 2); -1 at ends and corners."""
     end = segments[:, [0, -1]].ravel()
     order = np.argsort(end, kind="stable")
-    count = np.unique(end, return_counts=True)[1]
+    node, count = np.unique(end, return_counts=True)
     first = (np.cumsum(count) - count)[count == 2]
     one, other = order[first], order[first + 1]
     x, y = _directions(segments, position)
     cross = x[one] * y[other] - y[one] * x[other]
     turn = np.abs(np.arctan2(cross, -(x[one] * x[other] + y[one] * y[other])))
-    return one[turn < CORNER], other[turn < CORNER]
+    through = np.full((position.shape[1], 2), -1, dtype=np.int32)
+    smooth = turn < CORNER
+    through[node[count == 2][smooth]] = np.stack([one // 2, other // 2], axis=1)[smooth]
+    return through
 
 
 def _directions(segments: Indices, position: Floats) -> Floats:
@@ -76,27 +91,3 @@ def _directions(segments: Indices, position: Floats) -> Floats:
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)
     return np.stack([forth, back], axis=2).reshape(2, -1)
-
-
-def _openings(one: Indices, other: Indices, count: int) -> NDArray[np.bool_]:
-    """Which joints to open so that no loop of segments is left, (j,): the first of each loop."""
-    piece = _components(one, other, count)
-    loop = np.bincount(piece[one], minlength=count) == np.bincount(piece, minlength=count)
-    first = np.zeros(len(one), dtype=bool)
-    first[np.unique(piece[one], return_index=True)[1]] = True
-    return first & loop[piece[one]]
-
-
-def _ranks(path: Indices, count: int) -> tuple[Floats, Indices]:
-    """How many steps every vertex is from the beginning of its piece, and which that is; rows of `path` are walks."""
-    a, b = path[:, :-1].ravel(), path[:, 1:].ravel()
-    piece = _components(a, b, count)
-    ends = np.flatnonzero(np.bincount(np.concatenate([a, b]), minlength=count) == 1)
-    begin = ends[np.unique(piece[ends], return_index=True)[1]]
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(count, count)).tocsr()
-    return dijkstra(graph, directed=False, indices=begin, unweighted=True, min_only=True), piece
-
-
-def _components(a: Indices, b: Indices, count: int) -> Indices:
-    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
