@@ -30,6 +30,32 @@ def without_flat_elements(p, t):
     return MeshTri(p, np.ascontiguousarray(t[:, doubled > 1e-12]))
 
 
+def ring(n, layers, inner=0.5, outer=1.0, names=True):
+    """An annulus about the origin with n nodes on each of its circles, which are named inner and outer."""
+    radius, angle = np.linspace(inner, outer, layers + 1), 2 * np.pi * np.arange(n) / n
+    p = np.stack([np.cos(angle), np.sin(angle)])[:, None, :] * radius[:, None]
+    mesh = MeshTri(p.reshape(2, -1), wrapped(n, layers))
+    sides = {"inner": slice(0, n), "outer": slice(n * layers, n * (layers + 1))}
+    return with_lines(mesh, {name: np.arange(mesh.p.shape[1])[rows] for name, rows in sides.items()}) if names else mesh
+
+
+def wrapped(n, layers):
+    """Elements between `layers` + 1 rows of n nodes each that close, row by row."""
+    k, j = np.meshgrid(np.arange(n), n * np.arange(layers))
+    a, b, c, d = (x.ravel() for x in (j + k, j + (k + 1) % n, j + n + k, j + n + (k + 1) % n))
+    return np.hstack([np.stack([a, c, b]), np.stack([b, c, d])])
+
+
+def with_lines(mesh, nodes, closed=True):
+    """Name the facets between neighbours in lists of nodes."""
+    found = {}
+    for name, row in nodes.items():
+        pairs = np.stack([row, np.roll(row, -1)])[:, : len(row) - (not closed)]
+        wanted = {tuple(pair) for pair in np.sort(pairs, axis=0).T.tolist()}
+        found[name] = np.array([f for f, pair in enumerate(mesh.facets.T.tolist()) if tuple(pair) in wanted])
+    return mesh.with_boundaries(found)
+
+
 def l_shape(n):
     """(-1, 1)^2 without its quadrant x > 0 > y, in n x n squares per unit."""
     mesh = square(2 * n, -1.0, 1.0)

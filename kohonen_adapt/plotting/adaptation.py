@@ -1,4 +1,4 @@
-"""Pictures of an adaptation: meshes, indicators, field lines and the estimate over the passes (needs matplotlib)."""
+"""Pictures of an adaptation: meshes, indicators, field lines and the estimate over the passes."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .result import AdaptResult, Pass
-from .triangles import area
-from .triangulation import codes_of_names
+from ..result import AdaptResult, Pass
+from ..triangles import area
+from ..triangulation import codes_of_names
+from .lengths import in_unit, set_axes
 
 __all__ = [
     "adaptation_figure",
@@ -27,9 +28,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-
-UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
-"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
 
 DECADES = 3
 """How far below the largest indicator the colours reach."""
@@ -120,7 +118,7 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), _outline(mesh))
     _draw_facets(axes, mesh, inner, unit, "0.4", width)
     _draw_outline(axes, mesh, unit, "black")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
 
 
 def draw_indicators(
@@ -151,7 +149,7 @@ def draw_indicators(
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
     _draw_outline(axes, mesh, unit, "white")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
     return shades
 
 
@@ -184,13 +182,13 @@ def draw_field_lines(
     magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
     norm = Normalize(0.0, _level_of_share(magnitude, area(mesh), 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    x, y = _factor(unit) * mesh.p
+    x, y = in_unit(unit) * mesh.p
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
         axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
     _draw_outline(axes, mesh, unit, "black")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
     return colours
 
 
@@ -234,7 +232,7 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 def _draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
 ) -> PolyCollection:
-    x, y = _factor(unit) * mesh.p
+    x, y = in_unit(unit) * mesh.p
     # Edges in the colour of their element leave no light seams between elements.
     return axes.tripcolor(
         x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
@@ -242,7 +240,7 @@ def _draw_elements(
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
-    segments = _factor(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
+    segments = in_unit(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
     axes.add_collection(LineCollection(segments, colors=colour, linewidths=width, capstyle="round", rasterized=True))
 
 
@@ -256,20 +254,6 @@ def _outline(mesh: MeshTri) -> NDArray[np.integer]:
     codes = codes_of_names(sets, mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
-
-
-def _set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
-    """Equal scales, a little room around the mesh, units."""
-    low, high = (_factor(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
-    room = 0.02 * np.max(high - low)
-    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
-
-
-def _factor(unit: str) -> float:
-    if unit not in UNITS:
-        raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
-    return UNITS[unit]
 
 
 def _level_of_share(values: Floats, weights: Floats, share: float) -> float:
