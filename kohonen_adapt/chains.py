@@ -136,7 +136,7 @@ def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve
 def without_noise(circle: Floats) -> Floats:
     """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
     step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
-    return np.round(circle / step) * step
+    return np.round(circle / step) * step + 0.0  # no -0
 
 
 def nodes_of(position: Floats, node: Indices, pieces: Pieces, p: int) -> Floats:
@@ -221,18 +221,20 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
     table.origin[p], table.length[p] = knots[0, 1:3], knots[-1, 0]
     table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
     tightest = least_radius(knots)
-    table.reach[p] = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
-    table.merged[p] = 0.5 * table.reach[p]
-    table.bulge[p] = min(longest, table.reach[p] ** 2 / (4.0 * tightest)) + NEAR * size_of(knots[:, 1:3])
+    reach = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
+    bow = min(longest, reach * (reach / (4.0 * tightest))) if tightest < np.inf else 0.0
+    table.reach[p], table.merged[p] = reach, 0.5 * reach
+    table.bulge[p] = bow + NEAR * size_of(knots[:, 1:3])
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
     """The points (n, 2) of a curve nearest to some, checked."""
     found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
-    if found.shape != (2, len(points)) or not np.all(np.isfinite(found)):
+    wrong = np.sum(~np.isfinite(found))
+    if found.shape != (2, len(points)) or wrong:
         raise ValueError(
             f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
-            f"got shape {found.shape}."
+            f"got shape {found.shape}, {wrong} coordinates not finite."
         )
     return np.ascontiguousarray(found.T)
 
