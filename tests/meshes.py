@@ -1,5 +1,7 @@
 """Meshes that the tests share: regular, bad, concave, with slits, holes, several regions and names."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import Delaunay
 from skfem import MeshTri
@@ -30,30 +32,43 @@ def without_flat_elements(p, t):
     return MeshTri(p, np.ascontiguousarray(t[:, doubled > 1e-12]))
 
 
-def ring(n, layers, inner=0.5, outer=1.0, names=True):
+def ring(n, layers, inner=0.5, outer=1.0):
     """An annulus about the origin with n nodes on each of its circles, which are named inner and outer."""
-    radius, angle = np.linspace(inner, outer, layers + 1), 2 * np.pi * np.arange(n) / n
-    p = np.stack([np.cos(angle), np.sin(angle)])[:, None, :] * radius[:, None]
-    mesh = MeshTri(p.reshape(2, -1), wrapped(n, layers))
-    sides = {"inner": slice(0, n), "outer": slice(n * layers, n * (layers + 1))}
-    return with_lines(mesh, {name: np.arange(mesh.p.shape[1])[rows] for name, rows in sides.items()}) if names else mesh
+    around = circle(n)
+    mesh = shells([inner * around, outer * around], layers)
+    last = n * layers
+    return with_lines(mesh, {"inner": closed(np.arange(n)), "outer": closed(np.arange(last, last + n))})
 
 
-def wrapped(n, layers):
-    """Elements between `layers` + 1 rows of n nodes each that close, row by row."""
-    k, j = np.meshgrid(np.arange(n), n * np.arange(layers))
-    a, b, c, d = (x.ravel() for x in (j + k, j + (k + 1) % n, j + n + k, j + n + (k + 1) % n))
-    return np.hstack([np.stack([a, c, b]), np.stack([b, c, d])])
+def circle(n, begin=0.0):
+    """n points around the unit circle, (2, n)."""
+    angle = begin + 2 * np.pi * np.arange(n) / n
+    return np.stack([np.cos(angle), np.sin(angle)])
 
 
-def with_lines(mesh, nodes, closed=True):
-    """Name the facets between neighbours in lists of nodes."""
-    found = {}
-    for name, row in nodes.items():
-        pairs = np.stack([row, np.roll(row, -1)])[:, : len(row) - (not closed)]
-        wanted = {tuple(pair) for pair in np.sort(pairs, axis=0).T.tolist()}
-        found[name] = np.array([f for f, pair in enumerate(mesh.facets.T.tolist()) if tuple(pair) in wanted])
-    return mesh.with_boundaries(found)
+def shells(rows, layers):
+    """A mesh between closed rows of points (2, n), one around the other, in so many layers from each to the next."""
+    share = np.arange(layers) / layers
+    between = [((1 - s) * a + s * b) for a, b in pairwise(rows) for s in share]
+    n = rows[0].shape[1]
+    k, first = np.meshgrid(np.arange(n), n * np.arange(len(between)))
+    a, b, c, d = (x.ravel() for x in (first + k, first + (k + 1) % n, first + n + k, first + n + (k + 1) % n))
+    return MeshTri(np.hstack([*between, rows[-1]]), np.hstack([np.stack([a, c, b]), np.stack([b, c, d])]))
+
+
+def closed(nodes):
+    """Nodes in order, the first again at the end."""
+    return np.append(nodes, nodes[0])
+
+
+def with_lines(mesh, lines):
+    """The mesh with named boundaries: the facets between neighbours in lists of nodes."""
+    names = {}
+    for name, nodes in lines.items():
+        pairs = np.sort([nodes[:-1], nodes[1:]], axis=0)
+        code = mesh.p.shape[1] * pairs[0] + pairs[1]
+        names[name] = np.flatnonzero(np.isin(mesh.p.shape[1] * mesh.facets[0] + mesh.facets[1], code))
+    return mesh.with_boundaries(names)
 
 
 def l_shape(n):
