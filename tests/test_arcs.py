@@ -117,6 +117,14 @@ def test_a_stadium_is_two_half_circles_and_two_lines(arc, side):
     assert np.sum(outline_of(mesh).constraints.kind == HELD) == 8
 
 
+@pytest.mark.parametrize("n", [12, 40])
+def test_a_circle_from_a_junction_back_to_it_is_two_arcs(n):
+    mesh = with_lines(ring(n, 2), {"cut": np.array([0, n, 2 * n])})
+    np.testing.assert_allclose(circles(mesh), [[0, 0, 0.5, 0]] * 2 + [[0, 0, 1, 0]] * 2, atol=1e-13)
+    kind = outline_of(mesh).constraints.kind
+    assert np.sum(kind == HELD) == 4 and kind[0] == kind[2 * n] == HELD
+
+
 def arkkio(n, oriented):
     """Rotor, gap and stator, with a ring named arkkio in the middle of the gap."""
     around = circle(n, 0.1)
@@ -314,7 +322,20 @@ def a_machine():
     )
 
 
-CASES = {"ring": a_ring, "sector": a_sector, "rounded core": a_rounded_core, "machine": a_machine}
+def a_cut_ring():
+    """A ring with a named line across it: both circles begin and end in one junction."""
+    case = a_ring()
+    names = {**case.mesh.boundaries, **with_lines(case.mesh, {"cut": 40 * np.arange(5)}).boundaries}
+    return Case(MeshTri(case.mesh.p, case.mesh.t, _boundaries=names), case.lines, case.regions)
+
+
+CASES = {
+    "ring": a_ring,
+    "cut ring": a_cut_ring,
+    "sector": a_sector,
+    "rounded core": a_rounded_core,
+    "machine": a_machine,
+}
 
 
 def wanderer(mesh, number):
