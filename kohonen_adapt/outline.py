@@ -17,7 +17,6 @@ from .kernels.chains import (
     SLIDING,
     STRAIGHT,
     TABLED,
-    Chains,
     Constraints,
     Twins,
     find_parameters,
@@ -90,8 +89,16 @@ class Outline:
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[runs.facet[pieces.slots]] = pieces.of_slot
         mark_facets(triangulation, facets, chain)
-        twins = twins_of(triangulation, facets, pairs)
-        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains, twins, junctions)
+        occupied = pinned.copy()
+        occupied[facets.nodes[pairs.facet >= 0]] = True
+        constraints = Constraints(
+            kind=kinds_of(facets, sliding, pinned),
+            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, junctions),
+            parameter=np.zeros(triangulation.nnodes),
+            inner=inner_nodes(triangulation),
+            chains=chains,
+            twins=twins_of(triangulation, facets, pairs),
+        )
         find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
         make_mates(constraints, pairs, chain)
         first = runs.facet[pieces.rows[:, 0]]
@@ -232,30 +239,29 @@ def mark_facets(triangulation: Triangulation, facets: Facets, chain: Indices) ->
     elements.chain[e, k] = chain[inside]
 
 
-def constrain(
-    triangulation: Triangulation,
-    facets: Facets,
-    joints: Joints,
-    chain: Indices,
-    sliding: Mask,
-    pinned: Mask,
-    chains: Chains,
-    twins: Twins,
-    junctions: bool,
-) -> Constraints:
-    """What every node may do, its parameter not yet found."""
-    n = triangulation.nnodes
-    kind = np.full(n, FREE, dtype=np.int8)
+def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
+    """FREE, SLIDING or HELD for every node, (n,)."""
+    kind = np.full(len(sliding), FREE, dtype=np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD
     kind[sliding] = SLIDING
-    own = np.full((n, 2), -1, dtype=np.int32)
+    return kind
+
+
+def chains_of_nodes(
+    facets: Facets, joints: Joints, chain: Indices, sliding: Mask, occupied: Mask, junctions: bool
+) -> NDArray[np.int32]:
+    """The chain of every sliding node, and those between which a corner may be left, JUNCTION where of three, (n, 2).
+
+    Corners that are `occupied`, (n,), nobody leaves: pinned ones, and those of periodic boundaries.
+    """
+    own = np.full((len(sliding), 2), -1, dtype=np.int32)
     own[joints.node] = chain[joints.facets]
     if junctions:
-        own[np.bincount(facets.nodes.ravel(), minlength=n) == 3, 0] = JUNCTION
-    own[pinned] = -1
+        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, 0] = JUNCTION
+    own[occupied] = -1
     own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
-    return Constraints(kind, own, np.zeros(n), inner_nodes(triangulation), chains, twins)
+    return own
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:
