@@ -17,10 +17,21 @@ from .polylines import Runs
 
 logger = logging.getLogger(__package__)
 
-__all__ = ["Curve", "Pieces", "chains_of", "check_curves", "curve_of_facets", "cut", "pair_chains", "projected"]
+__all__ = [
+    "Curve",
+    "Pieces",
+    "chains_of",
+    "check_curves",
+    "curve_of_facets",
+    "cut",
+    "pair_chains",
+    "projected",
+    "without_corner",
+]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one
+ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
@@ -109,6 +120,12 @@ def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
             raise ValueError(f"boundaries {other!r} and {name!r} share facets, so they cannot both have a curve.")
         found[on] = number
     return found
+
+
+def without_corner(curve: Indices, curves: Mapping[str, Curve]) -> Mask:
+    """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
+    smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
+    return smooth[curve]
 
 
 def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
@@ -202,7 +219,10 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     table.curvature[is_round] = sense / radius
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
-    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(WIDEST, full / FACETS))
+    count = pieces.rows[is_round, 1] - pieces.rows[is_round, 0]
+    coarse = np.clip(ROOM * full / count, WIDEST, 0.5 * np.pi)  # what is given need not be recognised again
+    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
+    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
     chord = np.maximum(table.reach, longest)[is_round]
     table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta

@@ -9,7 +9,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from .borders import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
-from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected
+from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected, without_corner
 from .kernels.chains import (
     FREE,
     HELD,
@@ -83,8 +83,9 @@ class Outline:
         curves = check_curves(curves, triangulation.mesh.boundaries)
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, periodic)
-        joints = joints_of(facets, triangulation.position)
-        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curves)
+        curve = curve_of_facets(facets, curves)
+        joints = joints_of(facets, triangulation.position, without_corner(curve, curves))
+        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves)
         chains = chains_of(triangulation.position, runs, pieces, curves)
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[runs.facet[pieces.slots]] = pieces.of_slot
@@ -188,10 +189,16 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
 
 
 def cut_alike(
-    triangulation: Triangulation, facets: Facets, joints: Joints, pairs: Pairs, pinned: Mask, curves: dict[str, Curve]
+    triangulation: Triangulation,
+    facets: Facets,
+    joints: Joints,
+    pairs: Pairs,
+    pinned: Mask,
+    curve: Indices,
+    curves: dict[str, Curve],
 ) -> tuple[Runs, Pieces, Mask]:
     """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
-    curve, paired = curve_of_facets(facets, curves), np.flatnonzero(pairs.partner >= 0)
+    paired = np.flatnonzero(pairs.partner >= 0)
     if np.any((curve >= 0) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles."

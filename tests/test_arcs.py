@@ -660,3 +660,16 @@ def test_two_curves_for_the_same_facets_are_refused():
     curve = ka.Arc((0.0, 0.0), 1.0)
     with pytest.raises(ValueError, match="boundaries 'outer' and 'part' share facets, so they cannot both"):
         KohonenMap(mesh, curves={"outer": curve, "part": curve})
+
+
+@pytest.mark.parametrize("n", [6, 8, 10])
+def test_a_given_circle_may_be_coarse(n):
+    """Its facets turn too much for one to be recognised; given, its nodes slide."""
+    mesh = ring(n, 3)
+    assert np.sum(outline_of(mesh).constraints.kind == SLIDING) == 0
+    curves = {"outer": ka.Arc((0.0, 0.0), 1.0)}
+    result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5), curves=curves, min_quality=0.1)
+    rim = np.unique(result.facets[:, result.boundaries["outer"]])
+    np.testing.assert_allclose(np.hypot(*result.p[:, rim]), 1.0, atol=1e-15)
+    assert np.any(result.p[:, rim] != mesh.p[:, rim])
+    assert len(rim) == n
