@@ -19,3 +19,4 @@ class Limits:
     min_quality: float = 0.3
     pinned: Sequence[int | str] | NDArray[np.integer] | str = ()
     curves: Mapping[str, Curve] | None = None
+    layers: Mapping[str, int] | None = None

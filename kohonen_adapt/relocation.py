@@ -118,6 +118,7 @@ def relocate(
     pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
+    layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
 
@@ -147,6 +148,10 @@ def relocate(
         The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
         ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
         radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
+    layers
+        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
+        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
+        distance, with whatever joins pieces of one side; the ends of a gap are none.
 
     Returns
     -------
@@ -156,7 +161,8 @@ def relocate(
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or an argument is out of range; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
+        to be kept; nothing is changed then.
 
     Notes
     -----
@@ -176,7 +182,7 @@ def relocate(
         mesh,
         density,
         schedule=schedule,
-        limits=Limits(topology, min_quality, pinned, curves),
+        limits=Limits(topology, min_quality, pinned, curves, layers),
         seed=seed,
     ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -233,6 +239,7 @@ def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
         min_quality=limits.min_quality,
         pinned=limits.pinned,
         curves=limits.curves,
+        layers=limits.layers,
     )
 
 

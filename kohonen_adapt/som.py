@@ -13,6 +13,7 @@ from .epoch import Classroom
 from .kernels.chains import HELD
 from .kernels.flip import flip_edges, mark_doubtful
 from .kernels.search import search_path
+from .layers import lay
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
@@ -49,6 +50,8 @@ class KohonenMap:
         The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
         ``project(x (2, n)) -> (2, n)``. Without one, six nodes and more on a circle are taken for an arc, and other
         turns for corners.
+    layers
+        Layers of elements to keep across thin subdomains, by name; see `relocate`.
 
     Attributes
     ----------
@@ -60,7 +63,8 @@ class KohonenMap:
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, or an argument is out of range.
+        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
+        to be kept.
 
     References
     ----------
@@ -75,10 +79,12 @@ class KohonenMap:
         min_quality: float | None = 0.3,
         pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
         curves: Mapping[str, Curve] | None = None,
+        layers: Mapping[str, int] | None = None,
     ) -> None:
         check_options(topology, min_quality)
         self.triangulation = Triangulation.of(mesh)
         self.outline = Outline.of(self.triangulation, pinned_nodes(mesh, pinned), curves)
+        lay(self.triangulation, self.outline.constraints, layers)
         self.search_steps: list[float] = []
         self._flips = topology == "flip"
         self._floor = UNGUARDED if min_quality is None else float(min_quality)

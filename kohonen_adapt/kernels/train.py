@@ -65,7 +65,7 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
         onto, away, corner, target = away, onto, corner_away, target_away
     next_node = follower(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
-    if next_node < 0 or parameter == corner:
+    if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
     if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
         return
