@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, triu
 from scipy.sparse.csgraph import connected_components
 
 from .kernels.across import Views, look_across, lower_to_steps
@@ -23,7 +23,9 @@ from .triangulation import Triangulation
 __all__ = ["lay"]
 
 LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
-NEAR = 2.0  # of the median way across: what is farther away than that is no side but the end of a gap
+GLIMPSE = 0.1  # share of what either of two chains sees that is not yet facing each other
+THIN = 1.0  # length by distance that sides have at least
+UNSURE = 0.5  # of that of the longest sides: what contradicts them with more may as well be them
 
 Indices = NDArray[np.integer]
 Floats = NDArray[np.float64]
@@ -35,12 +37,7 @@ class Looks(NamedTuple):
 
     start: Indices  # which of the chains
     end: Indices  # and which it sees
-    length: Floats  # of the chain that the point stands for
-    way: Floats
-
-    def only(self, rows: Mask) -> "Looks":
-        """Some of the rows."""
-        return Looks(self.start[rows], self.end[rows], self.length[rows], self.way[rows])
+    weight: Floats  # length of the chain that the point stands for, by distance, less where it looks askance
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,7 @@ def bands_of(
     nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
     chains, chain = np.unique(elements.chain[e, k], return_inverse=True)
     looks = views_of(triangulation, constraints, inside, e, k, chains)
-    ends = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
+    ends = ends_of(chain, nodes)
     side = sides_of(looks, ends, len(chains))
     pairs = elements.node[own][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     found = False
@@ -149,6 +146,12 @@ def bands_of(
             yield Band(name, number, pairs, (one, other))
     if not found:
         raise ValueError(f"subdomain {name!r} has no two sides that face each other.")
+
+
+def ends_of(chain: Indices, nodes: Indices) -> Indices:
+    """The nodes in which chains meet: rows of a chain and a node of it, of the facets of these chains, (f, 2)."""
+    rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
+    return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
 
 def views_of(
@@ -163,49 +166,58 @@ def views_of(
     rows = int(looks.sum()) + len(e)
     views = Views(np.empty(rows, dtype=np.int32), np.empty(rows, dtype=np.int32), np.empty(rows))
     count = look_across(triangulation.position, triangulation.elements, constraints, inside, e, k, step, views)
-    start, end, way = (array[:count] for array in views)
-    seen = (end >= 0) & (way > 0.0)
-    start, end, way = start[seen], end[seen], way[seen]
-    return Looks(np.searchsorted(chains, start), np.searchsorted(chains, end), step[start], way)
+    start, end, nearness = (array[:count] for array in views)
+    seen = (end >= 0) & (nearness < np.inf)
+    start, end, nearness = start[seen], end[seen], nearness[seen]
+    return Looks(np.searchsorted(chains, start), np.searchsorted(chains, end), step[start] * nearness)
 
 
 def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
     """The side that every chain of a part is on, (count,): 2 i and 2 i + 1 face each other, -1 for none.
 
-    Chains are sides if they see each other and are near. Those that touch are on the same side, and those that face
-    each other on opposite ones, first those that do so along much of their length and at a short distance: walls of a
-    slot, which face each other too, are then known to be on one side with their teeth. What joins chains of one side
-    belongs to it; what joins opposite ones is the end of a gap.
+    Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot be, as
+    for the ends of a gap or the walls of a slot, the larger of their lengths by the distance decides. Runs of chains
+    that are left belong to a side if they join nothing else; those that join two sides are the ends of gaps.
     """
-    facing = coo_array((looks.length / looks.way, (looks.start, looks.end)), shape=(count, count)).tocsr()
-    facing = facing.minimum(facing.T).tocoo()
-    mutual = np.isin(looks.start * count + looks.end, facing.row.astype(np.int64) * count + facing.col)
-    near = near_chains(looks.only(mutual), count)
     sides = Sides(count)
-    for a, b in touching(ends[near[ends[:, 0]]]):
-        sides.relate(a, b, False)
-    for i in np.argsort(-facing.data, kind="stable"):
-        if near[facing.row[i]] and near[facing.col[i]]:
-            sides.relate(facing.row[i], facing.col[i], True)
-    runs = runs_between(ends, near)
+    weight = faced(sides, looks, count)
+    group = np.array([sides.side(chain) // 2 for chain in range(count)])
+    weights = np.bincount(group, weight, count)
+    heard = np.zeros(count, dtype=bool)
+    for number in np.argsort(-weights, kind="stable"):
+        if weights[number] < min(THIN, UNSURE * weights.max()):
+            break
+        more = heard | (group == number)
+        tried = sides.copy()
+        if all(tried.relate(a, b, False) for a, b in touching(ends[more[ends[:, 0]]])):
+            sides, heard = tried, more
+        elif weights[number] > UNSURE * weights.max():
+            return np.full(count, -1)
+    return with_runs(sides, heard, ends)
+
+
+def faced(sides: "Sides", looks: Looks, count: int) -> Floats:
+    """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,)."""
+    seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
+    total, weight = seen.sum(axis=1), np.zeros(count)
+    facing = triu(seen.minimum(seen.T)).tocoo()
+    order = np.argsort(-facing.data, kind="stable")
+    for a, b, mutual in zip(facing.row[order], facing.col[order], facing.data[order], strict=True):
+        if mutual > GLIMPSE * min(total[a], total[b]) and sides.relate(a, b, True):
+            weight[a] += mutual
+    return weight
+
+
+def with_runs(sides: "Sides", heard: Mask, ends: Indices) -> Indices:
+    """The sides of the chains that were heard, and of the runs of others between chains of one side, (c,)."""
+    runs = runs_between(ends, heard)
     for _, around in runs:
         sides.join(around)
-    side = np.where(near, [sides.side(c) for c in range(count)], -1)
+    side = np.where(heard, [sides.side(chain) for chain in range(len(heard))], -1)
     for run, around in runs:
         found = np.unique(side[around])
         side[run] = found[0] if len(found) == 1 else -1
     return side
-
-
-def near_chains(looks: Looks, count: int) -> Mask:
-    """Which chains are on average, of the inverse, no farther from what they see than twice the median, (count,)."""
-    order = np.argsort(looks.way, kind="stable")
-    gone = np.cumsum(looks.length[order])
-    if not len(gone):
-        return np.zeros(count, dtype=bool)
-    median = looks.way[order[np.searchsorted(gone, 0.5 * gone[-1])]]
-    seen = np.bincount(looks.start, looks.length, count)
-    return (seen > 0.0) & (seen <= NEAR * median * np.bincount(looks.start, looks.length / looks.way, count))
 
 
 def touching(ends: Indices) -> Indices:
@@ -215,18 +227,20 @@ def touching(ends: Indices) -> Indices:
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
-def runs_between(ends: Indices, near: Mask) -> list[tuple[Indices, Indices]]:
-    """The chains that are not near, in runs that only near ones part, each with the near ones it comes to."""
-    is_near = near[ends[:, 0]]
-    at_near = np.isin(ends[:, 1], ends[is_near, 1])
-    links = touching(ends[~at_near])
-    label = joined(links[:, 0], links[:, 1], len(near))
-    runs: list[tuple[Indices, Indices]] = []
-    for run in np.unique(label[~near]):
-        chains = np.flatnonzero((label == run) & ~near)
-        nodes = ends[at_near & np.isin(ends[:, 0], chains), 1]
-        runs.append((chains, np.unique(ends[is_near & np.isin(ends[:, 1], nodes), 0])))
-    return runs
+def runs_between(ends: Indices, heard: Mask) -> list[tuple[list[int], list[int]]]:
+    """The chains that were not heard, in runs that only others part, each with those others it comes to."""
+    is_heard = heard[ends[:, 0]]
+    links = touching(ends[~np.isin(ends[:, 1], ends[is_heard, 1])])
+    label = joined(links[:, 0], links[:, 1], len(heard))
+    others: dict[int, list[int]] = {}
+    for chain, node in ends[is_heard].tolist():
+        others.setdefault(node, []).append(chain)
+    runs: dict[int, tuple[set[int], set[int]]] = {}
+    for chain, node in ends[~is_heard].tolist():
+        run, around = runs.setdefault(label[chain], (set(), set()))
+        run.add(chain)
+        around.update(others.get(node, ()))
+    return [(sorted(run), sorted(around)) for run, around in runs.values()]
 
 
 class Sides:
@@ -235,6 +249,13 @@ class Sides:
     def __init__(self, count: int) -> None:
         self._parent = list(range(count))
         self._opposite = [False] * count  # to the parent
+        self._size = [1] * count
+
+    def copy(self) -> "Sides":
+        """What is known now."""
+        other = Sides(0)
+        other._parent, other._opposite, other._size = self._parent.copy(), self._opposite.copy(), self._size.copy()
+        return other
 
     def _root(self, chain: int) -> tuple[int, bool]:
         """One chain for all that are related, and whether this one is opposite to it."""
@@ -249,13 +270,18 @@ class Sides:
         root, opposite = self._root(chain)
         return 2 * root + opposite
 
-    def relate(self, a: int, b: int, opposite: bool) -> None:
-        """Two chains are on opposite sides, or on the same one."""
+    def relate(self, a: int, b: int, opposite: bool) -> bool:
+        """Two chains are on opposite sides, or on the same one; returns whether that was heard."""
         (a, of_a), (b, of_b) = self._root(a), self._root(b)
-        if a != b:
-            self._parent[b], self._opposite[b] = a, of_a ^ of_b ^ opposite
+        if a == b:
+            return of_a ^ of_b == opposite
+        if self._size[a] < self._size[b]:
+            a, b = b, a
+        self._parent[b], self._opposite[b] = a, of_a ^ of_b ^ opposite
+        self._size[a] += self._size[b]
+        return True
 
-    def join(self, chains: Indices) -> None:
+    def join(self, chains: list[int]) -> None:
         """What is between these is one side, unless some of them are opposite."""
         found = {self.side(chain) for chain in chains}
         if not any(side ^ 1 in found for side in found):

@@ -15,7 +15,7 @@ class Views(NamedTuple):
 
     start: np.ndarray  # (s,) int32: the chain looked from
     end: np.ndarray  # (s,) int32: the chain seen, -1 where the way did not end
-    way: np.ndarray  # (s,) how far it is away
+    nearness: np.ndarray  # (s,) 1 by how far it is away, times the squared cosine of the angle at which it is met
 
 
 @kernel
@@ -37,7 +37,7 @@ def look_across(position, elements, constraints, inside, element, corner, step, 
             x = position[a, 0] + share * (position[b, 0] - position[a, 0])
             y = position[a, 1] + share * (position[b, 1] - position[a, 1])
             views.start[count] = c
-            views.end[count], views.way[count] = look(position, elements, inside, e, k, x, y)
+            views.end[count], views.nearness[count] = look(position, elements, inside, e, k, x, y)
             count += 1
     return count
 
@@ -60,7 +60,7 @@ def stretch(position, constraints, c, a, b):
 
 @kernel
 def look(position, elements, inside, e, k, x, y):
-    """From (x, y) on the edge opposite to corner k of e straight into e and on: the chain at the end, and how far."""
+    """From (x, y) on the edge opposite to corner k of e straight into e and on: the chain there, and its nearness."""
     node = elements.node
     a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
     dx, dy = position[a, 1] - position[b, 1], position[b, 0] - position[a, 0]
@@ -73,8 +73,10 @@ def look(position, elements, inside, e, k, x, y):
         if across < 0 or not inside[elements.region[across]]:
             p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
             ux, uy = position[q, 0] - position[p, 0], position[q, 1] - position[p, 1]
-            share = ((position[p, 0] - x) * uy - (position[p, 1] - y) * ux) / (dx * uy - dy * ux)
-            return elements.chain[e, k], share * length
+            sine = dx * uy - dy * ux
+            share = ((position[p, 0] - x) * uy - (position[p, 1] - y) * ux) / sine
+            cosine = sine / (length * math.hypot(ux, uy))
+            return elements.chain[e, k], cosine * cosine / (share * length)
         e, k = across, corner_towards(elements.neighbour, across, e)
     return -1, 0.0
 
