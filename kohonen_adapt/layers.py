@@ -24,8 +24,7 @@ __all__ = ["lay"]
 
 LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
 GLIMPSE = 0.1  # share of what either of two chains sees that is not yet facing each other
-THIN = 1.0  # length by distance that sides have at least
-UNSURE = 0.5  # of that of the longest sides: what contradicts them with more may as well be them
+UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
 
 Indices = NDArray[np.integer]
 Floats = NDArray[np.float64]
@@ -185,13 +184,14 @@ def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
     weights = np.bincount(group, weight, count)
     heard = np.zeros(count, dtype=bool)
     for number in np.argsort(-weights, kind="stable"):
-        if weights[number] < min(THIN, UNSURE * weights.max()):
+        enough = UNSURE * np.bincount(group, heard, count).astype(bool) @ weights
+        if not weights[number]:
             break
         more = heard | (group == number)
         tried = sides.copy()
         if all(tried.relate(a, b, False) for a, b in touching(ends[more[ends[:, 0]]])):
             sides, heard = tried, more
-        elif weights[number] > UNSURE * weights.max():
+        elif weights[number] > enough:
             return np.full(count, -1)
     return with_runs(sides, heard, ends)
 

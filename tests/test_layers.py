@@ -37,6 +37,14 @@ def teeth(rows=2):
     return divided(mesh, (y > 0) & (y < 0.3 + depth), y < 0)
 
 
+def pockets(rows=2):
+    """A gap with pockets on both sides, which face each other."""
+    mesh = grid(1.0, 1.0, rows)
+    x, y = centres(mesh)
+    depth = np.where(x % 1.0 > 0.5, 0.25, 0.0)
+    return divided(mesh, (y > -depth) & (y < 0.3 + depth), y < 0)
+
+
 def ring(rows=2, angle=2 * np.pi, columns=64):
     """A gap between two arcs or circles of radius 1 and 1.1."""
     radius = [np.linspace(0.6, 1.0, 5)[:-1], np.linspace(1.0, 1.1, rows + 1), np.linspace(1.1, 1.5, 5)[1:]]
@@ -70,18 +78,22 @@ def divided(mesh, gap, low):
     return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in names.items()})
 
 
-CASES = {"poles": poles, "teeth": teeth, "ring": ring, "sector": sector, "parts": parts}
+CASES = {"poles": poles, "teeth": teeth, "pockets": pockets, "ring": ring, "sector": sector, "parts": parts}
 every_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 
 
 def layers_of(mesh, name="gap", one="low", other="high"):
-    """Edges on the shortest way across a subdomain, over the edges of its elements, from one neighbour to another."""
-    around = {}
-    for triangle in mesh.t[:, mesh.subdomains[name]].T.tolist():
+    """Edges on the shortest way across a subdomain from one neighbour to another."""
+    gap, start, goal = (mesh.t[:, mesh.subdomains[of]] for of in (name, one, other))
+    return steps_between(gap, np.intersect1d(gap, start), np.intersect1d(gap, goal))
+
+
+def steps_between(triangles, start, goal):
+    """Edges of triangles on the shortest way from some nodes to others."""
+    around, reached, goal, steps = {}, set(start.tolist()), set(goal.tolist()), 0
+    for triangle in triangles.T.tolist():
         for node in triangle:
             around.setdefault(node, set()).update(triangle)
-    reached, goal = (set(mesh.t[:, mesh.subdomains[side]].ravel().tolist()) & set(around) for side in (one, other))
-    steps = 0
     while not reached & goal:
         reached = reached.union(*(around[node] for node in reached))
         steps += 1
@@ -166,6 +178,21 @@ def test_the_polish_keeps_layers_that_it_would_lose():
     assert layers_of(polished({"gap": 2})) == 2
 
 
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_no_node_from_the_end_of_a_gap_jumps_into_its_side(topology):
+    x, y = np.linspace(0, 2, 9), np.linspace(0, 0.5, 3)
+    mesh = MeshTri.init_tensor(x, y).with_subdomains({"gap": np.arange(32)})
+
+    def trained(layers, seed):
+        som = KohonenMap(mesh, topology=topology, min_quality=0.02, layers=layers)
+        som.train(lambda number, rng: (rng.uniform([[0.1], [0.0]], [[2.0], [0.02]], (2, number)), None), seed=seed)
+        low, high = (np.flatnonzero(som.mesh.p[1] == level) for level in (0.0, 0.5))
+        return steps_between(som.mesh.t, low, high)
+
+    assert min(trained(None, seed) for seed in range(5)) == 1
+    assert min(trained({"gap": 2}, seed) for seed in range(5)) == 2
+
+
 @pytest.mark.parametrize("rows", [(2, 2), (1, 2), (3, 1)])
 def test_bands_that_touch_keep_theirs(rows):
     low, high = rows
@@ -198,12 +225,13 @@ def test_a_polygon_of_pieces_that_face_each_other_has_two_sides():
 
 
 def test_ends_of_gaps_are_no_sides():
-    for mesh in (poles(3), sector(3), teeth(3)):
+    for mesh in (poles(3), sector(3), teeth(3), pockets(3)):
         elements = KohonenMap(mesh, layers={"gap": 3}).triangulation.elements
-        in_gap, beside = (np.unique(mesh.t[:, mesh.subdomains[name]]) for name in ("gap", "high"))
-        assert np.all(elements.level[np.intersect1d(in_gap, beside)] == 3)
-        ends = np.setdiff1d(np.intersect1d(in_gap, mesh.boundary_nodes()), beside)
-        assert {0, 1, 2} <= set(elements.level[ends])
+        gap, low, high = (mesh.t[:, mesh.subdomains[name]] for name in ("gap", "low", "high"))
+        sides = [np.intersect1d(gap, low), np.intersect1d(gap, high)]
+        assert {tuple(np.unique(elements.level[side])) for side in sides} == {(0,), (3,)}
+        ends = np.setdiff1d(np.intersect1d(gap, mesh.boundary_nodes()), np.concatenate(sides))
+        assert {1, 2} <= set(elements.level[ends])
 
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])
