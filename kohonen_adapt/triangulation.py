@@ -65,7 +65,7 @@ class Triangulation:
             )
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
-        level, layered = np.zeros(len(position), dtype=np.int16), np.zeros(region.max() + 1, dtype=np.bool_)
+        level, layered = np.zeros(len(position), dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)
         return cls(position, Elements(node, neighbour, region, chain, level, layered), star, mesh, region)
 
     @property

@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
     *("kernels", "threads", "triangles", "facets", "polylines", "curves"),
-    *("triangulation", "borders", "chains", "outline", "layers", "locate", "density", "sampling"),
+    *("triangulation", "borders", "chains", "outline", "sides", "layers", "locate", "density", "sampling"),
     *("ritz", "recycling", "functional", "carry"),
     *("schedule", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),

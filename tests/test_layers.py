@@ -257,6 +257,11 @@ BAD = {
     "none": ({"gap": 0}, "layers of subdomain 'gap' must be an integer >= 1; got 0."),
     "half": ({"gap": 1.5}, "layers of subdomain 'gap' must be an integer >= 1; got 1.5."),
     "true": ({"gap": True}, "layers of subdomain 'gap' must be an integer >= 1; got True."),
+    "far too many": (
+        {"gap": 10**30},
+        f"subdomain 'gap' has 1 layer of elements between its sides near (0, 0.3); layers asks for {10**30}: "
+        "refine it there first.",
+    ),
     "too many": (
         {"gap": 2},
         "subdomain 'gap' has 1 layer of elements between its sides near (0, 0.3); layers asks for 2: "

@@ -18,7 +18,7 @@ class Elements(NamedTuple):
     neighbour: np.ndarray  # (m, 3) int32
     region: np.ndarray  # (m,) int32
     chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
-    level: np.ndarray  # (n,) int16: 0 on one side of a subdomain with layers, their number on the other
+    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
     layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
 
