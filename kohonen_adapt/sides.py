@@ -15,6 +15,7 @@ from .triangulation import Triangulation
 __all__ = ["facing_sides", "joined"]
 
 LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
+FAR = 3.0  # of the median distance: what is farther away is not across
 GLIMPSE = 0.1  # share of what either of two chains sees that is not yet facing each other
 UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
 
@@ -76,7 +77,16 @@ def views_of(
     start, end, nearness = (array[:count] for array in views)
     seen = (end >= 0) & (nearness < np.inf)
     start, end, nearness = start[seen], end[seen], nearness[seen]
-    return Looks(np.searchsorted(chains, start), np.searchsorted(chains, end), step[start] * nearness)
+    weight = step[start] * nearness
+    near = nearness * FAR >= median(nearness, weight)
+    return Looks(np.searchsorted(chains, start[near]), np.searchsorted(chains, end[near]), weight[near])
+
+
+def median(values: Floats, weights: Floats) -> float:
+    """The value that half of the weight is below."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
 
 
 def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
@@ -87,7 +97,7 @@ def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
     that are left belong to a side if they join nothing else; those that join two sides are the ends of gaps.
     """
     sides = Sides(count)
-    weight = faced(sides, looks, count)
+    weight = faced(sides, looks, touching(ends), count)
     group = np.array([sides.side(chain) // 2 for chain in range(count)])
     weights = np.bincount(group, weight, count)
     heard = np.zeros(count, dtype=bool)
@@ -104,12 +114,16 @@ def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
     return with_runs(sides, heard, ends)
 
 
-def faced(sides: "Sides", looks: Looks, count: int) -> Floats:
-    """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,)."""
+def faced(sides: "Sides", looks: Looks, corners: Indices, count: int) -> Floats:
+    """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,).
+
+    Those that meet in a sharp corner see each other too, but nothing is between them.
+    """
     seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
     total, weight = seen.sum(axis=1), np.zeros(count)
     facing = triu(seen.minimum(seen.T)).tocoo()
-    order = np.argsort(-facing.data, kind="stable")
+    apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
+    order = np.flatnonzero(apart)[np.argsort(-facing.data[apart], kind="stable")]
     for a, b, mutual in zip(facing.row[order], facing.col[order], facing.data[order], strict=True):
         if mutual > GLIMPSE * min(total[a], total[b]) and sides.relate(a, b, True):
             weight[a] += mutual
