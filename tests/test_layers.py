@@ -224,6 +224,15 @@ def test_a_polygon_of_pieces_that_face_each_other_has_two_sides():
     assert [set(level[radius == r]) for r in (1.0, 1.05, 1.1)] == [{0}, {1}, {2}]
 
 
+def test_a_gap_cut_askew_has_no_side_at_its_sharp_corner():
+    straight = grid(1.0, 1.0, 2)
+    y = centres(straight)[1]
+    skewed = MeshTri(straight.p + np.outer([0.8, 0.0], straight.p[1]), straight.t)
+    mesh = divided(skewed, (y > 0) & (y < 0.3), y < 0)
+    level = KohonenMap(mesh, layers={"gap": 2}).triangulation.elements.level
+    assert [set(level[np.isclose(mesh.p[1], height)]) for height in (0.0, 0.15, 0.3)] == [{0}, {1}, {2}]
+
+
 def test_ends_of_gaps_are_no_sides():
     for mesh in (poles(3), sector(3), teeth(3), pockets(3)):
         elements = KohonenMap(mesh, layers={"gap": 3}).triangulation.elements
