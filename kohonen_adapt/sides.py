@@ -15,8 +15,7 @@ from .triangulation import Triangulation
 __all__ = ["facing_sides", "joined"]
 
 LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
-FAR = 3.0  # of the median distance: what is farther away is not across
-GLIMPSE = 0.1  # share of what either of two chains sees that is not yet facing each other
+FAR = 3.0  # of the median distance: what is farther away, or as much askance, is not across
 UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
 
 Indices = NDArray[np.integer]
@@ -120,12 +119,11 @@ def faced(sides: "Sides", looks: Looks, corners: Indices, count: int) -> Floats:
     Those that meet in a sharp corner see each other too, but nothing is between them.
     """
     seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
-    total, weight = seen.sum(axis=1), np.zeros(count)
-    facing = triu(seen.minimum(seen.T)).tocoo()
+    facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
     apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
     order = np.flatnonzero(apart)[np.argsort(-facing.data[apart], kind="stable")]
     for a, b, mutual in zip(facing.row[order], facing.col[order], facing.data[order], strict=True):
-        if mutual > GLIMPSE * min(total[a], total[b]) and sides.relate(a, b, True):
+        if mutual and sides.relate(a, b, True):
             weight[a] += mutual
     return weight
 

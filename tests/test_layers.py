@@ -233,6 +233,30 @@ def test_a_gap_cut_askew_has_no_side_at_its_sharp_corner():
     assert [set(level[np.isclose(mesh.p[1], height)]) for height in (0.0, 0.15, 0.3)] == [{0}, {1}, {2}]
 
 
+def test_slots_wider_than_the_gap_belong_to_its_side():
+    mesh = grid(1.0, 1.6, 2, width=0.15)
+    x, y = centres(mesh)
+    mouth, body = (x % 1.0 > 0.5) & (x % 1.0 < 0.75), (x % 1.0 > 0.25) & (y > 0.55) & (y < 1.35)
+    mesh = divided(mesh, (y > 0) & ((y < 0.15) | body | mouth & (y < 0.55)), y < 0)
+    level = KohonenMap(mesh, layers={"gap": 2}).triangulation.elements.level
+    gap, low, high = (mesh.t[:, mesh.subdomains[name]] for name in ("gap", "low", "high"))
+    assert {tuple(np.unique(level[np.intersect1d(gap, side)])) for side in (low, high)} == {(0,), (2,)}
+
+
+def test_a_gap_with_round_ends_has_two_straight_sides():
+    across = np.linspace(1, 0, 5)[:-1]
+    x = np.concatenate([-2 - across, np.linspace(-2, 2, 33), 2 + across[::-1]])
+    square = MeshTri.init_tensor(x, np.linspace(-1, 1, 9))
+    (x, y), beyond = square.p, np.maximum(np.abs(square.p[0]) - 2, 0)
+    x = np.sign(x) * (np.minimum(np.abs(x), 2) + beyond * np.sqrt(1 - y**2 / 2))
+    mesh = MeshTri(np.stack([x, y * np.sqrt(1 - beyond**2 / 2)]), square.t)
+    som = KohonenMap(mesh.with_subdomains({"gap": np.arange(mesh.nelements)}), layers={"gap": 4})
+    level, outer = som.triangulation.elements.level, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    straight = [outer & (np.abs(mesh.p[0]) <= 2) & (mesh.p[1] * sign > 0) for sign in (-1, 1)]
+    assert {tuple(np.unique(level[side])) for side in straight} == {(0,), (4,)}
+    assert {1, 2, 3} <= set(level[outer & (np.abs(mesh.p[0]) > 2.01)])
+
+
 def test_ends_of_gaps_are_no_sides():
     for mesh in (poles(3), sector(3), teeth(3), pockets(3)):
         elements = KohonenMap(mesh, layers={"gap": 3}).triangulation.elements
