@@ -119,6 +119,7 @@ def relocate(
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
+    layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
 
@@ -152,6 +153,10 @@ def relocate(
         Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
         translation or rotation carries the one to the other node by node, and does so afterwards. A training point
         beside one also reaches what lies beside the other.
+    layers
+        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
+        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
+        distance, with whatever joins pieces of one side; the ends of a gap are none.
 
     Returns
     -------
@@ -161,7 +166,8 @@ def relocate(
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or an argument is out of range; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
+        to be kept; nothing is changed then.
 
     Notes
     -----
@@ -181,7 +187,7 @@ def relocate(
         mesh,
         density,
         schedule=schedule,
-        limits=Limits(topology, min_quality, pinned, curves, periodic),
+        limits=Limits(topology, min_quality, pinned, curves, periodic, layers),
         seed=seed,
     ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -239,6 +245,7 @@ def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
         pinned=limits.pinned,
         curves=limits.curves,
         periodic=limits.periodic,
+        layers=limits.layers,
     )
 
 

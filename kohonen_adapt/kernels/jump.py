@@ -54,7 +54,7 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
         onto, away, corner, target = away, onto, corner_away, target_away
     next_node = follower(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
-    if next_node < 0 or parameter == corner:
+    if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
     if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
         return
@@ -110,6 +110,8 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
     if chain_of_edge(elements, e, v) >= 0:
         return False
     if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, 0] != away:
+        return False
+    if elements.level[next_node] != elements.level[v]:
         return False
     if elements.neighbour[e, corner_of(elements, e, next_node)] < 0:
         return False
