@@ -57,7 +57,7 @@ def side_nodes(mesh):
     if len(left) != len(right) or distance.max() > 1e-9 * np.ptp(mesh.p):
         raise ValueError(
             f"'left' must have the nodes of 'right', turned by {POLE:.4f} rad; it has {len(left)} for {len(right)}, up "
-            f"to {distance.max():.1e} m apart. In Gmsh: Periodic Curve ... Rotate; in adapt: periodic or pinned sides."
+            f"to {distance.max():.1e} m apart. In Gmsh: Periodic Curve ... Rotate; in adapt: periodic=[(...)]."
         )
     return right, left[partner]
 
@@ -101,7 +101,7 @@ def main(folder="."):
     mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
     problem = Sector(MATERIALS, potential={"outer": 0.0, "inner": 0.0})
     before = ka.adapt(mesh, problem, passes=0)
-    after = ka.adapt(mesh, problem, passes=3, pinned=("left", "right"))
+    after = ka.adapt(mesh, problem, passes=3, periodic=[("left", "right")], layers={"gap": 2})
     print(after)
     draw(before, after, folder / "motor.png")
     return before, after
