@@ -80,7 +80,7 @@ def draw(before, after, path):
 
     from kohonen_adapt.plotting import draw_field_lines, draw_mesh
 
-    figure = Figure(figsize=(14.0, 10.0), dpi=160, layout="constrained")
+    figure = Figure(figsize=(14.0, 10.0), dpi=90, layout="constrained")
     panels = figure.subplots(2, 3)
     for row, place in zip(panels, ("", " at a slot opening"), strict=True):
         for axes, word, result in zip(row, ("before", "after"), (before, after), strict=False):
