@@ -19,6 +19,7 @@ from .kernels.chains import (
     TABLED,
     Constraints,
     Twins,
+    farthest_from_facets,
     find_parameters,
     look_up,
     mark_along,
@@ -129,6 +130,10 @@ class Outline:
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
         still = STILL * np.max(np.ptp(triangulation.position, axis=0))
         settle(triangulation.position, triangulation.star, nodes, target, still, floor)
+
+    def sagitta(self, triangulation: Triangulation) -> float:
+        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""

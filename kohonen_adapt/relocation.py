@@ -91,6 +91,7 @@ class Trained:
 
     def relocation(self, polish_gain: float = 0.0) -> Relocation:
         """The map as it is now as a mesh, compared with the old one."""
+        self._report_curves()
         mesh, old = self.som.mesh, self.recycled.old
         kept = old >= 0
         way = np.sqrt(np.sum((mesh.p[:, kept] - self.mesh.p[:, old[kept]]) ** 2, axis=0))
@@ -106,6 +107,12 @@ class Trained:
             collapses=self.recycled.collapses,
             polish_gain=polish_gain,
         )
+
+    def _report_curves(self) -> None:
+        """Say how much of curves their facets leave out, before and now."""
+        before, now = self.outline.sagitta(self.triangulation), self.som.outline.sagitta(self.som.triangulation)
+        if max(before, now) > 0.0:
+            logger.info("curves are up to %.3g away from their facets; before up to %.3g", now, before)
 
 
 def relocate(
@@ -173,7 +180,8 @@ def relocate(
     -----
     The density is what its own mesh says throughout; a training point moves only nodes of the region it lies in.
     Equation 1, the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh
-    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why.
+    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why; it also says how far
+    facets are from the curves that their nodes slide on (INFO) and which arcs were recognised (DEBUG).
 
     Examples
     --------

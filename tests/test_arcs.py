@@ -171,12 +171,22 @@ def test_what_was_recognised_is_in_the_log(caplog):
     with caplog.at_level("DEBUG", logger="kohonen_adapt"):
         outline_of(sector(20, 2))
         outline_of(ring(40, 2))
-    assert sorted(caplog.messages) == [
+    assert sorted(message for message in caplog.messages if message.startswith("recognised")) == [
         "recognised a circle of radius 0.5 about (0, 0), 40 nodes",
         "recognised a circle of radius 1 about (0, 0), 40 nodes",
         "recognised an arc of 100 degrees of radius 0.5 about (0, 0), 21 nodes",
         "recognised an arc of 100 degrees of radius 1 about (0, 0), 21 nodes",
     ]
+
+
+def test_how_far_facets_are_from_their_curves_is_in_the_log(caplog):
+    mesh = ring(40, 4)
+    with caplog.at_level("INFO", logger="kohonen_adapt"):
+        result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5))
+    ends = np.angle((result.p[0] + 1j * result.p[1])[result.facets[:, result.boundaries["outer"]]])
+    turn = np.abs(np.angle(np.exp(1j * np.diff(ends, axis=0)))).max()
+    sagitta, before = 1 - np.cos(turn / 2), 1 - np.cos(np.pi / 40)
+    assert f"curves are up to {sagitta:.3g} away from their facets; before up to {before:.3g}" in caplog.messages
 
 
 def spiral(n, growth, angle):

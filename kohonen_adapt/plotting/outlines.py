@@ -86,6 +86,15 @@ def plot_outlines(
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.given)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
+    sagitta = in_unit(unit) * outline.sagitta(triangulation)
+    if sagitta > 0.0:
+        axes.plot(
+            [],
+            [],
+            color="0.8",
+            linewidth=0.5,
+            label=f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves",
+        )
     set_axes(axes, mesh, unit)
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
     return axes
