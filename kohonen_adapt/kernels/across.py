@@ -28,7 +28,8 @@ def look_across(position, elements, constraints, inside, element, corner, step, 
     count = 0
     for i in range(element.shape[0]):
         e, k = element[i], corner[i]
-        a, b, c = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3], elements.chain[e, k]
+        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        c = np.int64(elements.chain[e, k])
         start, way = stretch(position, constraints, c, a, b)
         first = math.ceil(min(start, start + way) / step[c] - 0.5)
         last = math.ceil(max(start, start + way) / step[c] - 0.5)

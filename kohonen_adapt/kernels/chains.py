@@ -205,7 +205,7 @@ def nearest_on_table(chains, c, x, y, near):
             if distance < best:
                 k = other
         distance, best = best, np.inf
-    before = next_knot(chains, c, k, -1)
+    before = next_knot(chains, c, k, np.int64(-1))
     parameter = nearest_in_span(knot, min(k, chains.row[c + 1] - 2), x, y)
     other = nearest_in_span(knot, before, x, y)
     if squared_to_parameter(chains, c, other, x, y) < squared_to_parameter(chains, c, parameter, x, y):
@@ -269,7 +269,8 @@ def look_up(constraints, nodes, out):
     """Where sliding nodes are to be by their parameters, (k, 2)."""
     for i in range(nodes.shape[0]):
         v = nodes[i]
-        out[i, 0], out[i, 1] = point_at(constraints.chains, constraints.chain[v, 0], constraints.parameter[v])
+        chain = np.int64(constraints.chain[v, 0])
+        out[i, 0], out[i, 1] = point_at(constraints.chains, chain, constraints.parameter[v])
 
 
 @kernel
@@ -277,9 +278,9 @@ def mark_along(position, elements, constraints, element, corner, along):
     """Mark which edges opposite to corners run, counter-clockwise in their element, in the direction of their chain."""
     for i in range(element.shape[0]):
         e, k = element[i], corner[i]
-        c = elements.chain[e, k]
-        start = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
-        end = parameter_of(position, constraints, c, elements.node[e, (k + 2) % 3])
+        c = np.int64(elements.chain[e, k])
+        start = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
+        end = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 2) % 3]))
         along[i] = way_along(constraints.chains, c, start, end) > 0.0
 
 
@@ -289,10 +290,10 @@ def farthest_from_facets(position, elements, constraints):
     chains, farthest = constraints.chains, 0.0
     for e in range(elements.node.shape[0]):
         for k in range(3):
-            c = elements.chain[e, k]
+            c = np.int64(elements.chain[e, k])
             if c < 0 or chains.shape[c] == STRAIGHT:
                 continue
-            a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+            a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
             start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
             x, y = point_at(chains, c, gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end)))
             dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])

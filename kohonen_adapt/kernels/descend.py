@@ -41,7 +41,8 @@ def descend_nodes(position, star, constraints, trial, order, floor):
     says. What a better value at the same place gains does not count.
     """
     gain = 0.0
-    for v in order:
+    for node in order:
+        v = np.int64(node)
         kind, fixed = constraints.kind[v], trial.fixed[v]
         if kind == HELD:
             if not fixed:

@@ -1,5 +1,7 @@
 """Lawson flips: every region constrained Delaunay, as far as the quality rule lets it."""
 
+import numpy as np
+
 from .compilation import kernel
 from .geometry import FLAT, element_quality, may_join, signed_quality
 
@@ -134,18 +136,18 @@ def flip_edges(position, elements, floor, doubtful, stack, waiting, limit):
         if not doubtful[first]:
             continue
         for side in range(3):
-            other = elements.neighbour[first, side]
+            other = np.int64(elements.neighbour[first, side])
             if other <= first or not should_flip(position, elements, first, side, other, floor):
                 continue
             flip_edge(elements, first, side)
             flips += 1
-            height = push(stack, waiting, push(stack, waiting, 0, other), first)
+            height = push(stack, waiting, push(stack, waiting, np.int64(0), other), first)
             while height > 0 and flips < limit:
                 height -= 1
-                e = stack[height]
+                e = np.int64(stack[height])
                 waiting[e] = False
                 for k in range(3):
-                    across = elements.neighbour[e, k]
+                    across = np.int64(elements.neighbour[e, k])
                     if across >= 0 and should_flip(position, elements, e, k, across, floor):
                         flip_edge(elements, e, k)
                         flips += 1

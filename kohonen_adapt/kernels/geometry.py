@@ -129,8 +129,8 @@ def may_move(position, star, v, x, y, floor):
 @kernel
 def slide_pair(position, elements, star, constraints, v, parameter, floor):
     """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
-    w, chains = constraints.twins.partner[v], constraints.chains
-    onto, mate = constraints.chain[v, 0], constraints.chain[w, 0]
+    w, chains = np.int64(constraints.twins.partner[v]), constraints.chains
+    onto, mate = np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[w, 0])
     x, y = point_at(chains, onto, parameter)
     if not within_reach(position, elements, star, chains, onto, v, x, y):
         return False
@@ -151,7 +151,7 @@ def slide_pair(position, elements, star, constraints, v, parameter, floor):
 def settle(position, star, nodes, target, still, floor):
     """Move nodes that are more than `still` away from their target there, unless the guard forbids it."""
     for i in range(nodes.shape[0]):
-        v, x, y = nodes[i], target[i, 0], target[i, 1]
+        v, x, y = np.int64(nodes[i]), target[i, 0], target[i, 1]
         if abs(x - position[v, 0]) + abs(y - position[v, 1]) > still and may_move(position, star, v, x, y, floor):
             position[v, 0], position[v, 1] = x, y
 

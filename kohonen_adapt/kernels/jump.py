@@ -13,7 +13,7 @@ from .geometry import allowed, worst_in_star
 @kernel
 def follower(elements, star, constraints, corner, chain):
     """The sliding node next to a corner on a chain, or -1; -1 as well where the corner would leave a flat ear."""
-    found = -1
+    found = np.int64(-1)
     for k in range(star.start[corner], star.start[corner + 1]):
         e, outlines = star.element[k], 0
         for j in range(3):
@@ -45,7 +45,7 @@ def relabel_edge(elements, star, a, b, chain):
 @kernel
 def jump(position, elements, star, constraints, v, x, y, step, floor):
     """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
-    chains, onto, away = constraints.chains, constraints.chain[v, 0], constraints.chain[v, 1]
+    chains, onto, away = constraints.chains, np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[v, 1])
     corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
     distance, target = distance_to_chain(chains, onto, x, y, corner)
@@ -72,10 +72,10 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
     third chain's next node becomes free, that from the neighbour becomes the chain's end, and the element changes
     sides.
     """
-    chains, onto, least, target = constraints.chains, -1, np.inf, 0.0
+    chains, onto, least, target = constraints.chains, np.int64(-1), np.inf, 0.0
     for k in range(star.start[v], star.start[v + 1]):
         for j in range(3):
-            c = elements.chain[star.element[k], j]
+            c = np.int64(elements.chain[star.element[k], j])
             if c < 0 or elements.node[star.element[k], j] == v:
                 continue
             distance, parameter = distance_to_chain(chains, c, x, y, parameter_of(position, constraints, c, v))
@@ -87,16 +87,17 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
         return
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
-        for next_node, other in ((star.ahead[k], star.behind[k]), (star.behind[k], star.ahead[k])):
+        ahead, behind = np.int64(star.ahead[k]), np.int64(star.behind[k])
+        for next_node, other in ((ahead, behind), (behind, ahead)):
             if not may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
                 continue
             if swapped(position, star, constraints, v, next_node, onto, parameter, floor):
-                third = chain_of_edge(elements, e, next_node)
-                hand_over(constraints, v, next_node, JUNCTION, -1, parameter)
+                third = np.int64(chain_of_edge(elements, e, next_node))
+                hand_over(constraints, v, next_node, np.int64(JUNCTION), np.int64(-1), parameter)
                 constraints.chain[v, 0] = onto
                 elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements, e, next_node)]]
                 relabel_edge(elements, star, v, next_node, onto)
-                relabel_edge(elements, star, v, other, -1)
+                relabel_edge(elements, star, v, other, np.int64(-1))
                 relabel_edge(elements, star, next_node, other, third)
                 return
 

@@ -77,7 +77,7 @@ def insert(heap, key, a, b):
 @kernel
 def remove_first(heap):
     """Take the edge with the smallest key out of a heap that is not empty; returns key and ends."""
-    first, a, b = heap.key[0], heap.ends[0, 0], heap.ends[0, 1]
+    first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
     last = heap.size[0] - 1
     heap.size[0] = last
     key, end, other = heap.key[last], heap.ends[last, 0], heap.ends[last, 1]
@@ -129,19 +129,19 @@ def corner_of(node, e, v):
 def gather_around(elements, pool, v, around):
     """List the elements around v counter-clockwise, at an outline those on both ways from the anchor."""
     node, neighbour = elements.node, elements.neighbour
-    count, first = 0, pool.anchor[v]
+    count, first = 0, np.int64(pool.anchor[v])
     e = first
     while e >= 0:
         around[count] = e
         count += 1
-        e = neighbour[e, (corner_of(node, e, v) + 1) % 3]
+        e = np.int64(neighbour[e, (corner_of(node, e, v) + 1) % 3])
         if e == first:
             return count
-    e = neighbour[first, (corner_of(node, first, v) + 2) % 3]
+    e = np.int64(neighbour[first, (corner_of(node, first, v) + 2) % 3])
     while e >= 0:
         around[count] = e
         count += 1
-        e = neighbour[e, (corner_of(node, e, v) + 2) % 3]
+        e = np.int64(neighbour[e, (corner_of(node, e, v) + 2) % 3])
     return count
 
 
@@ -150,7 +150,7 @@ def find_edge(elements, pool, a, b, around):
     """An element with the edge ab and the local number of the corner opposite to it, or (-1, -1)."""
     node = elements.node
     for i in range(gather_around(elements, pool, a, around)):
-        e = around[i]
+        e = np.int64(around[i])
         k = corner_of(node, e, a)
         if node[e, (k + 1) % 3] == b:
             return e, (k + 2) % 3
@@ -209,7 +209,7 @@ def midpoint(position, constraints, c, a, b):
 @kernel
 def may_split(position, elements, pinned, e, k, floor, x, y):
     """Whether the edge opposite to corner k of e may be split there under the quality rule."""
-    node, other = elements.node, elements.neighbour[e, k]
+    node, other = elements.node, np.int64(elements.neighbour[e, k])
     if pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]:
         return False
     after, before = half_qualities(position, node, e, k, x, y), element_quality(position, node, e)
@@ -253,10 +253,11 @@ def guide(elements, constraints, e, k):
 def split(position, elements, constraints, pool, origins, e, k, x, y, parameter):
     """Split the edge opposite to corner k of e at (x, y); returns the new node."""
     node, neighbour = elements.node, elements.neighbour
-    a, b, other, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], neighbour[e, k], elements.chain[e, k]
+    a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
+    c = elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
-    p = pool.free_nodes[pool.height[0]]
+    p = np.int64(pool.free_nodes[pool.height[0]])
     position[p, 0], position[p, 1] = x, y
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, 0], constraints.chain[p, 1], constraints.parameter[p] = c, -1, parameter
@@ -295,7 +296,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
     mark = room.counter[0]
     shared, before, after = 0, 2.0, 2.0
     for i in range(count):
-        e = room.around[i]
+        e = np.int64(room.around[i])
         k = corner_of(node, e, v)
         a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
         room.stamp[a], room.stamp[b] = mark, mark
@@ -329,7 +330,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
         return -1.0
     common = 0
     for i in range(gather_around(elements, pool, w, room.around_other)):
-        e = room.around_other[i]
+        e = np.int64(room.around_other[i])
         k = corner_of(node, e, w)
         for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
             if room.stamp[other] == mark:
@@ -353,7 +354,7 @@ def collapse(elements, pool, v, w, room):
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     count, left = gather_around(elements, pool, v, room.around), 0
     for i in range(count):
-        e = room.around[i]
+        e = np.int64(room.around[i])
         k = corner_of(node, e, v)
         if node[e, (k + 1) % 3] != w and node[e, (k + 2) % 3] != w:
             node[e, k] = w
@@ -363,7 +364,7 @@ def collapse(elements, pool, v, w, room):
             continue
         kw = corner_of(node, e, w)
         kx = 3 - k - kw
-        outside, inside = neighbour[e, k], neighbour[e, kw]
+        outside, inside = np.int64(neighbour[e, k]), np.int64(neighbour[e, kw])
         if outside >= 0:
             neighbour[outside, corner_towards(neighbour, outside, e)] = inside
         if inside >= 0:
@@ -385,15 +386,15 @@ def settle(position, elements, pool, origins, longest, shortest, floor, height, 
     node = elements.node
     while height > 0:
         height -= 1
-        e = room.stack[height]
+        e = np.int64(room.stack[height])
         room.waiting[e] = False
         if node[e, 0] < 0:
             continue
         for k in range(3):
-            other = elements.neighbour[e, k]
+            other = np.int64(elements.neighbour[e, k])
             if other < 0 or not should_flip(position, elements, e, k, other, floor):
                 continue
-            p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+            p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
             s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
             flip_edge(elements, e, k)
             pool.anchor[p], pool.anchor[q] = e, other
@@ -407,11 +408,11 @@ def enter_around(position, elements, pool, origins, longest, shortest, v, height
     """Enter the edges of v and put the elements around it on the stack; returns its new height."""
     node = elements.node
     for i in range(gather_around(elements, pool, v, room.around)):
-        e = room.around[i]
+        e = np.int64(room.around[i])
         k = corner_of(node, e, v)
-        enter(position, origins, longest, shortest, v, node[e, (k + 1) % 3])
+        enter(position, origins, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
         if elements.neighbour[e, (k + 1) % 3] < 0:
-            enter(position, origins, longest, shortest, v, node[e, (k + 2) % 3])
+            enter(position, origins, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
         height = push(room.stack, room.waiting, height, e)
     return height
 
@@ -425,9 +426,8 @@ def fill_heaps(position, elements, origins, longest, shortest):
             continue
         for k in range(3):
             if elements.neighbour[e, k] < e:  # the outer boundary is -1
-                enter(
-                    position, origins, longest, shortest, elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
-                )
+                a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+                enter(position, origins, longest, shortest, a, b)
 
 
 @kernel
@@ -437,7 +437,8 @@ def split_longest(position, elements, constraints, pool, origins, longest, short
         e, k, key = next_edge(position, elements, pool, origins, longest, -1.0, room.around)
         if e < 0 or not -key > least:
             break
-        a, b, c = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3], elements.chain[e, k]
+        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        c = np.int64(elements.chain[e, k])
         x, y, parameter = midpoint(position, constraints, c, a, b)
         if c >= 0 and constraints.chains.paired[c]:
             continue  # the nodes of a periodic pair are neither made nor taken away
@@ -453,7 +454,7 @@ def collapse_shortest(position, elements, constraints, pool, origins, shortest, 
         e, k, key = next_edge(position, elements, pool, origins, shortest, 1.0, room.around)
         if e < 0 or not key < most:
             break
-        v, w = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+        v, w = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         if v == spared or w == spared:
             continue
         forth = collapsed_quality(position, elements, constraints, pool, origins, v, w, longest, floor, room)
@@ -498,7 +499,7 @@ def recycle(position, elements, constraints, pool, origins, longest, shortest, m
                 return splits, collapses, True
             collapses += 1
         splits += 1
-        height = enter_around(position, elements, pool, origins, longest, shortest, p, 0, room)
+        height = enter_around(position, elements, pool, origins, longest, shortest, p, np.int64(0), room)
         if merged >= 0:
             height = enter_around(position, elements, pool, origins, longest, shortest, merged, height, room)
         settle(position, elements, pool, origins, longest, shortest, floor, height, room)

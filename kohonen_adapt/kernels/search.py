@@ -95,9 +95,9 @@ def behind_curve(position, elements, constraints, e, x, y):
     """Whether (x, y), outside of e, lies beyond a facet on a curve and no farther from that than its facets may be."""
     chains = constraints.chains
     for k in range(3):
-        c = elements.chain[e, k]
+        c = np.int64(elements.chain[e, k])
         if c >= 0 and chains.bulge[c] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
-            near = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
+            near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
             if distance_to_chain(chains, c, x, y, near)[0] <= chains.bulge[c] * chains.bulge[c]:
                 return True
     return False

@@ -141,21 +141,22 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
     nothing flips the barycentre: a circumcentre far outside a stretched element would only tear at it. Of the nodes in
     `order` those move for which `deep` is as `which` says.
     """
-    for v in order:
+    for node in order:
+        v = np.int64(node)
         if deep[v] != which or constraints.kind[v] == HELD:
             continue
         x, y, mass = centre_mean(position, star, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
             step_towards(position, star, v, x, y, floor)
             continue
-        chains, chain, parameter = constraints.chains, constraints.chain[v, 0], constraints.parameter[v]
+        chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, 0]), constraints.parameter[v]
         way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
         if not chains.paired[chain]:
             slide(position, elements, star, constraints, v, RELAXATION * way, floor)
             continue
-        w = constraints.twins.partner[v]
+        w = np.int64(constraints.twins.partner[v])
         if w > v:  # each pair once
-            chain = constraints.chain[w, 0]
+            chain = np.int64(constraints.chain[w, 0])
             x, y, mass_there = centre_mean(position, star, weight, circumcentres, w)
             way_there = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
             way = (mass * way + mass_there * way_there) / (mass + mass_there)
@@ -215,7 +216,7 @@ def step_towards(position, star, v, x, y, floor):
 @kernel
 def slide(position, elements, star, constraints, v, way, floor):
     """Move a node that far along its chain, or half as far until the guard agrees."""
-    chains, chain = constraints.chains, constraints.chain[v, 0]
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, 0])
     for _ in range(HALVINGS + 1):
         parameter = gone_along(chains, chain, constraints.parameter[v], way)
         x, y = point_at(chains, chain, parameter)

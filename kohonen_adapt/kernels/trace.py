@@ -59,16 +59,16 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
     `circle` (p, 3) the centre and radius of round ones. Runs that are `whole` are not cut. Closed runs are turned, so
     that they begin where a piece does.
     """
-    count = 0
+    count = np.int64(0)  # numbers of one type throughout: for every other one all this would be compiled anew
     for r in range(start.shape[0] - 1):
-        first, last = start[r], start[r + 1] - 1
+        first, last = np.int64(start[r]), np.int64(start[r + 1]) - 1
         if whole[r]:
-            enter_piece(pieces, count, first, last, 0, closed[r])
+            enter_piece(pieces, count, first, last, False, closed[r])
             if not closed[r] and node[first] == node[last]:  # a loop with a corner: its ends are to be two nodes
                 middle = (first + last) // 2
                 pieces[count, 1] = middle
                 count += 1
-                enter_piece(pieces, count, middle, last, 0, 0)
+                enter_piece(pieces, count, middle, last, False, closed[r])
             count += 1
             continue
         if closed[r] and cut_loop(position, node, facet, first, last, pieces, circle, count):
@@ -76,8 +76,8 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
             continue
         before = count
         count, proper = cut_open(position, node, first, last, pieces, circle, count)
-        if not proper and whole_arc(position, node, first, last, False, circle, before):
-            enter_piece(pieces, before, first, last, 1, 0)
+        if not proper and 0.0 < abs(turn_of_arc(position, node, first, last, circle, before)) <= MOST:
+            enter_piece(pieces, before, first, last, True, False)
             count = before + 1
     return count
 
@@ -92,7 +92,7 @@ def enter_piece(pieces, p, first, last, is_round, closed):
 def cut_loop(position, node, facet, first, last, pieces, circle, count):
     """Whether a closed run is a circle, which is entered; else it is turned to begin where a piece does."""
     if circle_of_loop(position, node, first, last, circle, count):
-        enter_piece(pieces, count, first, last, 1, 1)
+        enter_piece(pieces, count, first, last, True, True)
         return True
     at = first
     while at < last:
@@ -101,8 +101,8 @@ def cut_loop(position, node, facet, first, last, pieces, circle, count):
             turn_run(node, facet, first, last, end - first)
             return False
         at = end
-    if whole_arc(position, node, first, last, True, circle, count):
-        enter_piece(pieces, count, first, last, 1, 1)
+    if is_round_trip(turn_of_arc(position, node, first, last, circle, count)):
+        enter_piece(pieces, count, first, last, True, True)
         return True
     return False
 
@@ -123,9 +123,9 @@ def cut_open(position, node, first, last, pieces, circle, count):
     at, begin, proper = first, first, False
     while at < last:
         end, is_round = next_piece(position, node, at, last, begin, circle, count)
-        if is_round and not goes_round(position, node, at, end, False, circle[count, 0], circle[count, 1]):
+        if is_round and abs(turn_round(position, node, at, end, circle[count, 0], circle[count, 1])) > MOST:
             end = (at + end) // 2
-        enter_piece(pieces, count, at, end, is_round, 0)
+        enter_piece(pieces, count, at, end, is_round, False)
         if end > at + 1:
             begin, proper = end, True
         count += 1
@@ -241,14 +241,18 @@ def circle_of_loop(position, node, first, last, circle, count):
         if not off_circle(position, node[i], node[i + 1], x, y, radius) <= CLOSE:
             return False
     circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
-    return goes_round(position, node, first, last, True, x, y)
+    return is_round_trip(turn_round(position, node, first, last, x, y))
 
 
 @kernel
-def whole_arc(position, node, first, last, closed, circle, count):
-    """Whether a whole run fits a circle well enough, the one of least squares, which is entered."""
+def turn_of_arc(position, node, first, last, circle, count):
+    """How far round a whole run goes on a circle that it fits well enough, which is entered; 0 if there is none.
+
+    The circle is that of least squares.
+    """
+    closed = node[first] == node[last]
     if last - first + (0 if closed else 1) < FEWEST:
-        return False
+        return 0.0
     x, y, radius = fitted_circle(position, node, first, last)
     off = low = high = 0.0
     a, b = node[first], node[last - 1 if closed else last]
@@ -260,23 +264,27 @@ def whole_arc(position, node, first, last, closed, circle, count):
         side = (tx * (py - position[a, 1]) - ty * (px - position[a, 0])) / length
         low, high = min(low, side), max(high, side)
     if not (off <= LOOSE * radius and DISTINCT * off <= high - low):
-        return False
+        return 0.0
     circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
-    return goes_round(position, node, first, last, closed, x, y)
+    return turn_round(position, node, first, last, x, y)
 
 
 @kernel
-def goes_round(position, node, first, last, closed, x, y):
-    """Whether a run goes round a point one way all along: once if it is closed, else not quite."""
+def turn_round(position, node, first, last, x, y):
+    """The angle by which a run goes round a point, one way all along; else 0."""
     total = 0.0
     for i in range(first, last):
         angle = angle_between(position, node[i], node[i + 1], x, y)
         if i > first and (angle > 0.0) != (total > 0.0):
-            return False
+            return 0.0
         total += angle
-    if closed:
-        return abs(abs(total) - 2.0 * math.pi) < 1.0
-    return abs(total) <= MOST
+    return total
+
+
+@kernel
+def is_round_trip(angle):
+    """Whether that is once round."""
+    return abs(abs(angle) - 2.0 * math.pi) < 1.0
 
 
 @kernel

@@ -63,7 +63,15 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
                 first, last = last, end
                 for i in range(first, last):
                     follow_image(
-                        position, elements, star, constraints, queue[i], image_x, image_y, rate * strength[ring], floor
+                        position,
+                        elements,
+                        star,
+                        constraints,
+                        np.int64(queue[i]),
+                        image_x,
+                        image_y,
+                        rate * strength[ring],
+                        floor,
                     )
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
@@ -76,7 +84,7 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
 @kernel
 def follow_image(position, elements, star, constraints, v, x, y, step, floor):
     """Move one neuron towards (x, y), guarded; corners and those with a partner stay."""
-    chains, chain = constraints.chains, constraints.chain[v, 0]
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, 0])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
         if may_move(position, star, v, new_x, new_y, floor):
@@ -109,19 +117,19 @@ def learn(
         x = points[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
         queue[0], stamps[winners[t]] = winners[t], stamp
-        first, last = 0, 1
+        first, last = np.int64(0), np.int64(1)
         for ring in range(radius + 1):
             if ring > 0:
                 end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
             step, rings[ring + 1] = rate_of_point * strength[ring], last
             for i in range(first, last):
-                v = queue[i]
+                v = np.int64(queue[i])
                 if kind[v] == FREE:
                     new_x = position[v, 0] + step * (x[0] - position[v, 0])
                     new_y = position[v, 1] + step * (x[1] - position[v, 1])
                 elif kind[v] == SLIDING:
-                    chain, parameter = constraints.chain[v, 0], constraints.parameter[v]
+                    chain, parameter = np.int64(constraints.chain[v, 0]), constraints.parameter[v]
                     target = nearest_parameter(chains, chain, x[0], x[1], parameter)
                     parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
                     if chains.paired[chain]:
