@@ -13,6 +13,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from .magnetostatics import Law, Table
+from .magnetostatics.laws import VACUUM_PERMEABILITY
 from .result import AdaptResult, Pass
 from .triangles import area
 from .triangulation import codes_of_names
@@ -24,6 +26,7 @@ __all__ = [
     "draw_mesh",
     "draw_passes",
     "indicator_scale",
+    "plot_bh",
 ]
 
 Floats = NDArray[np.float64]
@@ -34,6 +37,8 @@ UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 DECADES = 3
 """How far below the largest indicator the colours reach."""
 
+SATURATED = 0.9
+"""Share of the slope of vacuum at which a magnetisation curve has been seen."""
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
 # One hue, without its dark end, so that black lines stand out on every shade.
@@ -223,6 +228,36 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
+
+
+def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
+    """Plot a magnetisation curve, B over H, from 1 % of the saturation up to where dB/dH is nearly mu0.
+
+    Parameters
+    ----------
+    law
+        The law; of a `Table` its points are shown, too.
+    ax
+        Where to; by default the axes of a new figure.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(path)`` saves the figure.
+    """
+    axes = Figure(figsize=(6.4, 4.4), dpi=160, layout="constrained").subplots() if ax is None else ax
+    b = np.linspace(0.0, 4.0, 4001)
+    saturated = np.flatnonzero(law.slope(b) > SATURATED / VACUUM_PERMEABILITY)
+    b = np.linspace(0.01, 1.03, 800) * (b[saturated[0]] if saturated.size else b[-1])
+    axes.plot(law.field_strength(b), b, color=BLUE)
+    if isinstance(law, Table):
+        points = np.array(law.points)[1:]
+        axes.plot(points[:, 1], points[:, 0], "o", color=VERMILION, markersize=4, label="points of the table")
+        axes.legend()
+    axes.set(xscale="log", xlabel="field strength H (A/m)", ylabel="flux density B (T)", ylim=(0.0, None))
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+    return axes
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:

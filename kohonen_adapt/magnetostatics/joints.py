@@ -1,0 +1,64 @@
+"""Nodes that periodic and antiperiodic boundaries make one: classes of nodes that share a value up to its sign."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.pairs import image_nodes
+
+__all__ = ["Joints", "joints_of"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.integer]
+Names = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Joints:
+    """``u[node] = sign[node] u[master[node]]``.
+
+    Attributes
+    ----------
+    master
+        (nnodes,): one node for each class of nodes that are one; most are their own.
+    sign
+        (nnodes,) 1.0 or -1.0.
+    zero
+        (nnodes,) bool: nodes of classes that hold their own negative, so that u = 0 there.
+    one, other, between
+        Nodes that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
+    """
+
+    master: Integers
+    sign: Floats
+    zero: NDArray[np.bool_]
+    one: Integers
+    other: Integers
+    between: Floats
+
+
+def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
+    """Join the nodes of every pair of boundaries, and those that several pairs join, as the corners of a cell.
+
+    Raises
+    ------
+    ValueError
+        If a name is no boundary, or the nodes of a pair do not match.
+    """
+    found = image_nodes(mesh, [*periodic, *antiperiodic])
+    one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
+    between = np.repeat([1.0] * len(periodic) + [-1.0] * len(antiperiodic), [len(nodes) for nodes, _ in found])
+    master, sign = np.arange(mesh.p.shape[1]), np.ones(mesh.p.shape[1])
+    while True:
+        before = master.copy()
+        for a, b in ((one, other), (other, one)):
+            lower = master[b] < master[a]
+            master[a[lower]], sign[a[lower]] = master[b[lower]], (between * sign[b])[lower]
+        if np.array_equal(master, before):
+            break
+    zero = np.zeros(len(master), dtype=bool)
+    zero[master[one[sign[one] != between * sign[other]]]] = True
+    return Joints(master, sign, zero[master], one, other, between)
