@@ -37,8 +37,7 @@ UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 DECADES = 3
 """How far below the largest indicator the colours reach."""
 
-SATURATED = 0.9
-"""Share of the slope of vacuum at which a magnetisation curve has been seen."""
+SATURATED = 0.9  # share of the slope of vacuum at which a magnetisation curve has been seen
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
 # One hue, without its dark end, so that black lines stand out on every shade.
@@ -236,9 +235,9 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     law
-        The law; of a `Table` its points are shown, too.
+        The law; of a `Table` with its points.
     ax
-        Where to; by default the axes of a new figure.
+        Where to; None for a new figure.
 
     Returns
     -------

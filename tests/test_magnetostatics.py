@@ -7,7 +7,7 @@ from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.magnetostatics.problem import RESIDUAL_SCALE
+from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
 from kohonen_adapt.triangles import area
 
 MU0 = 4e-7 * np.pi

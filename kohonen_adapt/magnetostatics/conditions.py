@@ -82,8 +82,8 @@ class Conditions:
         return kept
 
 
-def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, reluctivity: Floats) -> Conditions:
-    """The conditions on a mesh, for the coefficient (nelements,) of the scalar problem.
+def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry) -> Conditions:
+    """The conditions on a mesh.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, reluctiv
     fixed, values = fixed_values(mesh, given.potential)
     values, axis = symmetry.unknown(mesh, values), symmetry.on_axis(mesh)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
-    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, reluctivity)
+    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, symmetry)
     joints = None
     if given.periodic or given.antiperiodic:
         joints = joints_of(mesh, given.periodic, given.antiperiodic)

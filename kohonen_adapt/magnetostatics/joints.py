@@ -30,6 +30,8 @@ class Joints:
         (nnodes,) bool: nodes of classes that hold their own negative, so that u = 0 there.
     one, other, between
         Nodes that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
+    facets
+        Facets that are one, and the sign between them: three arrays (f,).
     """
 
     master: Integers
@@ -38,6 +40,7 @@ class Joints:
     one: Integers
     other: Integers
     between: Floats
+    facets: tuple[Integers, Integers, Floats]
 
 
 def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
@@ -48,9 +51,11 @@ def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
     ValueError
         If a name is no boundary, or the nodes of a pair do not match.
     """
-    found = image_nodes(mesh, [*periodic, *antiperiodic])
+    names = [*periodic, *antiperiodic]
+    found = image_nodes(mesh, names)
+    signs = [1.0] * len(periodic) + [-1.0] * len(antiperiodic)
     one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
-    between = np.repeat([1.0] * len(periodic) + [-1.0] * len(antiperiodic), [len(nodes) for nodes, _ in found])
+    between = np.repeat(signs, [len(nodes) for nodes, _ in found])
     master, sign = np.arange(mesh.p.shape[1]), np.ones(mesh.p.shape[1])
     while True:
         before = master.copy()
@@ -61,4 +66,19 @@ def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
             break
     zero = np.zeros(len(master), dtype=bool)
     zero[master[one[sign[one] != between * sign[other]]]] = True
-    return Joints(master, sign, zero[master], one, other, between)
+    facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
+    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
+    pairs = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
+    return Joints(master, sign, zero[master], one, other, between, pairs)
+
+
+def _image_facets(mesh: MeshTri, facets: Integers, nodes: Integers, images: Integers) -> Integers:
+    """The facets between the images of the ends of these facets."""
+    count = mesh.p.shape[1]
+    image = np.arange(count)
+    image[nodes] = images
+    ends = np.sort(image[mesh.facets[:, facets]], axis=0).astype(np.int64)
+    first, second = np.sort(mesh.facets, axis=0).astype(np.int64)
+    key = first * count + second
+    order = np.argsort(key)
+    return order[np.searchsorted(key[order], ends[0] * count + ends[1])]

@@ -8,31 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.estimators import recovery, residual
 from kohonen_adapt.magnetostatics.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.material import Material
-from kohonen_adapt.magnetostatics.solution import carried, linearised, solution_of
+from kohonen_adapt.magnetostatics.solution import carried, solution_of
 from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.system import scalar_of
 from kohonen_adapt.ritz import Ritz
 from kohonen_adapt.triangulation import check_mesh
 
-__all__ = ["RESIDUAL_SCALE", "Magnetostatics"]
+__all__ = ["Magnetostatics"]
 
 Floats = NDArray[np.float64]
 Pairs = Sequence[tuple[str, str]]
-
-# What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
-# The ratio of that root to the true error, unscaled, measured by tests/test_magnetostatics.py and benchmark M:
-#     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
-#     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
-#     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
-#     the same after one to three relocations                         3.51 - 3.66
-# With 1 / 3.6 all of them come within 10 %.
-RESIDUAL_SCALE = 1.0 / 3.6
-ESTIMATORS = ("residual", "recovery")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +55,8 @@ class Magnetostatics:
         Whether the mesh is the half-plane of an axis.
     open_boundary
         Name of a boundary on a circle beyond which there is nothing but air: there ``nu dA/dn + nu A / R0 = 0``, which
-        is exact for the field of a dipole at its centre, with the radius R0 from the mesh.
+        is exact for the field of a dipole at its centre, with the radius R0 from the mesh. The currents must add up to
+        none; the energy beyond is not in that of the `Field`.
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
         same on both, or the other's negative. Name the same pairs as `periodic` of `kohonen_adapt.adapt`.
@@ -195,10 +185,10 @@ class Magnetostatics:
         return not self._linear or self.axisymmetric or any(callable(vector) for vector in vectors)
 
     @property
-    def _kinds(self) -> NDArray[np.int64]:
-        """Per material the first in the mapping that equals it."""
+    def _kinds(self) -> NDArray[np.int64] | None:
+        """Per material the first in the mapping that equals it, where their numbers alone do not tell them apart."""
         filled = list(self.materials.values())
-        return np.array([filled.index(material) for material in filled])
+        return np.array([filled.index(material) for material in filled]) if self._varies else None
 
     def _solved(self, mesh: MeshTri, start: Floats | None) -> Field:
         given = self._coefficients(mesh)
@@ -224,27 +214,7 @@ class Magnetostatics:
         ndarray (nelements,)
             Unsquared, in sqrt(J/m) whatever the depth; axisymmetric in sqrt(J).
         """
-        given = self._coefficients(mesh)
-        scalar, unknown, region = scalar_of(mesh, self._symmetry, given), field.unknown, None
-        if given.pieces:
-            scalar = linearised(mesh, self._symmetry, field, scalar, self._weight(field))
-        if self.estimator == "residual":
-            return RESIDUAL_SCALE * residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux)
-        if self._varies:
-            region = self._kinds[given.number]
-        return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, region=region)
-
-    def _weight(self, field: Field) -> Floats:
-        """What scalar stands for the tensor of nonlinear material, differential along B and secant across it.
-
-        Where B changes along itself, H is off its average along B, which the differential reluctivity weights. Jumps
-        are of any direction: the root of the determinant weights them. On the tube of tests/test_nonlinear.py, iron at
-        1.9 to 2.0 T with a ratio of 16 of the two, this gives 0.85 - 0.88 of the error by recovery and 0.96 - 1.25 by
-        the residual, which with the differential reluctivity has 0.55 - 0.69.
-        """
-        if self.estimator == "recovery":
-            return field.differential_reluctivity
-        return np.sqrt(field.reluctivity * field.differential_reluctivity)
+        return estimated(mesh, self._coefficients(mesh), field, self.estimator, self._boundaries, self._kinds)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`."""
@@ -274,7 +244,7 @@ class Magnetostatics:
 
     def _ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         given = self._coefficients(mesh)
-        conditions = conditions_of(mesh, self._boundaries, self._symmetry, given.reluctivity)
+        conditions = conditions_of(mesh, self._boundaries, self._symmetry)
         fixed = conditions.fixed.copy()
         if conditions.joints is not None:
             fixed[conditions.joints.one] = fixed[conditions.joints.other] = True

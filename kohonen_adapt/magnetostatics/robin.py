@@ -7,6 +7,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.facets import number_facets
 from kohonen_adapt.magnetostatics.coefficients import named
+from kohonen_adapt.magnetostatics.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.symmetry import Symmetry
 
 __all__ = ["circle_of", "robin_matrix"]
 
@@ -15,11 +17,11 @@ ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its ci
 Floats = NDArray[np.float64]
 
 
-def robin_matrix(mesh: MeshTri, name: str, reluctivity: Floats) -> csc_array:
-    """The matrix of ``int nu / R0 u v ds`` over the boundary of that name, (nnodes, nnodes).
+def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry) -> csc_array:
+    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (nnodes, nnodes).
 
-    Outside a circle the potential of a dipole falls like 1 / r, so ``nu dA/dn + nu / R0 A = 0``; outside a sphere that
-    of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
+    In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
+    sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
 
     Parameters
     ----------
@@ -27,8 +29,8 @@ def robin_matrix(mesh: MeshTri, name: str, reluctivity: Floats) -> csc_array:
         The mesh.
     name
         The boundary.
-    reluctivity : (nelements,)
-        The coefficient of the scalar problem.
+    symmetry
+        Whether it is a circle or a sphere.
 
     Raises
     ------
@@ -40,8 +42,8 @@ def robin_matrix(mesh: MeshTri, name: str, reluctivity: Floats) -> csc_array:
     if facets.size == 0 or np.any(mesh.f2t[1, facets] >= 0):
         raise ValueError(f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it.")
     start, end = mesh.facets[:, facets]
-    size = circle_of(mesh, name)[1]
-    weight = reluctivity[mesh.f2t[0, facets]] / size * np.hypot(*(mesh.p[:, end] - mesh.p[:, start])) / 6.0
+    (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
+    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a)) / 6.0
     row, column = np.concatenate((start, end, start, end)), np.concatenate((start, end, end, start))
     values = np.concatenate((2.0 * weight, 2.0 * weight, weight, weight))
     return coo_array((values, (row, column)), shape=(mesh.p.shape[1],) * 2).tocsc()

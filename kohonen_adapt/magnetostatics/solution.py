@@ -1,21 +1,18 @@
 """How a problem is solved on a mesh: in one step where it is linear, else by Newton's method from where it begins."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.newton import TOLERANCE, NewtonStep, Nonlinear, iterate
 from kohonen_adapt.magnetostatics.symmetry import Symmetry
-from kohonen_adapt.magnetostatics.system import Scalar, scalar_of, solve_scalar
+from kohonen_adapt.magnetostatics.system import scalar_of, solve_scalar
 
-__all__ = ["NotConverged", "carried", "linearised", "solution_of"]
+__all__ = ["NotConverged", "carried", "solution_of"]
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +48,7 @@ def solution_of(
 ) -> Field:
     """Solve, nonlinear problems from a nodal potential (nnodes,) where there is one."""
     scalar = scalar_of(mesh, symmetry, given)
-    conditions = conditions_of(mesh, boundaries, symmetry, scalar.reluctivity)
+    conditions = conditions_of(mesh, boundaries, symmetry)
     steps: tuple[NewtonStep, ...] = ()
     if not given.pieces:
         unknown = solve_scalar(mesh, scalar, conditions)
@@ -69,16 +66,6 @@ def solution_of(
     if steps and not steps[-1].converged:
         raise NotConverged(field)
     return field
-
-
-def linearised(mesh: MeshTri, symmetry: Symmetry, field: Field, scalar: Scalar, weight: Floats) -> Scalar:
-    """The scalar problem that a nonlinear solution solves, with a reluctivity (nelements,) that weights its error.
-
-    Its flux makes ``nu grad u - flux`` the field strength of the solution, whatever the weight nu.
-    """
-    reluctivity = symmetry.reluctivity(mesh, weight)
-    flux = reluctivity * gradient(mesh, field.unknown) - symmetry.flux(field.field_strength)
-    return replace(scalar, reluctivity=reluctivity, flux=flux)
 
 
 def carried(mesh: MeshTri, old: Field) -> Floats:

@@ -39,6 +39,10 @@ class Planar:
         """``nu' grad u - flux'`` of the field strength, (2, nelements); of -Hc it is -flux'."""
         return np.stack((-field_strength[1], field_strength[0]))
 
+    def weight(self, x: Floats) -> Floats:
+        """nu' / nu at points (2, n)."""
+        return np.ones(x.shape[1])
+
     def reluctivity(self, mesh: MeshTri, reluctivity: Floats) -> Floats:
         """nu' of the reluctivity, (nelements,)."""
         return reluctivity
@@ -86,9 +90,13 @@ class Axisymmetric:
         """``nu' grad u - flux'`` of the field strength, (2, nelements); of -Hc it is -flux'."""
         return 2.0 * np.pi * np.stack((field_strength[1], -field_strength[0]))
 
+    def weight(self, x: Floats) -> Floats:
+        """nu' / nu at points (2, n)."""
+        return 2.0 * np.pi / x[0]
+
     def reluctivity(self, mesh: MeshTri, reluctivity: Floats) -> Floats:
         """nu' of the reluctivity, (nelements,)."""
-        return 2.0 * np.pi * reluctivity / radius(mesh)
+        return reluctivity * self.weight(mesh.p[:, mesh.t].mean(axis=1))
 
     def source(self, current_density: Floats) -> Floats:
         """source' of the current density, (nelements,)."""
