@@ -52,6 +52,22 @@ def test_an_open_boundary_removes_the_error_of_a_near_wall():
     assert abs(opened / exact - 1) < 0.01 and abs(walled / exact - 1) > 0.05
 
 
+def test_an_open_boundary_around_iron_with_a_curve():
+    """Linear and saturated, the field is that of an open boundary three times as far away."""
+    law = Brauer(800.0, 10.0, 1.8)
+    mesh, far = cylinder(16), cylinder(48, 0.12)
+    for bh, permeability in ((None, 500.0), (law, 1.0)):
+        iron = Material(permeability, bh=bh, remanence=(1.5, 0.0))
+        materials = {"magnet": iron, "air": Material()}
+        opened = Magnetostatics(materials, open_boundary="outer").solve(mesh)
+        distant = Magnetostatics(materials, open_boundary="outer").solve(far)
+        inside, there = (np.hypot(*each.mesh.p) < 0.0401 for each in (opened, distant))
+        x = mesh.p[:, inside & (np.hypot(*mesh.p) > 0.011)]
+        np.testing.assert_allclose(
+            opened.potential_at(x), distant.potential_at(x), atol=0.002 * np.abs(distant.potential[there]).max()
+        )
+
+
 def test_an_open_boundary_beside_given_values():
     """A quarter of the cylinder: A = 0 by symmetry on y = 0, natural on x = 0, open on the arc."""
     mesh = quarter_disk(24, 0.04)
@@ -130,6 +146,8 @@ def test_a_periodic_cell_stands_for_all():
     for points in (POINTS, NEXT):
         np.testing.assert_allclose(double.potential_at(points), field.potential_at(POINTS), atol=1e-7 * largest)
     assert double.energy == pytest.approx(2 * field.energy, rel=1e-7)
+    warm = Magnetostatics(of_one, **walls).solve_from(one, one, field)
+    assert len(warm.newton) == 1 and len(field.newton) > 3
     joined = Magnetostatics(of_one, **walls).indicators(one, field)
     np.testing.assert_allclose(
         np.linalg.norm(Magnetostatics(of_two, **walls).indicators(two, double)),

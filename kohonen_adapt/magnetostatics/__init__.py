@@ -7,6 +7,7 @@ from kohonen_adapt.magnetostatics.magnetisation import halbach, radial
 from kohonen_adapt.magnetostatics.material import Material
 from kohonen_adapt.magnetostatics.newton import NewtonStep
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
 from kohonen_adapt.magnetostatics.solution import NotConverged
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Material",
     "NewtonStep",
     "NotConverged",
+    "QuadraticField",
     "Table",
     "halbach",
     "radial",

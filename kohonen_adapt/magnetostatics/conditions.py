@@ -10,11 +10,11 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.magnetostatics.coefficients import named
-from kohonen_adapt.magnetostatics.joints import Joints, Names, joints_of
+from kohonen_adapt.magnetostatics.joints import Joints, Names, joints_of, with_middles
 from kohonen_adapt.magnetostatics.robin import robin_matrix
 from kohonen_adapt.magnetostatics.symmetry import Symmetry
 
-__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values"]
+__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values", "places"]
 
 CONTRADICTION = 1e-9  # of the largest fixed value: values that joined nodes may differ by
 
@@ -82,8 +82,8 @@ class Conditions:
         return kept
 
 
-def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry) -> Conditions:
-    """The conditions on a mesh.
+def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, order: int = 1) -> Conditions:
+    """The conditions on the nodes of a mesh, with elements of order 2 on its nodes and then the middles of its facets.
 
     Raises
     ------
@@ -91,34 +91,44 @@ def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry) -> Condi
         For names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
         that is no circle, and connected parts of the mesh where nothing fixes the potential.
     """
-    fixed, values = fixed_values(mesh, given.potential)
-    values, axis = symmetry.unknown(mesh, values), symmetry.on_axis(mesh)
-    fixed, values = fixed | axis, np.where(axis, 0.0, values)
-    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, symmetry)
+    fixed, values = fixed_values(mesh, given.potential, order)
+    if order == 1:
+        values, axis = symmetry.unknown(mesh, values), symmetry.on_axis(mesh)
+        fixed, values = fixed | axis, np.where(axis, 0.0, values)
+    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, symmetry, order)
     joints = None
     if given.periodic or given.antiperiodic:
         joints = joints_of(mesh, given.periodic, given.antiperiodic)
-        fixed, values = _shared(mesh, joints, fixed, values)
+        joints = joints if order == 1 else with_middles(joints, mesh.facets.shape[1])
+        fixed, values = _shared(places(mesh, order), joints, fixed, values)
     _check_tied(mesh, fixed, robin, joints)
     free = np.flatnonzero(~fixed)
     return Conditions(fixed, values, free, robin, None if joints is None else _join(joints, free), joints)
 
 
-def fixed_values(mesh: MeshTri, potential: Mapping[str, Value]) -> tuple[Bools, Floats]:
+def places(mesh: MeshTri, order: int) -> Floats:
+    """Where the unknowns are, (2, n): the nodes, of order 2 then the middles of the facets."""
+    return mesh.p if order == 1 else np.hstack((mesh.p, mesh.p[:, mesh.facets].mean(axis=1)))
+
+
+def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) -> tuple[Bools, Floats]:
     """Which nodes have a given potential, (nnodes,) bool, and the values there, (nnodes,) with zeros elsewhere.
 
     A boundary hands its value to all nodes of its facets; at a node of several, the last in the mapping counts.
     """
-    fixed = np.zeros(mesh.p.shape[1], dtype=bool)
-    values = np.zeros(mesh.p.shape[1])
+    x = places(mesh, order)
+    fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
     for name, value in potential.items():
-        nodes = np.unique(mesh.facets[:, named(mesh.boundaries, name, "boundary")])
+        facets = named(mesh.boundaries, name, "boundary")
+        nodes = np.unique(mesh.facets[:, facets])
+        if order == 2:
+            nodes = np.append(nodes, mesh.p.shape[1] + np.asarray(facets))
         fixed[nodes] = True
-        values[nodes] = _evaluated(name, value, mesh.p[:, nodes])
+        values[nodes] = _evaluated(name, value, x[:, nodes])
     return fixed, values
 
 
-def _shared(mesh: MeshTri, joints: Joints, fixed: Bools, values: Floats) -> tuple[Bools, Floats]:
+def _shared(x: Floats, joints: Joints, fixed: Bools, values: Floats) -> tuple[Bools, Floats]:
     """A value given at one node holds at all that are one with it, up to the sign."""
     share, given = np.zeros(len(values)), np.flatnonzero(fixed)
     share[joints.master[given]] = joints.sign[given] * values[given]
@@ -130,7 +140,7 @@ def _shared(mesh: MeshTri, joints: Joints, fixed: Bools, values: Floats) -> tupl
     if off.size and off.max() > CONTRADICTION * np.max(np.abs(values)):
         node = given[np.argmax(off)]
         raise ValueError(
-            f"the potential {values[node]:g} fixed at node {node}, {tuple(mesh.p[:, node].tolist())}, contradicts its "
+            f"the potential {values[node]:g} fixed at node {node}, {tuple(x[:, node].tolist())}, contradicts its "
             f"periodic or antiperiodic partner, which makes it {shared[node]:g}. Fix the same value at both, with the "
             "other sign if antiperiodic."
         )
@@ -157,13 +167,15 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
 
 def _check_tied(mesh: MeshTri, fixed: Bools, robin: csc_array | None, joints: Joints | None) -> None:
     """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
-    pairs, tied = mesh.facets, fixed
+    nodes = mesh.p.shape[1]
+    pairs, tied = mesh.facets, fixed[:nodes]
     if robin is not None:
-        tied = tied | (robin.diagonal() > 0.0)
+        tied = tied | (robin.diagonal()[:nodes] > 0.0)
     if joints is not None:
-        pairs, tied = np.hstack((pairs, np.stack((joints.one, joints.other)))), tied.copy()
-        tied[joints.one[joints.between < 0.0]] = True  # no constant is its own negative
-    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(fixed.size,) * 2)
+        joined = joints.one < nodes
+        pairs, tied = np.hstack((pairs, np.stack((joints.one[joined], joints.other[joined])))), tied.copy()
+        tied[joints.one[joined & (joints.between < 0.0)]] = True  # no constant is its own negative
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
     parts, part = connected_components(graph, directed=False)
     loose = np.setdiff1d(np.arange(parts), part[tied])
     if loose.size:

@@ -103,6 +103,11 @@ class Field:
         return self.coefficients.energy_density(self.flux_density)
 
     @property
+    def squared_norm(self) -> float:
+        """``int nu |B|^2`` over the mesh, in J/m whatever the depth; axisymmetric in J."""
+        return float(np.sum(self.symmetry.volume(self.mesh) * self.reluctivity * self.flux_density**2))
+
+    @property
     def coenergy_density(self) -> Floats:
         """``H . B`` less the energy density, (nelements,) in J/m^3."""
         return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density

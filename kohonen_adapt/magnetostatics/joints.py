@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.pairs import image_nodes
 
-__all__ = ["Joints", "joints_of"]
+__all__ = ["Joints", "joints_of", "with_middles"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.integer]
@@ -56,7 +56,24 @@ def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
     signs = [1.0] * len(periodic) + [-1.0] * len(antiperiodic)
     one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
     between = np.repeat(signs, [len(nodes) for nodes, _ in found])
-    master, sign = np.arange(mesh.p.shape[1]), np.ones(mesh.p.shape[1])
+    facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
+    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
+    pairs = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
+    return _joined(mesh.p.shape[1], one, other, between, pairs)
+
+
+def with_middles(joints: Joints, nfacets: int) -> Joints:
+    """The same for nodes and then the middles of facets, as quadratic elements have them."""
+    nodes = len(joints.master)
+    facets, images, sign = joints.facets
+    one, other = np.append(joints.one, nodes + facets), np.append(joints.other, nodes + images)
+    return _joined(nodes + nfacets, one, other, np.append(joints.between, sign), joints.facets)
+
+
+def _joined(
+    count: int, one: Integers, other: Integers, between: Floats, facets: tuple[Integers, Integers, Floats]
+) -> Joints:
+    master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
         for a, b in ((one, other), (other, one)):
@@ -64,12 +81,9 @@ def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
             master[a[lower]], sign[a[lower]] = master[b[lower]], (between * sign[b])[lower]
         if np.array_equal(master, before):
             break
-    zero = np.zeros(len(master), dtype=bool)
+    zero = np.zeros(count, dtype=bool)
     zero[master[one[sign[one] != between * sign[other]]]] = True
-    facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
-    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
-    pairs = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
-    return Joints(master, sign, zero[master], one, other, between, pairs)
+    return Joints(master, sign, zero[master], one, other, between, facets)
 
 
 def _image_facets(mesh: MeshTri, facets: Integers, nodes: Integers, images: Integers) -> Integers:

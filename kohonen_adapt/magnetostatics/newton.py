@@ -3,6 +3,7 @@
 import logging
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from kohonen_adapt.magnetostatics.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.system import assembled, check_finite, solved
 from kohonen_adapt.triangles import area
 
-__all__ = ["TOLERANCE", "NewtonStep", "Nonlinear", "iterate"]
+__all__ = ["TOLERANCE", "Functional", "NewtonStep", "Nonlinear", "iterate", "whole_step"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 MOST_STEPS = 60
@@ -123,7 +124,33 @@ class Nonlinear:
         return assembled(self.mesh, own, next_one, self.conditions.free)
 
 
-def iterate(problem: Nonlinear, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
+class Functional(Protocol):
+    """A convex functional of the unknowns, as `Nonlinear` is one."""
+
+    @property
+    def conditions(self) -> Conditions:
+        """Which unknowns are free."""
+
+    def value(self, u: Floats) -> tuple[float, float]:
+        """The functional, and the size of its rounding error."""
+
+    def residual(self, u: Floats) -> tuple[Floats, float]:
+        """Gradient at the free unknowns, and the norm of the sums of the sizes of its terms."""
+
+    def hessian(self, u: Floats) -> csc_array:
+        """Second derivatives at the free unknowns."""
+
+
+def whole_step(problem: Functional, u: Floats, pull: Floats) -> Floats:
+    """What Newton's method adds to u where the gradient is `pull`: all it takes where the functional is quadratic."""
+    whole = np.zeros_like(u)
+    conditions = problem.conditions
+    whole[conditions.free] = conditions.expanded(solved(*conditions.reduced(problem.hessian(u), -pull)))
+    check_finite(whole)
+    return whole
+
+
+def iterate(problem: Functional, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
     """Descend from nodal values that keep the conditions; the last values, and all steps, converged or not.
 
     Newton's steps, halved until they lower the functional as their slope promises, up to rounding. The whole step alone
@@ -135,10 +162,7 @@ def iterate(problem: Nonlinear, start: Floats) -> tuple[Floats, tuple[NewtonStep
     if not free.size:
         return u, ()
     while len(steps) < MOST_STEPS and not (steps and steps[-1].converged):
-        matrix, right = conditions.reduced(problem.hessian(u), -pull)
-        whole = np.zeros_like(u)
-        whole[free] = conditions.expanded(solved(matrix, right))
-        check_finite(whole)
+        whole = whole_step(problem, u, pull)
         damping, functional = _damping(problem, u, whole, float(pull @ whole[free]))
         u = u + damping * whole
         pull, size = problem.residual(u)
@@ -155,7 +179,7 @@ def iterate(problem: Nonlinear, start: Floats) -> tuple[Floats, tuple[NewtonStep
     return u, tuple(steps)
 
 
-def _damping(problem: Nonlinear, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
+def _damping(problem: Functional, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
     """The first of 1, 1/2, 1/4 ... that lowers the functional, and its value there."""
     before, rounding = problem.value(u)
     damping = 1.0

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.conditions import Boundaries, Value, condition
 from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.material import Material
-from kohonen_adapt.magnetostatics.solution import carried, solution_of
+from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
 from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.ritz import Ritz
 from kohonen_adapt.triangulation import check_mesh
@@ -26,7 +26,7 @@ Pairs = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True, eq=False)
 class Magnetostatics:
-    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1 potential.
+    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1 or P2 potential.
 
     Metres, teslas, amperes. Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre
     of depth unless there is a `depth`. Axisymmetric: x = r >= 0 and y = z, A and J point along phi (with r to the right
@@ -60,6 +60,8 @@ class Magnetostatics:
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
         same on both, or the other's negative. Name the same pairs as `periodic` of `kohonen_adapt.adapt`.
+    order
+        Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
 
     Raises
     ------
@@ -78,8 +80,8 @@ class Magnetostatics:
     open_boundary: str | None = None
     periodic: Pairs = ()
     antiperiodic: Pairs = ()
+    order: int = 1
 
-    order: ClassVar[int] = 1
     norm: ClassVar[str] = "energy"
 
     def __post_init__(self) -> None:
@@ -91,6 +93,7 @@ class Magnetostatics:
             if not isinstance(material, Material):
                 raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
         self._check_fixed()
+        self._check_order()
         self._check_depth()
         # Copies: what the caller does to the mappings later must not change a problem that has been solved.
         object.__setattr__(self, "materials", dict(self.materials))
@@ -107,6 +110,14 @@ class Magnetostatics:
                 "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
+
+    def _check_order(self) -> None:
+        if self.order not in (1, 2) or isinstance(self.order, bool):
+            raise ValueError(f"order of the elements must be 1 or 2; got {self.order!r}.")
+        if self.order == 2 and self.axisymmetric:
+            raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
+        if self.order == 2 and self.estimator != "residual":
+            raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {self.estimator!r}.")
 
     def _check_depth(self) -> None:
         if self.depth is None:
@@ -172,7 +183,7 @@ class Magnetostatics:
             As `solve`.
         """
         check_mesh(mesh)
-        return self._solved(mesh, None if self._linear else carried(mesh, old_field))
+        return self._solved(mesh, None if self._linear else carried(mesh, old_field, self.order))
 
     @property
     def _linear(self) -> bool:
@@ -192,6 +203,8 @@ class Magnetostatics:
 
     def _solved(self, mesh: MeshTri, start: Floats | None) -> Field:
         given = self._coefficients(mesh)
+        if self.order == 2:
+            return quadratic_solution_of(mesh, given, self._boundaries, self.depth, start)
         return solution_of(mesh, given, self._boundaries, self._symmetry, self.depth, start)
 
     def _coefficients(self, mesh: MeshTri) -> Coefficients:
@@ -218,8 +231,7 @@ class Magnetostatics:
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`."""
-        volume = self._symmetry.volume(mesh)
-        return float(np.sqrt(np.sum(volume * field.reluctivity * field.flux_density**2)))
+        return float(np.sqrt(field.squared_norm))
 
     @property
     def ritz(self) -> Callable[[MeshTri, Field], Ritz]:
@@ -232,12 +244,14 @@ class Magnetostatics:
         Raises
         ------
         AttributeError
-            If the functional is of another form: for nonlinear material, an axis and an open boundary.
+            If the functional is of another form: for nonlinear material, an axis, order 2 and an open boundary.
         """
         if not self._linear:
             raise AttributeError("its material is nonlinear, for which there is no polish yet")
         if self.axisymmetric:
             raise AttributeError("it is axisymmetric, so its coefficients vary inside a region of the mesh")
+        if self.order == 2:
+            raise AttributeError("its elements are of order 2")
         if self.open_boundary is not None:
             raise AttributeError("its open boundary adds to the energy, which the polish does not see")
         return self._ritz

@@ -14,11 +14,17 @@ __all__ = ["circle_of", "robin_matrix"]
 
 ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle
 
+# Integrals of the products of the functions of a facet, per length: of its ends, of order 2 then its middle.
+MASS = {
+    1: np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0,
+    2: np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0,
+}
+
 Floats = NDArray[np.float64]
 
 
-def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry) -> csc_array:
-    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (nnodes, nnodes).
+def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry, order: int = 1) -> csc_array:
+    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (n, n) for n nodes or unknowns.
 
     In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
     sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
@@ -31,6 +37,8 @@ def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry) -> csc_array:
         The boundary.
     symmetry
         Whether it is a circle or a sphere.
+    order
+        Of the elements.
 
     Raises
     ------
@@ -43,10 +51,13 @@ def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry) -> csc_array:
         raise ValueError(f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it.")
     start, end = mesh.facets[:, facets]
     (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
-    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a)) / 6.0
-    row, column = np.concatenate((start, end, start, end)), np.concatenate((start, end, end, start))
-    values = np.concatenate((2.0 * weight, 2.0 * weight, weight, weight))
-    return coo_array((values, (row, column)), shape=(mesh.p.shape[1],) * 2).tocsc()
+    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
+    unknowns, products, count = np.stack((start, end)), MASS[order], mesh.p.shape[1]
+    if order == 2:
+        unknowns, count = np.vstack((unknowns, count + facets)), count + mesh.facets.shape[1]
+    row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
+    values = products[:, :, None] * weight
+    return coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
 
 
 def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
