@@ -217,6 +217,13 @@ def test_a_periodic_mesh_alone_leaves_the_constant():
         Magnetostatics(materials, periodic=[("left", "right")])
     with pytest.raises(ValueError, match=r"periodic must hold pairs of names of boundaries, as .*; got 'left'\."):
         Magnetostatics(materials, {"top": 0.0}, periodic="left")
+    sheared = MeshTri(mesh.p * np.where(mesh.p[0] == 0, [[1.0], [1.0 - 1e-3]], 1.0), mesh.t)
+    sheared = sheared.with_subdomains(mesh.subdomains).with_boundaries(SIDES)
+    message = (
+        r"must carry the nodes of boundary 'left' .* In kohonen_adapt\.adapt: name the pair as periodic, too, or pin"
+    )
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "right")]).solve(sheared)
     with pytest.raises(ValueError, match=r"periodic has 'side', which is no boundary of the mesh"):
         Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "side")]).solve(mesh)
 

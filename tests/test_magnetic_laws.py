@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -89,9 +89,13 @@ def test_any_rising_table_is_a_rising_law(steps):
     points = np.cumsum([(db, share * db / MU0) for db, share in steps], axis=0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        law = Table(points)
+        try:
+            law = Table(points)
+        except ValueError:  # of a start less permeable than vacuum
+            assume(False)
     b = np.linspace(0.0, 1.5 * points[-1, 0], 500)
     assert np.all(np.diff(law.field_strength(b)) > 0.0) and np.all(law.slope(b) > 0.0)
+    assert np.all(law.slope(b) <= 1 / MU0 * (1 + 1e-9))
     assert np.all(np.diff(law.energy(b)) > 0.0)
 
 
@@ -105,6 +109,10 @@ def test_any_rising_table_is_a_rising_law(steps):
         ([(-0.5, -50.0), (0.5, 50.0)], r"strictly increasing from \(0, 0\); after 0 T, 0 A/m comes -0\.5 T, -50 A/m\."),
         ([(0.5, 50.0), (1.0, np.nan)], r"bh must be finite; row 1 is \[1\.0, nan\]\."),
         ([1.0, 2.0], r"bh must have shape \(n, 2\), columns B in T and H in A/m; got \(2,\)\."),
+        (
+            [(1e-3, 1e4), (2e-3, 3e4)],
+            r"less permeable than vacuum from its start, 0\.001 T at 10000 A/m\. B must be in",
+        ),
         ("steel", r"bh must be numbers of shape \(n, 2\), columns B in T and H in A/m; got 'steel'\."),
         (
             [(1e4 * b, h / 79.577) for b, h in STEEL],

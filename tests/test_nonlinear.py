@@ -1,9 +1,12 @@
 """Nonlinear magnetostatics: exact fields and energies, Newton's method, warm starts, what has no solution."""
 
 import logging
+import warnings
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from meshes import disk, square
 from skfem import Basis, ElementTriP1
 
@@ -140,6 +143,27 @@ def test_newton_converges_for_any_current(law, current):
     iron = mesh.subdomains["iron"]
     around = 2 * np.pi * middle[iron] * np.hypot(*field.field_strength[:, iron])
     assert around.mean() == pytest.approx(current, rel=0.03)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.02, 0.5), st.floats(1e-4, 1.0)), min_size=2, max_size=10),
+    st.floats(-1e5, 1e5),
+)
+@settings(max_examples=40, deadline=None)
+def test_newton_converges_for_any_rising_table(steps, current):
+    """Kinks, plateaus and S-shapes: the energy stays convex."""
+    points = np.cumsum([(rise, share * rise / MU0) for rise, share in steps], axis=0)
+    assume(points[-1, 0] - MU0 * points[-1, 1] < 3.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            law = Table(points)
+        except ValueError:
+            assume(False)
+    materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
+    field = Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": current}).solve(wire_mesh(10))
+    assert not field.newton or field.newton[-1].converged
+    assert field.energy >= 0.0 and field.coenergy >= 0.0
 
 
 def test_given_potentials_drive_flux_through_iron():
@@ -300,6 +324,7 @@ def test_a_halbach_ring_has_a_uniform_field_inside():
         ({"remanence": (0.0, 1.0), "coercivity": (0.0, 1e6)}, "a remanence or a coercivity, .*; got both"),
         ({"coercivity": 1e6}, r"coercivity must have two components \(x, y\); got 1000000\.0\."),
         ({"coercivity": (0.0, np.inf)}, r"coercivity must be finite; got inf\."),
+        ({"bh": Brauer}, r"bh must be a law with its parameters, or points; got the class Brauer\."),
         ({"bh": [(1.0, 100.0)]}, "bh must have at least two points"),
     ],
 )

@@ -67,6 +67,11 @@ class Table(Continued):
         first = float(steep.min(initial=b[-1]))
         whole = b[:-1][secant >= VACUUM_RELUCTIVITY * (1 - 1e-9)]
         object.__setattr__(self, "end", float(whole.min(initial=first)))
+        if self.end == 0.0 or slope[0] >= VACUUM_RELUCTIVITY:
+            raise ValueError(
+                "bh must begin with a greater slope dB/dH than mu0; it is less permeable than vacuum from its start, "
+                f"{b[1]:g} T at {h[1]:g} A/m. B must be in T, not in another unit, and H in A/m."
+            )
         self._warn_of_its_end(1.0 / (VACUUM_PERMEABILITY * float(slope[-1])))
 
     def _warn_of_its_end(self, permeability: float) -> None:

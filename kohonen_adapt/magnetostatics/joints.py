@@ -52,7 +52,10 @@ def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
         If a name is no boundary, or the nodes of a pair do not match.
     """
     names = [*periodic, *antiperiodic]
-    found = image_nodes(mesh, names)
+    try:
+        found = image_nodes(mesh, names)
+    except ValueError as error:
+        raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
     signs = [1.0] * len(periodic) + [-1.0] * len(antiperiodic)
     one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
     between = np.repeat(signs, [len(nodes) for nodes, _ in found])

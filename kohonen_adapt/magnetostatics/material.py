@@ -58,6 +58,8 @@ class Material:
         if self.permeability <= 0.0:
             raise ValueError(f"permeability must be positive (relative to vacuum, air 1.0); got {self.permeability}.")
         if self.bh is not None:
+            if isinstance(self.bh, type):
+                raise ValueError(f"bh must be a law with its parameters, or points; got the class {self.bh.__name__}.")
             object.__setattr__(self, "bh", self.bh if isinstance(self.bh, Law) else Table(self.bh))
             self._check_alone()
         if self.coercivity is not None:
