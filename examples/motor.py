@@ -35,7 +35,7 @@ def draw(before, after, path):
 
     from kohonen_adapt.plotting import draw_field_lines, draw_mesh
 
-    figure = Figure(figsize=(14.0, 10.0), dpi=160, layout="constrained")
+    figure = Figure(figsize=(14.0, 10.0), dpi=90, layout="constrained")
     panels = figure.subplots(2, 3)
     for row, place in zip(panels, ("", " at a slot opening"), strict=True):
         for axes, word, result in zip(row, ("before", "after"), (before, after), strict=False):
@@ -56,7 +56,7 @@ def main(folder="."):
     mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
     problem = sector(MATERIALS)
     before = ka.adapt(mesh, problem, passes=0)
-    after = ka.adapt(mesh, problem, passes=3, pinned=("left", "right"))
+    after = ka.adapt(mesh, problem, passes=3, periodic=[("left", "right")], layers={"gap": 2})
     print(after)
     draw(before, after, folder / "motor.png")
     return before, after

@@ -93,8 +93,11 @@ def labels(left: Indices, right: Indices, sides: list[NDArray[np.int8]]) -> Indi
     return number.reshape(2, -1).T
 
 
-def joints_of(facets: Facets, position: NDArray[np.float64]) -> Joints:
-    """Pair the facets at every node in which just two meet."""
+def joints_of(facets: Facets, position: NDArray[np.float64], cornerless: Mask) -> Joints:
+    """Pair the facets at every node in which just two meet.
+
+    The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are.
+    """
     ends = facets.nodes.ravel()
     order = np.argsort(ends, kind="stable")
     count = np.bincount(ends, minlength=len(position))
@@ -106,7 +109,8 @@ def joints_of(facets: Facets, position: NDArray[np.float64]) -> Joints:
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
     u, w = (position[other[:, side]] - position[node] for side in (0, 1))
     turn = np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
-    return Joints(node, rows // 2, other, (arriving == leaving) & (turn < CORNER))
+    smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
+    return Joints(node, rows // 2, other, (arriving == leaving) & smooth)
 
 
 def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:

@@ -17,10 +17,21 @@ from .polylines import Runs
 
 logger = logging.getLogger(__package__)
 
-__all__ = ["Curve", "Pieces", "chains_of", "check_curves", "curve_of_facets", "cut", "pair_chains", "projected"]
+__all__ = [
+    "Curve",
+    "Pieces",
+    "chains_of",
+    "check_curves",
+    "curve_of_facets",
+    "cut",
+    "pair_chains",
+    "projected",
+    "without_corner",
+]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one
+ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
@@ -111,6 +122,12 @@ def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
     return found
 
 
+def without_corner(curve: Indices, curves: Mapping[str, Curve]) -> Mask:
+    """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
+    smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
+    return smooth[curve]
+
+
 def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
     """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
 
@@ -136,7 +153,7 @@ def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve
 def without_noise(circle: Floats) -> Floats:
     """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
     step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
-    return np.round(circle / step) * step
+    return np.round(circle / step) * step + 0.0  # no -0
 
 
 def nodes_of(position: Floats, node: Indices, pieces: Pieces, p: int) -> Floats:
@@ -202,7 +219,10 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     table.curvature[is_round] = sense / radius
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
-    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(WIDEST, full / FACETS))
+    count = pieces.rows[is_round, 1] - pieces.rows[is_round, 0]
+    coarse = np.clip(ROOM * full / count, WIDEST, 0.5 * np.pi)  # what is given need not be recognised again
+    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
+    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
     chord = np.maximum(table.reach, longest)[is_round]
     table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
@@ -221,18 +241,20 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
     table.origin[p], table.length[p] = knots[0, 1:3], knots[-1, 0]
     table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
     tightest = least_radius(knots)
-    table.reach[p] = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
-    table.merged[p] = 0.5 * table.reach[p]
-    table.bulge[p] = min(longest, table.reach[p] ** 2 / (4.0 * tightest)) + NEAR * size_of(knots[:, 1:3])
+    reach = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
+    bow = min(longest, reach * (reach / (4.0 * tightest))) if tightest < np.inf else 0.0
+    table.reach[p], table.merged[p] = reach, 0.5 * reach
+    table.bulge[p] = bow + NEAR * size_of(knots[:, 1:3])
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
     """The points (n, 2) of a curve nearest to some, checked."""
     found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
-    if found.shape != (2, len(points)) or not np.all(np.isfinite(found)):
+    wrong = np.sum(~np.isfinite(found))
+    if found.shape != (2, len(points)) or wrong:
         raise ValueError(
             f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
-            f"got shape {found.shape}."
+            f"got shape {found.shape}, {wrong} coordinates not finite."
         )
     return np.ascontiguousarray(found.T)
 

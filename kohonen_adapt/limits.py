@@ -20,3 +20,4 @@ class Limits:
     pinned: Sequence[int | str] | NDArray[np.integer] | str = ()
     curves: Mapping[str, Curve] | None = None
     periodic: Sequence[tuple[str, str]] = ()
+    layers: Mapping[str, int] | None = None

@@ -46,6 +46,7 @@ def adapt(
     target_nodes: int | None = None,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
+    layers: Mapping[str, int] | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
@@ -95,6 +96,9 @@ def adapt(
     periodic
         Pairs of names of boundaries that are one another's image, and stay so node by node; see `relocate`. Their nodes
         slide with the map, and are neither polished nor recycled.
+    layers
+        Layers of elements to keep across thin subdomains, by name; see `relocate`. Map, recycling, growth and polish
+        all keep them.
 
     Returns
     -------
@@ -106,8 +110,8 @@ def adapt(
     Raises
     ------
     ValueError
-        If an argument is out of range, the problem lacks a method, or its indicators of the input mesh have the wrong
-        shape or are not finite numbers >= 0.
+        If an argument is out of range, the mesh has fewer layers than are to be kept, the problem lacks a method, or
+        its indicators of the input mesh have the wrong shape or are not finite numbers >= 0.
     Exception
         Whatever the problem raises on the input mesh, Ctrl-C included. Later that ends the loop, with the status
         ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
@@ -116,7 +120,7 @@ def adapt(
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
     _check_loop(passes, rtol, atol, callback, polish)
     check_training(schedule, seed)
-    limits = Limits(topology, min_quality, pinned, curves, periodic)
+    limits = Limits(topology, min_quality, pinned, curves, periodic, layers)
     guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
     growth = Growth.of(mesh, target_nodes, passes)

@@ -9,7 +9,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from .borders import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
-from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected
+from .chains import Curve, Pieces, chains_of, check_curves, curve_of_facets, cut, pair_chains, projected, without_corner
 from .kernels.chains import (
     FREE,
     HELD,
@@ -17,9 +17,9 @@ from .kernels.chains import (
     SLIDING,
     STRAIGHT,
     TABLED,
-    Chains,
     Constraints,
     Twins,
+    farthest_from_facets,
     find_parameters,
     look_up,
     mark_along,
@@ -84,14 +84,23 @@ class Outline:
         curves = check_curves(curves, triangulation.mesh.boundaries)
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, periodic)
-        joints = joints_of(facets, triangulation.position)
-        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curves)
+        curve = curve_of_facets(facets, curves)
+        joints = joints_of(facets, triangulation.position, without_corner(curve, curves))
+        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves)
         chains = chains_of(triangulation.position, runs, pieces, curves)
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[runs.facet[pieces.slots]] = pieces.of_slot
         mark_facets(triangulation, facets, chain)
-        twins = twins_of(triangulation, facets, pairs)
-        constraints = constrain(triangulation, facets, joints, chain, sliding, pinned, chains, twins, junctions)
+        occupied = pinned.copy()
+        occupied[facets.nodes[pairs.facet >= 0]] = True
+        constraints = Constraints(
+            kind=kinds_of(facets, sliding, pinned),
+            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, junctions),
+            parameter=np.zeros(triangulation.nnodes),
+            inner=inner_nodes(triangulation),
+            chains=chains,
+            twins=twins_of(triangulation, facets, pairs),
+        )
         find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
         make_mates(constraints, pairs, chain)
         first = runs.facet[pieces.rows[:, 0]]
@@ -121,6 +130,10 @@ class Outline:
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
         still = STILL * np.max(np.ptp(triangulation.position, axis=0))
         settle(triangulation.position, triangulation.star, nodes, target, still, floor)
+
+    def sagitta(self, triangulation: Triangulation) -> float:
+        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""
@@ -181,10 +194,16 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
 
 
 def cut_alike(
-    triangulation: Triangulation, facets: Facets, joints: Joints, pairs: Pairs, pinned: Mask, curves: dict[str, Curve]
+    triangulation: Triangulation,
+    facets: Facets,
+    joints: Joints,
+    pairs: Pairs,
+    pinned: Mask,
+    curve: Indices,
+    curves: dict[str, Curve],
 ) -> tuple[Runs, Pieces, Mask]:
     """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
-    curve, paired = curve_of_facets(facets, curves), np.flatnonzero(pairs.partner >= 0)
+    paired = np.flatnonzero(pairs.partner >= 0)
     if np.any((curve >= 0) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles."
@@ -232,30 +251,29 @@ def mark_facets(triangulation: Triangulation, facets: Facets, chain: Indices) ->
     elements.chain[e, k] = chain[inside]
 
 
-def constrain(
-    triangulation: Triangulation,
-    facets: Facets,
-    joints: Joints,
-    chain: Indices,
-    sliding: Mask,
-    pinned: Mask,
-    chains: Chains,
-    twins: Twins,
-    junctions: bool,
-) -> Constraints:
-    """What every node may do, its parameter not yet found."""
-    n = triangulation.nnodes
-    kind = np.full(n, FREE, dtype=np.int8)
+def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
+    """FREE, SLIDING or HELD for every node, (n,)."""
+    kind = np.full(len(sliding), FREE, dtype=np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD
     kind[sliding] = SLIDING
-    own = np.full((n, 2), -1, dtype=np.int32)
+    return kind
+
+
+def chains_of_nodes(
+    facets: Facets, joints: Joints, chain: Indices, sliding: Mask, occupied: Mask, junctions: bool
+) -> NDArray[np.int32]:
+    """The chain of every sliding node, and those between which a corner may be left, JUNCTION where of three, (n, 2).
+
+    Corners that are `occupied`, (n,), nobody leaves: pinned ones, and those of periodic boundaries.
+    """
+    own = np.full((len(sliding), 2), -1, dtype=np.int32)
     own[joints.node] = chain[joints.facets]
     if junctions:
-        own[np.bincount(facets.nodes.ravel(), minlength=n) == 3, 0] = JUNCTION
-    own[pinned] = -1
+        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, 0] = JUNCTION
+    own[occupied] = -1
     own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
-    return Constraints(kind, own, np.zeros(n), inner_nodes(triangulation), chains, twins)
+    return own
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:

@@ -28,6 +28,9 @@ def warmup() -> None:
     for topology in ("flip", "fixed", "recycle"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
     relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])
+    relocate(
+        mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
+    )
     KohonenMap(mesh).search(np.array([0.3, 0.4]), 0)
     interpolate(mesh, mesh.p[0], mesh.p)
     _polish(mesh)

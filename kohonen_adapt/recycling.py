@@ -103,7 +103,15 @@ class Surgery:
         n, m = triangulation.nnodes, len(triangulation.elements.node)
         on_boundary = np.bincount(outer_edges(triangulation.elements).ravel(), minlength=n)
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
-        elements = Elements(*(padded(array, spare, -1) for array in triangulation.elements))
+        before = triangulation.elements
+        elements = Elements(
+            padded(before.node, spare, -1),
+            padded(before.neighbour, spare, -1),
+            padded(before.region, spare, -1),
+            padded(before.chain, spare, -1),
+            padded(before.level, rows, 0),
+            before.layered,
+        )
         constraints = outline.constraints._replace(
             kind=padded(outline.constraints.kind, rows, 0),
             chain=padded(outline.constraints.chain, rows, -1),
@@ -157,6 +165,8 @@ class Surgery:
             renumbered[self.elements.neighbour[used]].astype(np.int32),
             self.elements.region[used],
             self.elements.chain[used],
+            self.elements.level[kept],
+            self.elements.layered,
         )
         triangulation.position = self.position[kept]
         triangulation.star = empty_star(rows, len(triangulation.elements.node))

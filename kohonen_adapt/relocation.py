@@ -91,6 +91,7 @@ class Trained:
 
     def relocation(self, polish_gain: float = 0.0) -> Relocation:
         """The map as it is now as a mesh, compared with the old one."""
+        self._report_curves()
         mesh, old = self.som.mesh, self.recycled.old
         kept = old >= 0
         way = np.sqrt(np.sum((mesh.p[:, kept] - self.mesh.p[:, old[kept]]) ** 2, axis=0))
@@ -107,6 +108,12 @@ class Trained:
             polish_gain=polish_gain,
         )
 
+    def _report_curves(self) -> None:
+        """Say how much of curves their facets leave out, before and now."""
+        before, now = self.outline.sagitta(self.triangulation), self.som.outline.sagitta(self.som.triangulation)
+        if max(before, now) > 0.0:
+            logger.info("curves are up to %.3g away from their facets; before up to %.3g", now, before)
+
 
 def relocate(
     mesh: MeshTri,
@@ -119,6 +126,7 @@ def relocate(
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
+    layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
 
@@ -152,6 +160,10 @@ def relocate(
         Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
         translation or rotation carries the one to the other node by node, and does so afterwards. A training point
         beside one also reaches what lies beside the other.
+    layers
+        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
+        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
+        distance, with whatever joins pieces of one side; the ends of a gap are none.
 
     Returns
     -------
@@ -161,13 +173,15 @@ def relocate(
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or an argument is out of range; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
+        to be kept; nothing is changed then.
 
     Notes
     -----
     The density is what its own mesh says throughout; a training point moves only nodes of the region it lies in.
     Equation 1, the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh
-    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why.
+    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why; it also says how far
+    facets are from the curves that their nodes slide on (INFO) and which arcs were recognised (DEBUG).
 
     Examples
     --------
@@ -181,7 +195,7 @@ def relocate(
         mesh,
         density,
         schedule=schedule,
-        limits=Limits(topology, min_quality, pinned, curves, periodic),
+        limits=Limits(topology, min_quality, pinned, curves, periodic, layers),
         seed=seed,
     ).relocation()
     if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -239,6 +253,7 @@ def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
         pinned=limits.pinned,
         curves=limits.curves,
         periodic=limits.periodic,
+        layers=limits.layers,
     )
 
 

@@ -13,6 +13,7 @@ from .epoch import Classroom
 from .kernels.chains import HELD
 from .kernels.flip import flip_edges, mark_doubtful
 from .kernels.search import search_path
+from .layers import lay
 from .locate import Locator, as_rows
 from .outline import Outline, pinned_nodes
 from .recycling import Recycled, recycle_nodes
@@ -53,6 +54,8 @@ class KohonenMap:
     periodic
         Pairs of names of boundaries that a translation or rotation carries to one another: their nodes stay matched,
         and a training point beside one also reaches what lies beside the other.
+    layers
+        Layers of elements to keep across thin subdomains, by name; see `relocate`.
 
     Attributes
     ----------
@@ -64,7 +67,8 @@ class KohonenMap:
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, or an argument is out of range.
+        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
+        to be kept.
 
     References
     ----------
@@ -80,6 +84,7 @@ class KohonenMap:
         pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
         curves: Mapping[str, Curve] | None = None,
         periodic: Sequence[tuple[str, str]] = (),
+        layers: Mapping[str, int] | None = None,
     ) -> None:
         check_options(topology, min_quality)
         self.triangulation = Triangulation.of(mesh)
@@ -87,6 +92,7 @@ class KohonenMap:
         self.outline = Outline.of(
             self.triangulation, pinned_nodes(mesh, pinned), curves, periodic, junctions=self._flips
         )
+        lay(self.triangulation, self.outline.constraints, layers)
         self.search_steps: list[float] = []
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)

@@ -27,7 +27,7 @@ class Triangulation:
     position
         (n, 2): the one truth of where a node is.
     elements
-        (m, 3) arrays of counter-clockwise nodes, neighbours and chains of edges, and (m,) regions.
+        (m, 3) arrays of counter-clockwise nodes, neighbours and chains of edges, (m,) regions, and what layers ask for.
     star
         The elements around every node.
     mesh
@@ -65,7 +65,8 @@ class Triangulation:
             )
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
-        return cls(position, Elements(node, neighbour, region.copy(), chain), star, mesh, region)
+        level, layered = np.zeros(len(position), dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)
+        return cls(position, Elements(node, neighbour, region.copy(), chain, level, layered), star, mesh, region)
 
     @property
     def nnodes(self) -> int:

@@ -1,5 +1,7 @@
 """Meshes that the tests share: regular, bad, concave, with slits, holes, several regions and names."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import Delaunay
 from skfem import MeshTri
@@ -45,6 +47,45 @@ def disk(rings, radius):
         after = first[k - 1] + (side * (k - 1) + step + 1) % max(6 * (k - 1), 1)
         elements.append((inside[more], after[more], follower[more]))
     return MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
+
+
+def ring(n, layers, inner=0.5, outer=1.0):
+    """An annulus about the origin with n nodes on each of its circles, which are named inner and outer."""
+    around = circle(n)
+    mesh = shells([inner * around, outer * around], layers)
+    last = n * layers
+    return with_lines(mesh, {"inner": closed(np.arange(n)), "outer": closed(np.arange(last, last + n))})
+
+
+def circle(n, begin=0.0):
+    """n points around the unit circle, (2, n)."""
+    angle = begin + 2 * np.pi * np.arange(n) / n
+    return np.stack([np.cos(angle), np.sin(angle)])
+
+
+def shells(rows, layers):
+    """A mesh between closed rows of points (2, n), one around the other, in so many layers from each to the next."""
+    share = np.arange(layers) / layers
+    between = [((1 - s) * a + s * b) for a, b in pairwise(rows) for s in share]
+    n = rows[0].shape[1]
+    k, first = np.meshgrid(np.arange(n), n * np.arange(len(between)))
+    a, b, c, d = (x.ravel() for x in (first + k, first + (k + 1) % n, first + n + k, first + n + (k + 1) % n))
+    return MeshTri(np.hstack([*between, rows[-1]]), np.hstack([np.stack([a, c, b]), np.stack([b, c, d])]))
+
+
+def closed(nodes):
+    """Nodes in order, the first again at the end."""
+    return np.append(nodes, nodes[0])
+
+
+def with_lines(mesh, lines):
+    """The mesh with named boundaries: the facets between neighbours in lists of nodes."""
+    names = {}
+    for name, nodes in lines.items():
+        pairs = np.sort([nodes[:-1], nodes[1:]], axis=0)
+        code = mesh.p.shape[1] * pairs[0] + pairs[1]
+        names[name] = np.flatnonzero(np.isin(mesh.p.shape[1] * mesh.facets[0] + mesh.facets[1], code))
+    return mesh.with_boundaries(names)
 
 
 def l_shape(n):

@@ -57,8 +57,8 @@ def test_demo_magnet(tmp_path, capsys):
 
 
 def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path, capsys, monkeypatch):
-    for name in [*(each for each in sys.modules if each.startswith("matplotlib")), "kohonen_adapt.plotting"]:
-        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 0

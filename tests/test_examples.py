@@ -117,15 +117,14 @@ def test_devices_have_a_smaller_error_at_the_same_nodes_and_names(request, examp
 
 
 def test_motor_keeps_its_circles_and_two_layers_in_the_gap(motor):
-    drawn, mesh = motor[1].mesh, motor[2].mesh
+    mesh = motor[2].mesh
     radius = np.hypot(*mesh.p)
     for name, wanted in (("outer", 0.080), ("ring", 0.0445), ("inner", 0.015)):
-        nodes = mesh.facets[:, mesh.boundaries[name]]
-        chord = np.cos(np.pi / POLES / len(drawn.boundaries[name]))  # the middle of a facet, where new nodes begin
-        assert wanted * chord * (1 - 1e-9) < radius[nodes].min() and radius[nodes].max() < wanted * (1 + 1e-12)
+        np.testing.assert_allclose(radius[mesh.facets[:, mesh.boundaries[name]]], wanted, rtol=1e-12)
     corners = radius[mesh.t[:, mesh.subdomains["gap"]]]
-    assert corners.min() > 0.044 * (1 - 1e-4) and corners.max() < 0.045 * (1 + 1e-12)
-    assert np.ptp(corners, axis=0).max() < 0.0009  # no element from the rotor to the bore
+    assert corners.min() == pytest.approx(0.044, rel=1e-12)
+    assert corners.max() == pytest.approx(0.045, rel=1e-12)
+    assert np.ptp(corners, axis=0).max() < 0.00098  # no element from the rotor to the bore
 
 
 def test_motor_stays_antiperiodic(motor):

@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 TOWER = [
     *("kernels", "threads", "triangles", "facets"),
     *("polylines", "spans", "curves"),
-    *("triangulation", "borders", "chains", "pairs", "outline", "locate", "density", "sampling"),
+    *("triangulation", "borders", "chains", "pairs", "outline", "sides", "layers", "locate", "density", "sampling"),
     *("ritz", "recycling", "functional", "carry"),
     *("schedule", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),

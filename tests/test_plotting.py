@@ -4,11 +4,15 @@ import time
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from meshes import inset, junction, named, ring, square
 from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 from kohonen_adapt import plotting
+from kohonen_adapt.curves import Arc, Line
 from kohonen_adapt.magnetostatics import Arctan, Table
 from kohonen_adapt.result import AdaptResult, Pass, Status
 
@@ -147,6 +151,122 @@ def test_wrong_shapes():
         plotting.draw_field_lines(axes(), mesh, np.ones(81), np.ones((2, 128)))
     with pytest.raises(ValueError, match=r"errors must have shape \(passes,\) = \(1,\); got \(2,\)"):
         plotting.draw_passes(axes(), [a_pass(0, mesh, 1.0)], errors=[1.0, 2.0])
+
+
+def legend_of(drawing):
+    return [text.get_text() for text in drawing.get_legend().get_texts()]
+
+
+def chains_drawn(drawing):
+    """All chains of a picture, (points, colour) each; the first collection are the facets."""
+    found = []
+    for each in drawing.collections[1:]:
+        assert isinstance(each, LineCollection)
+        found += zip(each.get_segments(), map(to_hex, each.get_colors()), strict=True)
+    return found
+
+
+def test_every_node_is_drawn_once_as_what_it_may_do():
+    mesh = junction(8)
+    drawing = plotting.plot_outlines(mesh, pinned=[20])
+    assert legend_of(drawing) == [
+        "10 chains straight",
+        f"{81 - 32 - 10 - 1} nodes free",
+        f"{32 + 10 - 8} nodes sliding",
+        "8 nodes in corners that others may take",
+        "1 node held for good",
+    ]
+    markers = [line for line in drawing.lines if line.get_marker() in ("o", "s")]
+    drawn = np.hstack([np.array(line.get_data()) for line in markers])
+    assert sorted(zip(*drawn, strict=True)) == sorted(zip(*mesh.p, strict=True))
+    hollow = next(line for line in markers if line.get_markerfacecolor() == "white")
+    assert set(zip(*np.array(hollow.get_data()), strict=True)) == {
+        *((0, 0), (0, 1), (1, 0), (1, 1)),
+        *((0, 0.5), (1, 0.5), (0.5, 1), (0.5, 0.5)),
+    }
+
+
+def test_a_pinned_node_is_held_for_good_and_ends_a_chain():
+    floor = int(np.flatnonzero((square(8).p[0] == 0.5) & (square(8).p[1] == 0.0))[0])
+    drawing = plotting.plot_outlines(square(8), pinned=[floor])
+    assert "1 node held for good" in legend_of(drawing)
+    assert "5 chains straight" in legend_of(drawing)
+
+
+@pytest.mark.parametrize("build", [lambda: junction(8), lambda: named(8), lambda: inset(8)])
+def test_chains_that_meet_differ_in_colour(build):
+    chains = chains_drawn(plotting.plot_outlines(build()))
+    at = {}
+    for points, colour in chains:
+        for end in (points[0], points[-1]):
+            at.setdefault(tuple(end.tolist()), []).append(colour)
+    assert max(map(len, at.values())) >= 2
+    assert all(len(set(colours)) == len(colours) for colours in at.values())
+
+
+def test_recognised_circles_are_drawn_round_and_dashed_with_their_radii():
+    mesh = ring(24, 3)
+    drawing = plotting.plot_outlines(mesh, unit="mm")
+    assert legend_of(drawing)[0] == "2 chains recognised as arc or circle,\nradius 500, 1000 mm"
+    assert sorted(text.get_text() for text in drawing.texts) == ["inner, r = 500 mm", "outer, r = 1000 mm"]
+    chains = chains_drawn(drawing)
+    assert len(chains) == 2
+    assert drawing.collections[1].get_linestyles()[0][1] is not None  # dashed
+    assert np.ptp(np.array(drawing.collections[0].get_segments())) == pytest.approx(2000.0)
+    for points, _ in chains:
+        radius = np.hypot(*points.T)
+        assert_allclose(radius, round(radius[0]), rtol=1e-12)
+        gap = np.hypot(*np.diff(points, axis=0).T).max() / radius[0]
+        assert gap < np.deg2rad(2.1) and np.all(points[0] == pytest.approx(points[-1]))
+
+
+def test_chains_on_given_curves_are_dotted_and_named():
+    mesh = square(8).with_boundaries({"floor": lambda x: x[1] == 0.0, "top": lambda x: x[1] == 1.0})
+    drawing = plotting.plot_outlines(mesh, curves={"floor": Line((0.0, 0.0), (1.0, 0.0))}, unit="")
+    assert legend_of(drawing)[:2] == ["3 chains straight", "1 chain on a given curve"]
+    assert sorted(text.get_text() for text in drawing.texts) == ["floor", "top"]
+    drawing = plotting.plot_outlines(ring(24, 2), curves={"outer": Arc((0.0, 0.0), 1.0)}, unit="")
+    assert legend_of(drawing)[:2] == [
+        "1 chain recognised as arc or circle,\nradius 0.5",
+        "1 chain on a given curve",
+    ]
+
+
+def test_periodic_chains_are_dash_dotted():
+    mesh = square(8).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+    drawing = plotting.plot_outlines(mesh, periodic=[("left", "right")])
+    assert legend_of(drawing)[:2] == ["2 chains straight", "2 chains periodic, matched with another"]
+
+
+def test_many_radii_are_a_range_and_short_chains_have_no_labels():
+    p, t = [], []
+    for k in range(30):
+        mesh = ring(12, 1, 0.01 * (k + 1), 0.2 + 0.01 * k)
+        p.append(mesh.p + [[k], [0.0]])
+        t.append(mesh.t + 24 * k)
+    drawing = plotting.plot_outlines(MeshTri(np.hstack(p), np.hstack(t)))
+    assert legend_of(drawing)[0] == "60 chains recognised as arc or circle,\nradii from 0.01 to 0.49 m"
+    assert not drawing.texts
+
+
+def test_nothing_of_the_outlines_is_cut_off():
+    figure = plotting.plot_outlines(ring(24, 3)).figure
+    figure.draw_without_rendering()
+    drawing, page = figure.axes[0], figure.bbox
+    for box in (drawing.get_tightbbox(), drawing.get_legend().get_window_extent()):
+        assert box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 and box.y1 <= page.y1
+    assert (drawing.get_xlabel(), drawing.get_aspect()) == ("x (m)", 1.0)
+
+
+def test_outlines_are_drawn_where_one_wishes_and_the_mesh_stays_as_it_is():
+    mesh, drawing = named(8), axes()
+    before = mesh.p.tobytes(), mesh.t.tobytes()
+    assert plotting.plot_outlines(mesh, ax=drawing) is drawing
+    assert (mesh.p.tobytes(), mesh.t.tobytes()) == before
+    with pytest.raises(ValueError, match="pinned name 'roof' is not in the mesh"):
+        plotting.plot_outlines(mesh, pinned="roof")
+    with pytest.raises(ValueError, match="curves has 'roof', which is no boundary of the mesh"):
+        plotting.plot_outlines(mesh, curves={"roof": Line((0, 0), (1, 0))})
 
 
 @pytest.mark.slow

@@ -281,3 +281,20 @@ def mark_along(position, elements, constraints, element, corner, along):
         start = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
         end = parameter_of(position, constraints, c, elements.node[e, (k + 2) % 3])
         along[i] = way_along(constraints.chains, c, start, end) > 0.0
+
+
+@kernel
+def farthest_from_facets(position, elements, constraints):
+    """How far at most a curve is from its facets, looked at in the middle of each: the sagitta of an arc."""
+    chains, farthest = constraints.chains, 0.0
+    for e in range(elements.node.shape[0]):
+        for k in range(3):
+            c = elements.chain[e, k]
+            if c < 0 or chains.shape[c] == STRAIGHT:
+                continue
+            a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+            start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
+            x, y = point_at(chains, c, gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end)))
+            dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])
+            farthest = max(farthest, math.sqrt(dx * dx + dy * dy))
+    return farthest

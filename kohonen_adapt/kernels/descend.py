@@ -16,7 +16,7 @@ import numpy as np
 from .chains import FREE, HELD, point_at
 from .compilation import kernel
 from .flip import flip_edge
-from .geometry import FLAT, element_quality, may_move, signed_quality
+from .geometry import FLAT, element_quality, may_join, may_move, signed_quality
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -197,7 +197,7 @@ def descend_flips(position, elements, trial, floor):
             other = elements.neighbour[e, k]
             if other > e and elements.chain[e, k] < 0:
                 lowered = gain_of_flip(position, elements.node, trial, e, k, other)
-                if lowered > 0.0 and keeps_quality(position, elements.node, e, k, other, floor):
+                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
                     flip_edge(elements, e, k)
                     gain += lowered
                     flips += 1
@@ -237,13 +237,14 @@ def dirichlet(ax, ay, u, bx, by, v):
 
 
 @kernel
-def keeps_quality(position, node, e, k, other, floor):
-    """Whether the quality rule allows the flip of the edge opposite to corner k of e."""
+def may_flip(position, elements, e, k, other, floor):
+    """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e."""
+    node = elements.node
     p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
     s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
     px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
-    if after <= FLAT:
+    if after <= FLAT or not may_join(elements, e, r, s):
         return False
     return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))

@@ -1,7 +1,7 @@
 """Lawson flips: every region constrained Delaunay, as far as the quality rule lets it."""
 
 from .compilation import kernel
-from .geometry import FLAT, element_quality, signed_quality
+from .geometry import FLAT, element_quality, may_join, signed_quality
 
 COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
 
@@ -22,7 +22,7 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
 
 @kernel
 def should_flip(position, elements, e, k, other, floor):
-    """Whether the edge opposite to corner k of e is free, not Delaunay, and may be flipped under the quality rule.
+    """Whether the edge opposite to corner k of e is free, not Delaunay, and allowed to flip by layers and quality rule.
 
     Where the rule is switched off elements may lie on one another. Flips of overturned ones need not come to an end,
     and the new edge may be there already: neither is done.
@@ -34,7 +34,7 @@ def should_flip(position, elements, e, k, other, floor):
     s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
     px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
+    if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy) or not may_join(elements, e, r, s):
         return False
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     before = min(element_quality(position, node, e), element_quality(position, node, other))

@@ -19,6 +19,8 @@ class Elements(NamedTuple):
     neighbour: np.ndarray  # (m, 3) int32
     region: np.ndarray  # (m,) int32
     chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
+    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
+    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
 
 class Star(NamedTuple):
@@ -28,6 +30,12 @@ class Star(NamedTuple):
     element: np.ndarray  # (3 m,) int32
     ahead: np.ndarray  # (3 m,) int32
     behind: np.ndarray  # (3 m,) int32
+
+
+@kernel
+def may_join(elements, e, v, w):
+    """Whether layers allow an edge between nodes v and w in the region of element e."""
+    return not elements.layered[elements.region[e]] or abs(elements.level[v] - elements.level[w]) <= 1
 
 
 @kernel

@@ -52,11 +52,9 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
     distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
     if distance_away < distance:
         onto, away, corner, target = away, onto, corner_away, target_away
-    if chains.paired[onto] or chains.paired[away]:
-        return
     next_node = follower(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
-    if next_node < 0 or parameter == corner:
+    if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
     if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
         return
@@ -85,7 +83,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
                 onto, least, target = c, distance, parameter
     corner = parameter_of(position, constraints, onto, v)
     parameter = corner + step * (target - corner)
-    if parameter == corner or chains.paired[onto]:
+    if parameter == corner:
         return
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
@@ -109,9 +107,11 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
     chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
     if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba knows no such in)
         return False
-    if chains.paired[away] or chains.paired[third] or chain_of_edge(elements, e, v) >= 0:
+    if chain_of_edge(elements, e, v) >= 0:
         return False
     if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, 0] != away:
+        return False
+    if elements.level[next_node] != elements.level[v]:
         return False
     if elements.neighbour[e, corner_of(elements, e, next_node)] < 0:
         return False

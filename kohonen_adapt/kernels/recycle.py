@@ -11,7 +11,7 @@ import numpy as np
 from .chains import FREE, SLIDING, gone_along, parameter_of, point_at, way_along
 from .compilation import kernel
 from .flip import corner_towards, flip_edge, push, should_flip
-from .geometry import allowed, element_quality, signed_quality
+from .geometry import allowed, element_quality, may_join, signed_quality
 
 NOWHERE = -1
 SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
@@ -260,6 +260,8 @@ def split(position, elements, constraints, pool, origins, e, k, x, y, parameter)
     position[p, 0], position[p, 1] = x, y
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, 0], constraints.chain[p, 1], constraints.parameter[p] = c, -1, parameter
+    # either end's will do; the sides' are the outermost, and a node inside with one of those could join less
+    elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
     origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
@@ -307,6 +309,8 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
             if chain[e, to_x] >= 0 or (across < 0 and elements.neighbour[e, to_x] < 0):
                 return -1.0
             continue
+        if not (may_join(elements, e, w, a) and may_join(elements, e, w, b)):
+            return -1.0
         if not joins_within_reach(position, constraints, w, a, chain[e, (k + 2) % 3]):
             return -1.0
         if not joins_within_reach(position, constraints, w, b, chain[e, (k + 1) % 3]):

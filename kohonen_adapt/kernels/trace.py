@@ -147,7 +147,7 @@ def next_piece(position, node, first, last, begin, circle, count):
         return end, False
     end = arc_end(position, node, first, last)
     if end - first + 1 >= FEWEST:
-        x, y, radius = circle_through(position, node[first], node[(first + end) // 2], node[end])
+        x, y, radius = circle_of_part(position, node, first, end)
         enters = first == begin or not off_circle(position, node[first - 1], node[first], x, y, radius) <= LEAVING
         if enters and (end == last or not off_circle(position, node[end + 1], node[end], x, y, radius) <= LEAVING):
             circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
@@ -223,12 +223,20 @@ def circle_through(position, a, b, c):
 
 
 @kernel
+def circle_of_part(position, node, first, last):
+    """The circle through the ends of a part of a run and a node between, or two nodes where it ends as it began."""
+    if node[first] == node[last]:
+        third = (last - first) // 3
+        return circle_through(position, node[first], node[first + third], node[first + 2 * third])
+    return circle_through(position, node[first], node[(first + last) // 2], node[last])
+
+
+@kernel
 def circle_of_loop(position, node, first, last, circle, count):
     """Whether a closed run is a circle, on which every node lies; the circle is entered."""
     if last - first < FEWEST:
         return False
-    third = (last - first) // 3
-    x, y, radius = circle_through(position, node[first], node[first + third], node[first + 2 * third])
+    x, y, radius = circle_of_part(position, node, first, last)
     for i in range(first, last):
         if not off_circle(position, node[i], node[i + 1], x, y, radius) <= CLOSE:
             return False

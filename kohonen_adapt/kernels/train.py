@@ -133,7 +133,7 @@ def learn(
                 else:
                     if constraints.chain[v, 1] >= 0:
                         jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
-                    elif constraints.chain[v, 0] == JUNCTION:
+                    elif ring == 0 and constraints.chain[v, 0] == JUNCTION:  # drawn along by others it would wander
                         jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (

@@ -1,4 +1,4 @@
-"""Pictures of an adaptation: meshes, indicators, field lines and the estimate over the passes (needs matplotlib)."""
+"""Pictures of an adaptation: meshes, indicators, field lines and the estimate over the passes."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from .magnetostatics import Law, Table
-from .magnetostatics.laws import VACUUM_PERMEABILITY
-from .result import AdaptResult, Pass
-from .triangles import area
-from .triangulation import codes_of_names
+from ..result import AdaptResult, Pass
+from ..triangles import area
+from ..triangulation import codes_of_names
+from .lengths import in_unit, set_axes
 
 __all__ = [
     "adaptation_figure",
@@ -26,18 +25,13 @@ __all__ = [
     "draw_mesh",
     "draw_passes",
     "indicator_scale",
-    "plot_bh",
 ]
 
 Floats = NDArray[np.float64]
 
-UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
-"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
-
 DECADES = 3
 """How far below the largest indicator the colours reach."""
 
-SATURATED = 0.9  # share of the slope of vacuum at which a magnetisation curve has been seen
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
 # One hue, without its dark end, so that black lines stand out on every shade.
@@ -124,7 +118,7 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), _outline(mesh))
     _draw_facets(axes, mesh, inner, unit, "0.4", width)
     _draw_outline(axes, mesh, unit, "black")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
 
 
 def draw_indicators(
@@ -155,7 +149,7 @@ def draw_indicators(
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
     _draw_outline(axes, mesh, unit, "white")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
     return shades
 
 
@@ -188,13 +182,13 @@ def draw_field_lines(
     magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
     norm = Normalize(0.0, _level_of_share(magnitude, area(mesh), 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    x, y = _factor(unit) * mesh.p
+    x, y = in_unit(unit) * mesh.p
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
         axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
     _draw_outline(axes, mesh, unit, "black")
-    _set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit)
     return colours
 
 
@@ -229,36 +223,6 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     axes.set_axisbelow(True)
 
 
-def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
-    """Plot a magnetisation curve, B over H, from 1 % of the saturation up to where dB/dH is nearly mu0.
-
-    Parameters
-    ----------
-    law
-        The law; of a `Table` with its points.
-    ax
-        Where to; None for a new figure.
-
-    Returns
-    -------
-    Axes
-        ``ax.figure.savefig(path)`` saves the figure.
-    """
-    axes = Figure(figsize=(6.4, 4.4), dpi=160, layout="constrained").subplots() if ax is None else ax
-    b = np.linspace(0.0, 4.0, 4001)
-    saturated = np.flatnonzero(law.slope(b) > SATURATED / VACUUM_PERMEABILITY)
-    b = np.linspace(0.01, 1.03, 800) * (b[saturated[0]] if saturated.size else b[-1])
-    axes.plot(law.field_strength(b), b, color=BLUE)
-    if isinstance(law, Table):
-        points = np.array(law.points)[1:]
-        axes.plot(points[:, 1], points[:, 0], "o", color=VERMILION, markersize=4, label="points of the table")
-        axes.legend()
-    axes.set(xscale="log", xlabel="field strength H (A/m)", ylabel="flux density B (T)", ylim=(0.0, None))
-    axes.grid(color="0.9")
-    axes.set_axisbelow(True)
-    return axes
-
-
 def indicator_scale(*indicators: ArrayLike) -> Normalize:
     """One logarithmic scale for several arrays of indicators: three decades below the largest of them."""
     largest = max((float(np.max(values)) for values in indicators), default=0.0)
@@ -268,7 +232,7 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 def _draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
 ) -> PolyCollection:
-    x, y = _factor(unit) * mesh.p
+    x, y = in_unit(unit) * mesh.p
     # Edges in the colour of their element leave no light seams between elements.
     return axes.tripcolor(
         x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
@@ -276,7 +240,7 @@ def _draw_elements(
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
-    segments = _factor(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
+    segments = in_unit(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
     axes.add_collection(LineCollection(segments, colors=colour, linewidths=width, capstyle="round", rasterized=True))
 
 
@@ -290,20 +254,6 @@ def _outline(mesh: MeshTri) -> NDArray[np.integer]:
     codes = codes_of_names(sets, mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
-
-
-def _set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
-    """Equal scales, a little room around the mesh, units."""
-    low, high = (_factor(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
-    room = 0.02 * np.max(high - low)
-    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
-
-
-def _factor(unit: str) -> float:
-    if unit not in UNITS:
-        raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
-    return UNITS[unit]
 
 
 def _level_of_share(values: Floats, weights: Floats, share: float) -> float:

@@ -1,0 +1,240 @@
+"""Pictures of outlines: what the chains of a mesh are taken for, and what every node may do."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from ..chains import Curve
+from ..kernels.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
+from ..outline import Outline
+from ..som import KohonenMap
+from ..triangulation import Triangulation
+from .lengths import in_unit, set_axes
+
+__all__ = ["plot_outlines"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+COLOURS = np.array(["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"])
+"""Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white."""
+
+LABELLED = 0.08
+"""Of the size of the mesh: shorter chains are not labelled."""
+
+ROOM = np.array([0.2, 0.05])
+"""Of the size of the mesh, across and up: no other label begins so near to one."""
+
+STEP = np.deg2rad(2.0)
+"""Turn of a circle from one point drawn to the next."""
+
+
+def plot_outlines(
+    mesh: MeshTri,
+    *,
+    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    curves: Mapping[str, Curve] | None = None,
+    periodic: Sequence[tuple[str, str]] = (),
+    ax: Axes | None = None,
+    unit: str = "m",
+) -> Axes:
+    """Draw what the outlines of a mesh are taken for: its chains, and where each node may go.
+
+    Chains that meet differ in colour. Straight ones are solid, recognised arcs and circles dashed with their radius,
+    chains on given curves dotted, periodic ones dash-dotted; curves are drawn as they are, their facets in grey.
+    Corners are squares: filled where the node is held for good, hollow where another may take its place (of three
+    chains only where edges may flip). Nodes that slide are dots, free ones grey.
+
+    Parameters
+    ----------
+    mesh
+        The mesh, in metres if the axes are to have a unit.
+    pinned, curves, periodic
+        As `relocate` takes them.
+    ax
+        Where to; None makes a figure, which is ``plot_outlines(mesh).figure``.
+    unit
+        Unit of the axes and radii, "m", "mm" or "".
+
+    Returns
+    -------
+    Axes
+        With a legend that counts what was found.
+
+    Raises
+    ------
+    ValueError
+        If `relocate` would refuse the mesh or what goes with it, or the unit is unknown.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.plotting import plot_outlines
+    >>> axes = plot_outlines(skfem.MeshTri().refined(3), unit="")
+    >>> axes.figure.savefig("outlines.png")  # doctest: +SKIP
+    """
+    som = KohonenMap(mesh, pinned=pinned, curves=curves, periodic=periodic)
+    triangulation, outline = som.triangulation, som.outline
+    axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
+    ends, chain = _facets_of_chains(triangulation)
+    axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
+    _draw_chains(axes, outline, _colours(ends, chain, len(outline.given)), np.bincount(chain), unit)
+    _draw_constraints(axes, outline, triangulation.position, unit)
+    sagitta = in_unit(unit) * outline.sagitta(triangulation)
+    if sagitta > 0.0:
+        axes.plot(
+            [],
+            [],
+            color="0.8",
+            linewidth=0.5,
+            label=f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves",
+        )
+    set_axes(axes, mesh, unit)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
+    return axes
+
+
+def _facets_of_chains(triangulation: Triangulation) -> tuple[Indices, Indices]:
+    """End nodes (f, 2) of all outline facets, each once, and their chains (f,)."""
+    elements = triangulation.elements
+    across = elements.neighbour
+    e, k = np.nonzero((elements.chain >= 0) & ((across < 0) | (across > np.arange(len(across))[:, None])))
+    ends = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    return ends, elements.chain[e, k]
+
+
+def _colours(ends: Indices, chain: Indices, count: int) -> NDArray[np.str_]:
+    """A colour for every chain that no chain it meets has, as far as colours go; from one to the next they change."""
+    pairs = np.unique(np.column_stack([ends.ravel(), np.repeat(chain, 2)]), axis=0)
+    _, first, number = np.unique(pairs[:, 0], return_index=True, return_counts=True)
+    meetings: dict[int, set[int]] = defaultdict(set)
+    for begin, many in zip(first[number > 1].tolist(), number[number > 1].tolist(), strict=True):
+        here = pairs[begin : begin + many, 1].tolist()
+        for each in here:
+            meetings[each].update(here)
+    found = np.full(count, -1)
+    for c in range(count):
+        taken = {int(found[other]) for other in meetings[c]}
+        wanted = [(c + shift) % len(COLOURS) for shift in range(len(COLOURS))]
+        found[c] = next((colour for colour in wanted if colour not in taken), wanted[0])
+    return COLOURS[found]
+
+
+def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Indices, unit: str) -> None:
+    """The chains as they are, a line style for what they were taken for, with names and radii where there is room."""
+    chains = outline.constraints.chains
+    given = outline.given >= 0
+    plain = ~chains.paired & ~given
+    recognised = (chains.shape == ROUND) & plain
+    lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
+    for mask, style, label in (
+        (plain & ~recognised, "solid", "straight"),
+        (
+            recognised,
+            (0, (4.0, 1.5)),
+            f"recognised as arc or circle{_radii(outline, recognised, unit)}",
+        ),
+        (given & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
+        (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),
+    ):
+        if mask.any():
+            some = [lines[c] for c in np.flatnonzero(mask)]
+            axes.add_collection(LineCollection(some, colors=colours[mask], linewidths=1.8, linestyles=style))
+            axes.plot([], [], color="black", linestyle=style, label=f"{_counted(len(some), 'chain')} {label}")
+    labels = _labels(outline, recognised, unit)
+    low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
+    middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
+    extent = np.max(high - low, axis=1)
+    taken: list[Floats] = []
+    for c in sorted(labels, key=lambda c: -extent[c]):
+        at, normal = _beside(lines[c], middle)
+        if extent[c] >= LABELLED * size and all(np.any(np.abs(at - other) > ROOM * size) for other in taken):
+            _write(axes, at, normal, labels[c], colours[c])
+            taken.append(at)
+
+
+def _lines_of(outline: Outline, facets: Indices) -> list[Floats]:
+    """Points along every chain, as dense as its shape asks for; `facets` (c,) counts those of each."""
+    chains = outline.constraints.chains
+    turn = np.abs(chains.curvature) * chains.length
+    parts = np.where(chains.shape == ROUND, np.ceil(turn / STEP), np.where(chains.shape == STRAIGHT, 1, 8 * facets))
+    stop = np.cumsum(parts.astype(np.int64) + 1)
+    chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
+    share = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
+    along = outline.constraints._replace(chain=np.stack([chain, chain], axis=1), parameter=share * chains.length[chain])
+    points = np.empty((len(chain), 2))
+    look_up(along, np.arange(len(chain)), points)
+    return np.split(points, stop[:-1])
+
+
+def _radii(outline: Outline, recognised: NDArray[np.bool_], unit: str) -> str:
+    """The radii of recognised circles, or from which to which they are."""
+    if not recognised.any():
+        return ""
+    radii = np.sort(in_unit(unit) / np.abs(outline.constraints.chains.curvature[recognised]))
+    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in radii))
+    if len(texts) > 4:
+        return f",\nradii from {texts[0]} to {texts[-1]} {unit}".rstrip()
+    return f",\nradius {', '.join(texts)} {unit}".rstrip()
+
+
+def _labels(outline: Outline, recognised: NDArray[np.bool_], unit: str) -> dict[int, str]:
+    """What is to be written at chains: the names they carry, and the radius that was recognised."""
+    found: dict[int, list[str]] = defaultdict(list)
+    for name, manner in outline.names.items():
+        for c in np.flatnonzero(manner).tolist():
+            found[c].append(name)
+    for c in np.flatnonzero(recognised).tolist():
+        radius = in_unit(unit) / abs(outline.constraints.chains.curvature[c])
+        found[c].append(f"r = {radius:.4g} {unit}".rstrip())
+    return {c: ", ".join(texts) for c, texts in found.items()}
+
+
+def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
+    """The middle of a line, and the unit vector across it there to the side of a point."""
+    steps = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(line, axis=0) ** 2, axis=1))))
+    at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
+    k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)
+    normal = np.array([line[k - 1, 1] - line[k, 1], line[k, 0] - line[k - 1, 0]]) / (steps[k] - steps[k - 1])
+    return at, normal if normal @ (towards - at) >= 0.0 else -normal
+
+
+def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> None:
+    """Write beside a line."""
+    places = [("right", "center", "left"), ("top", "center", "bottom")]
+    ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
+    offset = (6.0 * normal[0], 6.0 * normal[1])
+    axes.annotate(
+        text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va, zorder=5
+    )
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
+    """A marker for every node: what it may do."""
+    kind, (one, other) = outline.constraints.kind, outline.constraints.chain.T
+    jumps = (other >= 0) | (one == JUNCTION)
+    size = float(np.clip(120.0 / np.sqrt(max(np.sum(kind != FREE), 1)), 1.5, 6.0))
+    for mask, marker, face, width, label in (
+        (kind == FREE, "o", "0.7", 0.25 * size, "free"),
+        (kind == SLIDING, "o", "black", 0.35 * size, "sliding"),
+        ((kind == HELD) & jumps, "s", "white", size, "in corners that others may take"),
+        ((kind == HELD) & ~jumps, "s", "black", size, "held for good"),
+    ):
+        if mask.any():
+            x, y = in_unit(unit) * position[mask].T
+            label = f"{_counted(len(x), 'node')} {label}"
+            edge = face if face != "white" else "black"
+            axes.plot(
+                x, y, marker, color=face, markeredgecolor=edge, markersize=width, label=label, zorder=3,
+                markeredgewidth=0.8 if marker == "s" else 0.0, rasterized=True,
+            )  # fmt: skip
