@@ -1,18 +1,12 @@
 """One pole of a permanent-magnet machine, its sides antiperiodic: adapt its Gmsh mesh, print a table, draw a figure."""
 
-import dataclasses
 import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.spatial import cKDTree
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.magnetostatics.coefficients import coefficients
-from kohonen_adapt.magnetostatics.field import Field
-from kohonen_adapt.magnetostatics.system import equations, fixed_values, solved
 
 MESH = Path(__file__).with_name("motor.msh")
 POLE = np.pi / 4  # angle of the sector, counter-clockwise from "right" to "left"
@@ -30,48 +24,9 @@ MATERIALS = {
 }
 
 
-class Sector(Magnetostatics):
-    """Magnetostatics with A on "left" = -A on "right"; the jump of H across these sides is not in the indicators."""
-
-    def solve(self, mesh):
-        given = coefficients(mesh, self.materials)
-        fixed, values = fixed_values(mesh, self.potential)
-        matrix, right = equations(mesh, given, values, np.arange(values.size))
-        eliminate = antiperiodic(mesh, fixed)
-        free = solved((eliminate.T @ matrix @ eliminate).tocsc(), eliminate.T @ right)
-        return Field(mesh, values + eliminate @ free, given.reluctivity, given.remanence)
-
-    def ritz(self, mesh, field):
-        """With the potential on the sides given, for the polish looks at one side at a time."""
-        ritz = super().ritz(mesh, field)
-        sides = np.union1d(*side_nodes(mesh))
-        return dataclasses.replace(ritz, fixed=ritz.fixed | np.isin(np.arange(ritz.fixed.size), sides))
-
-
-def side_nodes(mesh):
-    """The nodes of "right", and of "left" those that they become by the rotation."""
-    right, left = (np.unique(mesh.facets[:, mesh.boundaries[name]]) for name in ("right", "left"))
-    z = mesh.p[0] + 1j * mesh.p[1]
-    turned, there = z[right] * np.exp(1j * POLE), z[left]
-    distance, partner = cKDTree(np.c_[there.real, there.imag]).query(np.c_[turned.real, turned.imag])
-    if len(left) != len(right) or distance.max() > 1e-9 * np.ptp(mesh.p):
-        raise ValueError(
-            f"'left' must have the nodes of 'right', turned by {POLE:.4f} rad; it has {len(left)} for {len(right)}, up "
-            f"to {distance.max():.1e} m apart. In Gmsh: Periodic Curve ... Rotate; in adapt: periodic=[(...)]."
-        )
-    return right, left[partner]
-
-
-def antiperiodic(mesh, fixed):
-    """The matrix that makes all nodal values, zero at the fixed nodes, of those that are free and not on "left"."""
-    right, left = side_nodes(mesh)
-    nodes = np.arange(fixed.size)
-    master, sign = nodes.copy(), np.where(fixed, 0.0, 1.0)
-    master[left], sign[left] = right, -sign[right]
-    free = np.flatnonzero((master == nodes) & ~fixed)
-    column = np.zeros(fixed.size, dtype=int)
-    column[free] = np.arange(free.size)
-    return csc_array((sign, (nodes, column[master])), shape=(fixed.size, free.size))
+def sector(materials):
+    """The problem of one pole: A on "left" is -A on "right"."""
+    return Magnetostatics(materials, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=[("right", "left")])
 
 
 def draw(before, after, path):
@@ -99,7 +54,7 @@ def main(folder="."):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
-    problem = Sector(MATERIALS, potential={"outer": 0.0, "inner": 0.0})
+    problem = sector(MATERIALS)
     before = ka.adapt(mesh, problem, passes=0)
     after = ka.adapt(mesh, problem, passes=3, periodic=[("left", "right")], layers={"gap": 2})
     print(after)

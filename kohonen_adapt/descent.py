@@ -12,7 +12,7 @@ from .kernels.descend import Trial, descend_flips, descend_nodes
 from .kernels.parts import mark_deep
 from .limits import Limits
 from .outline import Outline
-from .problem import Problem, offers, order_of, ritz_of
+from .problem import Problem, offers, order_of, ritz_of, why_without
 from .relocation import guarded_map
 from .sampling import along_curve
 from .schedule import check_training, is_count
@@ -120,6 +120,8 @@ def check_polish(problem: Problem, sweeps: object, topology: object) -> None:
         raise ValueError(f"topology must be 'fixed' or 'flip', for polish keeps every node; got {topology!r}.")
     if not is_count(sweeps):
         raise ValueError(f"sweeps must be an integer >= 0; got {sweeps!r}.")
+    if reason := why_without(problem, "ritz"):
+        raise ValueError(f"polish needs the functional of the problem, which offers none: {reason}.")
     missing = [name for name in ("solve", "ritz") if not offers(problem, name)]
     if missing:
         raise ValueError(

@@ -12,7 +12,7 @@ from .density import density_from_indicators
 from .descent import SWEEPS, descend
 from .functional import Functional, VariesInside
 from .limits import Limits
-from .problem import Problem, norm_of, offers, order_of, ritz_of
+from .problem import Problem, norm_of, offers, order_of, ritz_of, why_without
 from .relocation import Trained, guarded_map, trained_map
 from .ritz import Ritz, functional_value
 from .schedule import Schedule
@@ -112,7 +112,7 @@ class Improvement:
 def why_skipped(problem: Problem) -> str:
     """What a problem lacks for the polish, or empty."""
     if not offers(problem, "ritz"):
-        return f"{type(problem).__name__} has no method ritz(mesh, solution)"
+        return why_without(problem, "ritz") or f"{type(problem).__name__} has no method ritz(mesh, solution)"
     if order_of(problem) != 1:
         return f"the order of its elements is {order_of(problem)}, not 1"
     if norm_of(problem) != "energy":

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
-from .borders import Facets
+from .borders import Facets, outline_facets
 from .triangulation import Triangulation
 
-__all__ = ["Pairs", "find_pairs"]
+__all__ = ["Pairs", "find_pairs", "image_nodes"]
 
 MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
 
@@ -67,6 +67,22 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
             facet_motion[facets.sides[name] > 0] = len(motions)
             motions.append(step)
     return Pairs(partner, motion, np.array(motions).reshape(-1, 2, 3), mates_of(facets, partner), facet_motion)
+
+
+def image_nodes(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[Indices, Indices]]:
+    """For every pair of boundaries the nodes of the first, (k,), and those of the second that they are one with, (k,).
+
+    Raises
+    ------
+    ValueError
+        As `find_pairs`.
+    """
+    triangulation = Triangulation.of(mesh)
+    facets, found = outline_facets(triangulation), []
+    for one, other in checked_names(periodic, mesh):
+        check_outer(triangulation, facets, one, other)
+        found.append(matched(mesh, facets, one, other)[1:])
+    return found
 
 
 def checked_names(periodic: Sequence[tuple[str, str]], mesh: MeshTri) -> list[tuple[str, str]]:

@@ -8,7 +8,18 @@ from skfem import MeshTri
 
 from .ritz import Ritz
 
-__all__ = ["Problem", "check_problem", "energy_norm", "estimate", "norm_of", "offers", "order_of", "ritz_of", "solve"]
+__all__ = [
+    "Problem",
+    "check_problem",
+    "energy_norm",
+    "estimate",
+    "norm_of",
+    "offers",
+    "order_of",
+    "ritz_of",
+    "solve",
+    "why_without",
+]
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +30,8 @@ class Problem(Protocol):
     It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
-    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises.
+    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises. A class that offers
+    some of it for some of its problems only raises AttributeError for the others, which says why.
     """
 
     def solve(self, mesh: MeshTri) -> Any:
@@ -121,6 +133,16 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
 def offers(problem: Problem, name: str) -> bool:
     """Whether a problem has a method of that name."""
     return callable(getattr(problem, name, None))
+
+
+def why_without(problem: Problem, name: str) -> str:
+    """Why a problem whose class has such a method does not offer it: what its AttributeError says, or empty."""
+    if hasattr(type(problem), name):
+        try:
+            getattr(problem, name)
+        except AttributeError as error:
+            return str(error)
+    return ""
 
 
 def _as_floats(values: ArrayLike) -> Floats:

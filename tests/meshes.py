@@ -32,6 +32,23 @@ def without_flat_elements(p, t):
     return MeshTri(p, np.ascontiguousarray(t[:, doubled > 1e-12]))
 
 
+def disk(rings, radius):
+    """A disk of `rings` rings of 6 k nodes."""
+    first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
+    points, elements = [np.zeros((2, 1))], []
+    for k in range(1, rings + 1):
+        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
+        points.append(radius * k / rings * np.stack((np.cos(angle), np.sin(angle))))
+        side, step = np.divmod(np.arange(6 * k), k)
+        out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
+        inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)
+        elements.append((out, follower, inside))
+        more = step < k - 1
+        after = first[k - 1] + (side * (k - 1) + step + 1) % max(6 * (k - 1), 1)
+        elements.append((inside[more], after[more], follower[more]))
+    return MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
+
+
 def ring(n, layers, inner=0.5, outer=1.0):
     """An annulus about the origin with n nodes on each of its circles, which are named inner and outer."""
     around = circle(n)

@@ -219,7 +219,7 @@ def test_the_motor_turned_by_a_slot_has_the_same_energy_without_current(tmp_path
         br = 1.2j * TURN ** (step / 72)
         magnet = Material(permeability=1.05, remanence=(br.real, br.imag))
         materials = {name: Material(given.permeability) for name, given in module["MATERIALS"].items()}
-        sector = module["Sector"](materials | {"magnet": magnet}, potential={"outer": 0.0, "inner": 0.0})
+        sector = module["sector"](materials | {"magnet": magnet})
         energies.append(sector.solve(drawn("motor", tmp_path, step=step)).energy)
     assert energies[1] == pytest.approx(energies[0], rel=1e-3)
 

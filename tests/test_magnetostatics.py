@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from meshes import disk
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.magnetostatics.problem import RESIDUAL_SCALE
+from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
 from kohonen_adapt.triangles import area
 
 MU0 = 4e-7 * np.pi
@@ -45,20 +46,7 @@ INNER, OUTER = 0.01, 0.04
 
 def ring_mesh(rings):
     """A disk of `rings` rings of 6 k nodes, the magnet's circle one of them."""
-    first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
-    points, elements = [np.zeros((2, 1))], []
-    for k in range(1, rings + 1):
-        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        points.append(OUTER * k / rings * np.stack((np.cos(angle), np.sin(angle))))
-        side, step = np.divmod(np.arange(6 * k), k)
-        out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
-        inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)
-        elements.append((out, follower, inside))
-        more = step < k - 1
-        after = first[k - 1] + (side * (k - 1) + step + 1) % max(6 * (k - 1), 1)
-        elements.append((inside[more], after[more], follower[more]))
-    mesh = MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
-    mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
+    mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
     return mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
 
 

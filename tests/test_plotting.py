@@ -13,6 +13,7 @@ from skfem import MeshTri
 
 from kohonen_adapt import plotting
 from kohonen_adapt.curves import Arc, Line
+from kohonen_adapt.magnetostatics import Arctan, Table
 from kohonen_adapt.result import AdaptResult, Pass, Status
 
 
@@ -279,3 +280,15 @@ def test_a_hundred_thousand_elements_take_seconds(tmp_path):
     figure.savefig(tmp_path / "page.png")
     assert mesh.t.shape[1] > 100_000
     assert time.process_time() - start < 60.0
+
+
+def test_a_magnetisation_curve():
+    table = Table([(0.9, 120.0), (1.5, 1000.0), (1.9, 17e3), (2.25, 17e4)])
+    drawn = plotting.plot_bh(table)
+    curve, points = drawn.lines
+    assert_allclose(curve.get_xdata(), table.field_strength(curve.get_ydata()))
+    assert_allclose(points.get_xydata(), np.array(table.points)[1:, ::-1])
+    assert curve.get_ydata().max() > 2.25 and drawn.get_xscale() == "log"
+    assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("field strength H (A/m)", "flux density B (T)")
+    given = axes()
+    assert plotting.plot_bh(Arctan(1000.0, 2.0), given) is given and len(given.lines) == 1

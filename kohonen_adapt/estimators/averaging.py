@@ -1,5 +1,7 @@
 """Recovery estimator: the distance of the flux from its nodal averages, region by region."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
@@ -21,6 +23,7 @@ def recovery(
     *,
     source: ArrayLike | None = None,
     flux: ArrayLike | None = None,
+    region: ArrayLike | None = None,
 ) -> Floats:
     """Recovery indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
 
@@ -41,6 +44,9 @@ def recovery(
         Right-hand side; checked, though the averages do not need it.
     flux : (2, nelements), optional
         Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero.
+    region : (nelements,) of integers, optional
+        What regions are told by, in place of reluctivity and flux: the number of the material, where these change
+        inside one (saturated iron, radial magnets).
 
     Returns
     -------
@@ -55,7 +61,7 @@ def recovery(
         `MeshTri`.
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    corner = _corners(mesh, _regions(mesh, discrete))
+    corner = _corners(mesh, _regions(mesh, _data(discrete, region)))
     weight = np.bincount(corner.ravel(), np.tile(discrete.area, 3))
     squared = np.zeros(mesh.t.shape[1])
     for component in discrete.values:
@@ -65,11 +71,23 @@ def recovery(
     return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
 
 
-def _regions(mesh: MeshTri, discrete: DiscreteFlux) -> Integers:
-    """Number of the region of every element: connected across facets, of equal reluctivity and flux."""
+def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
+    """What is equal inside a region, a column for each element."""
+    if region is None:
+        return np.vstack((discrete.reluctivity, discrete.prescribed))
+    number = np.asarray(region)
+    if number.shape != discrete.area.shape or number.dtype.kind not in "iu":
+        raise ValueError(
+            f"region must be integers of shape (nelements,) = {discrete.area.shape}; "
+            f"got {number.dtype} of shape {number.shape}."
+        )
+    return number[None]
+
+
+def _regions(mesh: MeshTri, data: NDArray[Any]) -> Integers:
+    """Number of the region of every element: connected across facets, of equal data."""
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
-    data = np.vstack((discrete.reluctivity, discrete.prescribed))
     same = np.all(data[:, one] == data[:, other], axis=0)
     ones = np.ones(np.count_nonzero(same), dtype=np.int8)
     graph = coo_array((ones, (one[same], other[same])), shape=(nelements, nelements))

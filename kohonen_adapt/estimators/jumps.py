@@ -21,6 +21,7 @@ def residual(
     *,
     source: ArrayLike | None = None,
     flux: ArrayLike | None = None,
+    joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
 ) -> Floats:
     """Residual indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
 
@@ -42,6 +43,9 @@ def residual(
         Right-hand side; None is zero.
     flux : (2, nelements), optional
         Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero.
+    joined : (k,), (k,), (k,), optional
+        Facets of the boundary, those that a periodic mesh goes on with beyond them, and the sign that u changes by, 1
+        or -1: across these there is a jump, too.
 
     Returns
     -------
@@ -58,16 +62,22 @@ def residual(
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
     load = discrete.area**2 * discrete.source**2 / discrete.reluctivity
-    return np.sqrt(load + _jumps(mesh, discrete))
+    return np.sqrt(load + _jumps(mesh, discrete, joined))
 
 
-def _jumps(mesh: MeshTri, discrete: DiscreteFlux) -> Floats:
+def _jumps(mesh: MeshTri, discrete: DiscreteFlux, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None) -> Floats:
     """The facet part of eta_K^2; h_F ||jump||_F^2 is the square of the jump integrated over F, so no length appears."""
     nfacets = mesh.facets.shape[1]
     side = mesh.t2f.ravel()
     outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats[:, OPPOSITE])
     jump = np.bincount(side, outflow.ravel(), nfacets)
-    jump[np.bincount(side, minlength=nfacets) < 2] = 0.0
+    outer = np.where(np.bincount(side, minlength=nfacets) < 2, jump, 0.0)
+    jump -= outer
     largest = np.zeros(nfacets)
     np.maximum.at(largest, side, np.tile(discrete.reluctivity, 3))
+    if joined is not None:
+        one, other, sign = (np.asarray(each) for each in joined)
+        jump[one] = outer[one] + sign * outer[other]
+        jump[other] = sign * jump[one]
+        largest[one] = largest[other] = np.maximum(largest[one], largest[other])
     return 0.5 * np.sum((jump**2 / largest)[mesh.t2f], axis=0)

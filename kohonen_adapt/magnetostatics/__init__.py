@@ -1,6 +1,28 @@
-"""Linear magnetostatics in the plane: the vector potential A_z on a triangular mesh."""
+"""Magnetostatics in the plane or around an axis: the vector potential on a triangular mesh."""
 
+from kohonen_adapt.magnetostatics.bh_table import Table, read_bh
+from kohonen_adapt.magnetostatics.field import Field
+from kohonen_adapt.magnetostatics.laws import Arctan, Brauer, Froehlich, Law
+from kohonen_adapt.magnetostatics.magnetisation import halbach, radial
 from kohonen_adapt.magnetostatics.material import Material
+from kohonen_adapt.magnetostatics.newton import NewtonStep
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
+from kohonen_adapt.magnetostatics.solution import NotConverged
 
-__all__ = ["Magnetostatics", "Material"]
+__all__ = [
+    "Arctan",
+    "Brauer",
+    "Field",
+    "Froehlich",
+    "Law",
+    "Magnetostatics",
+    "Material",
+    "NewtonStep",
+    "NotConverged",
+    "QuadraticField",
+    "Table",
+    "halbach",
+    "radial",
+    "read_bh",
+]

@@ -1,42 +1,37 @@
-"""The magnetostatic problem of a user: materials by subdomain, potential by boundary, solve and indicators."""
+"""The magnetostatic problem of a user: materials by subdomain, conditions by boundary, solve and indicators."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.estimators import recovery, residual
-from kohonen_adapt.magnetostatics.coefficients import coefficients, material_of_elements, of_materials
+from kohonen_adapt.magnetostatics.coefficients import Coefficients, coefficients
+from kohonen_adapt.magnetostatics.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.material import Material
-from kohonen_adapt.magnetostatics.system import Value, fixed_values, solve_potential
+from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
+from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.ritz import Ritz
-from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import check_mesh
 
-__all__ = ["RESIDUAL_SCALE", "Magnetostatics"]
+__all__ = ["Magnetostatics"]
 
 Floats = NDArray[np.float64]
-
-# What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
-# The ratio of that root to the true error, unscaled, measured by tests/test_magnetostatics.py and benchmark M:
-#     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
-#     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
-#     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
-#     the same after one to three relocations                         3.51 - 3.66
-# With 1 / 3.6 all of them come within 10 %.
-RESIDUAL_SCALE = 1.0 / 3.6
-ESTIMATORS = {"residual": (residual, RESIDUAL_SCALE), "recovery": (recovery, 1.0)}
+Pairs = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
 class Magnetostatics:
-    """Planar linear magnetostatics, ``curl(nu curl A) = J + curl(nu Br)`` for the P1 potential A_z.
+    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1 or P2 potential.
 
-    Metres, teslas, amperes; results are per metre of depth. A and J point out of the page, ``B = (dA/dy, -dA/dx)``.
+    Metres, teslas, amperes. Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre
+    of depth unless there is a `depth`. Axisymmetric: x = r >= 0 and y = z, A and J point along phi (with r to the right
+    and z up into the page), ``B = (-dA/dz, d(r A)/dr / r)``, and results are totals.
+
     Where no potential is given the natural condition ``n x H = 0`` holds (flux crosses the boundary at a right angle);
     a constant potential keeps the flux inside. A problem of this kind is what `kohonen_adapt.adapt` takes.
 
@@ -45,24 +40,48 @@ class Magnetostatics:
     materials
         Subdomain name to `Material`. Every element of the mesh needs exactly one; further subdomains may exist.
     potential
-        Boundary name to A_z in Wb/m: a float or a callable of x (2, n) that returns (n,). At least one. At a node of
-        two boundaries the later in the mapping counts.
+        Boundary name to A in Wb/m: a float or a callable of x (2, n) that returns (n,). At a node of two boundaries the
+        later in the mapping counts. At least one, unless something else fixes A: an open boundary, antiperiodic
+        sides, or the axis.
     estimator
         "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6 because the bare estimate overrates the error by that
         factor, give or take 10 %; or "recovery", which comes within 5 % by itself.
+    ampere_turns
+        Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
+        current times turns of a coil side. In place of the current density of its material.
+    depth
+        In m: then the energies of a `Field` are totals. Planar problems only.
+    axisymmetric
+        Whether the mesh is the half-plane of an axis.
+    open_boundary
+        Name of a boundary on a circle beyond which there is nothing but air: there ``nu dA/dn + nu A / R0 = 0``, which
+        is exact for the field of a dipole at its centre, with the radius R0 from the mesh. The currents must add up to
+        none; the energy beyond is not in that of the `Field`.
+    periodic, antiperiodic
+        Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
+        same on both, or the other's negative. Name the same pairs as `periodic` of `kohonen_adapt.adapt`.
+    order
+        Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
 
     Raises
     ------
     ValueError
-        For materials, potentials or an estimator of another kind; by `solve` and `indicators` for names that the mesh
-        lacks, elements without or with two materials, and parts of the mesh where the potential is fixed nowhere.
+        For arguments of another kind; by `solve` and `indicators` for names that the mesh lacks, elements without or
+        with two materials, boundary conditions that do not fit the mesh or one another, and parts of the mesh where
+        the potential is fixed nowhere.
     """
 
     materials: Mapping[str, Material]
     potential: Mapping[str, Value] | None = None
     estimator: str = "residual"
+    ampere_turns: Mapping[str, float] | None = None
+    depth: float | None = None
+    axisymmetric: bool = False
+    open_boundary: str | None = None
+    periodic: Pairs = ()
+    antiperiodic: Pairs = ()
+    order: int = 1
 
-    order: ClassVar[int] = 1
     norm: ClassVar[str] = "energy"
 
     def __post_init__(self) -> None:
@@ -73,17 +92,51 @@ class Magnetostatics:
         for name, material in self.materials.items():
             if not isinstance(material, Material):
                 raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
-        if not isinstance(self.potential, Mapping) or not self.potential:
+        self._check_fixed()
+        self._check_order()
+        self._check_depth()
+        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
+        object.__setattr__(self, "materials", dict(self.materials))
+        object.__setattr__(self, "potential", dict(self.potential or {}))
+        object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
+        for name in ("periodic", "antiperiodic"):
+            object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
+
+    def _check_fixed(self) -> None:
+        elsewhere = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
+        given = isinstance(self.potential, Mapping) and len(self.potential) > 0
+        if not given and not (elsewhere and self.potential in (None, {})):
             raise ValueError(
                 "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
-        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential))
+
+    def _check_order(self) -> None:
+        if self.order not in (1, 2) or isinstance(self.order, bool):
+            raise ValueError(f"order of the elements must be 1 or 2; got {self.order!r}.")
+        if self.order == 2 and self.axisymmetric:
+            raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
+        if self.order == 2 and self.estimator != "residual":
+            raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {self.estimator!r}.")
+
+    def _check_depth(self) -> None:
+        if self.depth is None:
+            return
+        if self.axisymmetric:
+            raise ValueError(f"an axisymmetric problem has no depth, its results are totals; got depth {self.depth!r}.")
+        if not isinstance(self.depth, int | float | np.number) or not 0.0 < self.depth < np.inf:
+            raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {self.depth!r}.")
+
+    @property
+    def _symmetry(self) -> Symmetry:
+        return AXISYMMETRIC if self.axisymmetric else PLANAR
+
+    @property
+    def _boundaries(self) -> Boundaries:
+        return Boundaries(self.potential or {}, self.open_boundary, self.periodic, self.antiperiodic)
 
     def solve(self, mesh: MeshTri) -> Field:
-        """Solve on a mesh by a sparse direct method.
+        """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
 
         Parameters
         ----------
@@ -101,15 +154,66 @@ class Magnetostatics:
             See the class; for a broken mesh or one of another kind.
         numpy.linalg.LinAlgError
             If the equations have no finite solution (a kind of ValueError).
+        NotConverged
+            If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
         """
         check_mesh(mesh)
-        given = coefficients(mesh, self.materials)
-        fixed, values = fixed_values(mesh, self.potential or {})
-        potential = solve_potential(mesh, given, fixed, values)
-        return Field(mesh, potential, given.reluctivity, given.remanence)
+        return self._solved(mesh, None)
+
+    def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
+        """Solve like `solve`; nonlinear problems start from a solution on another mesh, which saves steps.
+
+        Parameters
+        ----------
+        mesh
+            As for `solve`.
+        old_mesh
+            The mesh of the other solution.
+        old_field
+            What `solve` returned for it.
+
+        Returns
+        -------
+        Field
+            As of `solve`.
+
+        Raises
+        ------
+        ValueError
+            As `solve`.
+        """
+        check_mesh(mesh)
+        return self._solved(mesh, None if self._linear else carried(mesh, old_field, self.order))
+
+    @property
+    def _linear(self) -> bool:
+        return all(material.bh is None for material in self.materials.values())
+
+    @property
+    def _varies(self) -> bool:
+        """Whether reluctivity or remanence change inside a material, for which no table has one number."""
+        vectors = [vector for each in self.materials.values() for vector in (each.remanence, each.coercivity)]
+        return not self._linear or self.axisymmetric or any(callable(vector) for vector in vectors)
+
+    @property
+    def _kinds(self) -> NDArray[np.int64] | None:
+        """Per material the first in the mapping that equals it, where their numbers alone do not tell them apart."""
+        filled = list(self.materials.values())
+        return np.array([filled.index(material) for material in filled]) if self._varies else None
+
+    def _solved(self, mesh: MeshTri, start: Floats | None) -> Field:
+        given = self._coefficients(mesh)
+        if self.order == 2:
+            return quadratic_solution_of(mesh, given, self._boundaries, self.depth, start)
+        return solution_of(mesh, given, self._boundaries, self._symmetry, self.depth, start)
+
+    def _coefficients(self, mesh: MeshTri) -> Coefficients:
+        return coefficients(mesh, self.materials, self.ampere_turns)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Error indicators of a solution, near the true error in the energy norm.
+
+        For nonlinear material the norm is that of the linearised problem, ``sqrt(int dH/dB |B - B_h|^2)``.
 
         Parameters
         ----------
@@ -121,32 +225,69 @@ class Magnetostatics:
         Returns
         -------
         ndarray (nelements,)
-            Unsquared, in sqrt(J/m).
+            Unsquared, in sqrt(J/m) whatever the depth; axisymmetric in sqrt(J).
         """
-        given = coefficients(mesh, self.materials)
-        estimate, scale = ESTIMATORS[self.estimator]
-        source, flux = given.current_density, given.flux
-        return scale * estimate(mesh, field.potential, given.reluctivity, source=source, flux=flux)
+        return estimated(mesh, self._coefficients(mesh), field, self.estimator, self._boundaries, self._kinds)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
-        """``sqrt(int nu |B|^2)`` over the mesh in sqrt(J/m), what `estimate` is compared with."""
-        return float(np.sqrt(np.sum(area(mesh) * field.reluctivity * field.flux_density**2)))
+        """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`."""
+        return float(np.sqrt(field.squared_norm))
 
-    def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
-        """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, with one number per material.
+    @property
+    def ritz(self) -> Callable[[MeshTri, Field], Ritz]:
+        """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, as a method.
 
-        Parameters
-        ----------
-        mesh
-            The mesh of the solution.
-        field
-            What `solve` returned for it.
+        Called with a mesh and what `solve` returned for it, it gives a `Ritz` in J/m, one number per material. Of a
+        solution it lies above the exact minimum by half the square of the error in `energy_norm`. Nodes of periodic and
+        antiperiodic sides count as given, for the polish looks at one side at a time.
 
-        Returns
-        -------
-        Ritz
-            In J/m. Of a solution it lies above the exact minimum by half the square of the error in `energy_norm`.
+        Raises
+        ------
+        AttributeError
+            If the functional is of another form: for nonlinear material, an axis, order 2 and an open boundary.
         """
-        given, number = of_materials(self.materials), material_of_elements(mesh, self.materials)
-        fixed, _ = fixed_values(mesh, self.potential or {})
-        return Ritz(field.potential, fixed, given.reluctivity, given.current_density, given.flux, number)
+        if not self._linear:
+            raise AttributeError("its material is nonlinear, for which there is no polish yet")
+        if self.axisymmetric:
+            raise AttributeError("it is axisymmetric, so its coefficients vary inside a region of the mesh")
+        if self.order == 2:
+            raise AttributeError("its elements are of order 2")
+        if self.open_boundary is not None:
+            raise AttributeError("its open boundary adds to the energy, which the polish does not see")
+        return self._ritz
+
+    def _ritz(self, mesh: MeshTri, field: Field) -> Ritz:
+        given = self._coefficients(mesh)
+        conditions = conditions_of(mesh, self._boundaries, self._symmetry)
+        fixed = conditions.fixed.copy()
+        if conditions.joints is not None:
+            fixed[conditions.joints.one] = fixed[conditions.joints.other] = True
+        number = np.arange(given.number.size) if self._varies else given.number
+        used, first = np.unique(number, return_index=True)
+        place = np.searchsorted(used, number)
+        tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
+        return Ritz(field.potential, fixed, *tables, place)
+
+
+def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
+    if given is not None and not isinstance(given, Mapping):
+        raise ValueError(f"ampere_turns must map subdomain names to amperes; got {given!r}.")
+    for name, total in (given or {}).items():
+        if name not in materials:
+            has = ", ".join(repr(other) for other in sorted(materials)) or "none"
+            raise ValueError(f"ampere_turns has {name!r}, which is not among the materials: {has}.")
+        if not isinstance(total, int | float | np.number) or not np.isfinite(total):
+            raise ValueError(f"ampere_turns of {name!r} must be a finite number in A; got {total!r}.")
+        if materials[name].current_density != 0.0:
+            raise ValueError(
+                f"the coil {name!r} has ampere_turns or a current density; got both, "
+                f"{materials[name].current_density:g} A/m^2 of its material."
+            )
+    return {name: float(total) for name, total in (given or {}).items()}
+
+
+def _checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
+    pairs = list(given) if isinstance(given, list | tuple) else None
+    if pairs is None or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in pairs):
+        raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
+    return tuple((one, other) for one, other in pairs)

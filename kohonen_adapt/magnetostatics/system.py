@@ -1,63 +1,66 @@
-"""The P1 equations of A_z: assembly, fixed values, solution."""
+"""The P1 equations of the potential: assembly and direct solution."""
 
-from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
-from kohonen_adapt.magnetostatics.coefficients import Coefficients, named
+from kohonen_adapt.magnetostatics.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.conditions import Conditions
+from kohonen_adapt.magnetostatics.symmetry import Symmetry
 from kohonen_adapt.triangles import area
 
-__all__ = ["Value", "equations", "fixed_values", "solve_potential", "solved"]
+__all__ = ["Scalar", "assembled", "check_finite", "equations", "scalar_of", "solve_scalar", "solved"]
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.int64]
-Value = float | Callable[[Floats], ArrayLike]
+Indices = NDArray[np.integer]
 
 
-def fixed_values(mesh: MeshTri, potential: Mapping[str, Value]) -> tuple[Bools, Floats]:
-    """Which nodes have a fixed potential, (nnodes,) bool, and the values there, (nnodes,) with zeros elsewhere.
+@dataclass(frozen=True)
+class Scalar:
+    """``-div(reluctivity grad u - flux) = source`` in the plane of the mesh."""
 
-    A boundary hands its value to all nodes of its facets; at a node of several, the last in the mapping counts.
-    """
-    fixed = np.zeros(mesh.p.shape[1], dtype=bool)
-    values = np.zeros(mesh.p.shape[1])
-    for name, value in potential.items():
-        nodes = np.unique(mesh.facets[:, named(mesh.boundaries, name, "boundary")])
-        fixed[nodes] = True
-        values[nodes] = _evaluated(name, value, mesh.p[:, nodes])
-    _check_tied(mesh, fixed)
-    return fixed, values
+    reluctivity: Floats  # (nelements,)
+    flux: Floats  # (2, nelements)
+    source: Floats  # (nelements,)
 
 
-def solve_potential(mesh: MeshTri, given: Coefficients, fixed: Bools, values: Floats) -> Floats:
-    """Nodal A_z, (nnodes,) in Wb/m, of ``-div(nu grad A - flux) = J`` with A = `values` at the `fixed` nodes."""
-    potential = values.copy()
-    free = np.flatnonzero(~fixed)
+def scalar_of(mesh: MeshTri, symmetry: Symmetry, given: Coefficients) -> Scalar:
+    """The scalar problem of linear material; of nonlinear material that at B = 0."""
+    return Scalar(
+        symmetry.reluctivity(mesh, given.reluctivity),
+        -symmetry.flux(-given.coercivity),
+        symmetry.source(given.current_density),
+    )
+
+
+def solve_scalar(mesh: MeshTri, given: Scalar, conditions: Conditions) -> Floats:
+    """Nodal values of the solution, (nnodes,)."""
+    potential = conditions.values.copy()
+    free = conditions.free
     if free.size:
-        potential[free] = solved(*equations(mesh, given, values, free))
-    if not np.all(np.isfinite(potential)):
-        raise np.linalg.LinAlgError(
-            "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
-            "or elements that are almost flat."
-        )
+        matrix, right = equations(mesh, given, potential, free)
+        if conditions.robin is not None:
+            right = right - (conditions.robin @ potential)[free]
+        potential[free] = conditions.expanded(solved(*conditions.reduced(matrix, right)))
+    check_finite(potential)
     return potential
 
 
-def equations(mesh: MeshTri, given: Coefficients, values: Floats, free: Indices) -> tuple[csc_array, Floats]:
+def equations(mesh: MeshTri, given: Scalar, values: Floats, free: Indices) -> tuple[csc_array, Floats]:
     """Matrix of ``int nu grad u . grad v`` over the free nodes, and the right-hand side that belongs to it."""
     size, hats = area(mesh), hat_gradients(mesh)
     with np.errstate(over="ignore", invalid="ignore"):
         pull = given.flux - given.reluctivity * gradient(mesh, values, hats)
-        load = size * (given.current_density / 3.0 + np.einsum("ck,cik->ik", pull, hats))
+        load = size * (given.source / 3.0 + np.einsum("ck,cik->ik", pull, hats))
     right = np.bincount(mesh.t.ravel(), load.ravel(), values.size).astype(np.float64)
-    return _stiffness(mesh, given.reluctivity * size, hats, free), right[free]
+    own, next_one = np.einsum("cik,cik->ik", hats, hats), np.einsum("cik,cik->ik", hats, hats[:, [1, 2, 0]])
+    weight = given.reluctivity * size
+    return assembled(mesh, own * weight, next_one * weight, free), right[free]
 
 
 def solved(matrix: csc_array, right: Floats) -> Floats:
@@ -87,41 +90,25 @@ def solved(matrix: csc_array, right: Floats) -> Floats:
     return factors.solve(right)
 
 
-def _stiffness(mesh: MeshTri, weight: Floats, hats: Floats, free: Indices) -> csc_array:
-    """Sum over the elements of `weight` times the products of the gradients of hat functions, symmetric."""
+def check_finite(values: Floats) -> None:
+    """Refuse a solution that is none."""
+    if not np.all(np.isfinite(values)):
+        raise np.linalg.LinAlgError(
+            "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
+            "or elements that are almost flat."
+        )
+
+
+def assembled(mesh: MeshTri, own: Floats, next_one: Floats, free: Indices) -> csc_array:
+    """The symmetric matrix of the free nodes whose elements add `own` on the diagonal, for each of their corners, and
+    `next_one` for each corner and the next, (3, nelements) each.
+    """
     number = np.full(mesh.p.shape[1], -1, dtype=np.int32)
     number[free] = np.arange(free.size)
     # A product off the diagonal is worked out once and stands in two places; those on it are summed beforehand.
-    off = np.einsum("cik,cik->ik", hats, hats[:, [1, 2, 0]]) * weight
-    on = np.bincount(mesh.t.ravel(), (np.einsum("cik,cik->ik", hats, hats) * weight).ravel(), number.size)
+    on = np.bincount(mesh.t.ravel(), own.ravel(), number.size)
     start, end = number[mesh.t], number[mesh.t[[1, 2, 0]]]
     inner = (start >= 0) & (end >= 0)
-    off, start, end, diagonal = off[inner], start[inner], end[inner], number[free]
+    off, start, end, diagonal = next_one[inner], start[inner], end[inner], number[free]
     row, column = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
     return coo_array((np.concatenate((off, off, on[free])), (row, column)), shape=(free.size, free.size)).tocsc()
-
-
-def _evaluated(name: str, value: Value, x: Floats) -> Floats:
-    given = np.asarray(value(x) if callable(value) else value, dtype=float)
-    if given.shape not in {(), x.shape[1:]}:
-        raise ValueError(
-            f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {given.shape}."
-        )
-    everywhere = np.broadcast_to(given, x.shape[1:])
-    bad = np.count_nonzero(~np.isfinite(everywhere))
-    if bad:
-        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {everywhere.size} nodes.")
-    return everywhere
-
-
-def _check_tied(mesh: MeshTri, fixed: Bools) -> None:
-    """Every connected part of the mesh needs a fixed value, or its potential is known up to a constant only."""
-    graph = coo_array((np.ones(mesh.facets.shape[1], dtype=np.int8), tuple(mesh.facets)), shape=(fixed.size,) * 2)
-    parts, part = connected_components(graph, directed=False)
-    loose = np.setdiff1d(np.arange(parts), part[fixed])
-    if loose.size:
-        node = int(np.flatnonzero(part == loose[0])[0])
-        raise ValueError(
-            f"the potential is fixed nowhere on {loose.size} of the {parts} connected parts of the mesh, "
-            f"first the one of node {node}. Fix it there by a boundary name."
-        )

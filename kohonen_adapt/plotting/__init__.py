@@ -8,6 +8,7 @@ from .adaptation import (
     draw_passes,
     indicator_scale,
 )
+from .magnetisation import plot_bh
 from .outlines import plot_outlines
 
 __all__ = [
@@ -17,5 +18,6 @@ __all__ = [
     "draw_mesh",
     "draw_passes",
     "indicator_scale",
+    "plot_bh",
     "plot_outlines",
 ]

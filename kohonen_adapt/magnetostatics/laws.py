@@ -1,0 +1,251 @@
+"""Magnetic laws H(B) of isotropic material: the protocol, its continuation to any B, and the analytic ones."""
+
+from dataclasses import dataclass
+from math import isfinite, pi
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+__all__ = [
+    "VACUUM_PERMEABILITY",
+    "Arctan",
+    "Brauer",
+    "Continued",
+    "Froehlich",
+    "Law",
+    "flux_density_of",
+    "reluctivities",
+]
+
+VACUUM_PERMEABILITY = 4e-7 * pi  # H/m
+VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
+
+Floats = NDArray[np.float64]
+
+
+@runtime_checkable
+class Law(Protocol):
+    """How field strength follows from flux density, for arrays of B >= 0 in T; H must rise with B, from 0 at 0."""
+
+    def field_strength(self, b: Floats) -> Floats:
+        """H(B) in A/m."""
+
+    def slope(self, b: Floats) -> Floats:
+        """dH/dB in m/H, > 0."""
+
+    def energy(self, b: Floats) -> Floats:
+        """``int_0^B H dB`` in J/m^3."""
+
+
+class Continued:
+    """A law that goes on with dB/dH = mu0 from where it would fall below that, or from where it ends.
+
+    Attributes
+    ----------
+    end
+        The flux density in T from which it does.
+    """
+
+    end: float
+
+    def field_strength(self, b: Floats) -> Floats:
+        """H(B) in A/m, for B >= 0 in T."""
+        inside = np.minimum(b, self.end)
+        return self._strength(inside) + VACUUM_RELUCTIVITY * (b - inside)
+
+    def slope(self, b: Floats) -> Floats:
+        """dH/dB in m/H, for B >= 0 in T."""
+        return np.where(np.less(b, self.end), self._slope(np.minimum(b, self.end)), VACUUM_RELUCTIVITY)
+
+    def energy(self, b: Floats) -> Floats:
+        """``int_0^B H dB`` in J/m^3, for B >= 0 in T."""
+        inside = np.minimum(b, self.end)
+        beyond = b - inside
+        return self._energy(inside) + beyond * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * beyond)
+
+    def _strength(self, b: Floats) -> Floats:
+        raise NotImplementedError
+
+    def _slope(self, b: Floats) -> Floats:
+        raise NotImplementedError
+
+    def _energy(self, b: Floats) -> Floats:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Brauer(Continued):
+    """``H = (k1 + k2 exp(k3 B^2)) B`` (Brauer, IEEE Trans. Magn. 11, 1975).
+
+    Parameters
+    ----------
+    k1, k2
+        In m/H, k1 >= 0 and k2 > 0; their sum is the reluctivity at B = 0.
+    k3
+        In 1/T^2, > 0.
+
+    Raises
+    ------
+    ValueError
+        For other numbers, and where the material would not even at B = 0 be more permeable than vacuum.
+    """
+
+    k1: float
+    k2: float
+    k3: float
+
+    def __post_init__(self) -> None:
+        for name in ("k2", "k3"):
+            _check_positive("Brauer", name, getattr(self, name))
+        if not (_is_number(self.k1) and self.k1 >= 0.0):
+            raise ValueError(f"k1 of Brauer must be a finite number >= 0; got {self.k1!r}.")
+        if self.k1 + self.k2 >= VACUUM_RELUCTIVITY:
+            raise ValueError(
+                f"k1 + k2 of Brauer, the reluctivity at B = 0, must be below that of vacuum, {VACUUM_RELUCTIVITY:.6g} "
+                f"m/H; got {self.k1 + self.k2:g}. Are they in other units?"
+            )
+        bound = np.sqrt(np.log(VACUUM_RELUCTIVITY / self.k2) / self.k3)
+        object.__setattr__(self, "end", brentq(lambda b: float(self._slope(b)) - VACUUM_RELUCTIVITY, 0.0, bound))
+
+    def _strength(self, b: Floats) -> Floats:
+        return (self.k1 + self.k2 * np.exp(self.k3 * b**2)) * b
+
+    def _slope(self, b: Floats) -> Floats:
+        return self.k1 + self.k2 * np.exp(self.k3 * b**2) * (1.0 + 2.0 * self.k3 * b**2)
+
+    def _energy(self, b: Floats) -> Floats:
+        return 0.5 * self.k1 * b**2 + 0.5 * self.k2 / self.k3 * np.expm1(self.k3 * b**2)
+
+
+@dataclass(frozen=True)
+class Froehlich(Continued):
+    """``B = mu H / (1 + mu H / Bs)`` with the permeability ``mu = mu0 permeability`` at B = 0 (Froehlich, 1881).
+
+    Parameters
+    ----------
+    permeability
+        Relative to vacuum, at B = 0; > 1.
+    saturation
+        Bs in T, > 0: what B would tend to, were it not for dB/dH >= mu0.
+
+    Raises
+    ------
+    ValueError
+        For other numbers.
+    """
+
+    permeability: float
+    saturation: float
+
+    def __post_init__(self) -> None:
+        _check_permeable("Froehlich", self.permeability)
+        _check_positive("Froehlich", "saturation", self.saturation)
+        object.__setattr__(self, "end", self.saturation * (1.0 - self.permeability**-0.5))
+
+    def _strength(self, b: Floats) -> Floats:
+        return VACUUM_RELUCTIVITY / self.permeability * b / (1.0 - b / self.saturation)
+
+    def _slope(self, b: Floats) -> Floats:
+        return VACUUM_RELUCTIVITY / self.permeability / (1.0 - b / self.saturation) ** 2
+
+    def _energy(self, b: Floats) -> Floats:
+        share = b / self.saturation
+        return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * (-np.log1p(-share) - share)
+
+
+@dataclass(frozen=True)
+class Arctan:
+    """``B = mu0 H + 2 Js / pi arctan(pi (permeability - 1) mu0 H / (2 Js))``; its dB/dH never falls below mu0.
+
+    Parameters
+    ----------
+    permeability
+        Relative to vacuum, at B = 0; > 1.
+    saturation
+        The polarisation Js in T that it tends to, > 0.
+
+    Raises
+    ------
+    ValueError
+        For other numbers.
+    """
+
+    permeability: float
+    saturation: float
+
+    def __post_init__(self) -> None:
+        _check_permeable("Arctan", self.permeability)
+        _check_positive("Arctan", "saturation", self.saturation)
+
+    def field_strength(self, b: Floats) -> Floats:
+        """H(B) in A/m, for B >= 0 in T, by Newton's method.
+
+        B(H) is concave, so from a value below the root it rises to it and cannot go past.
+        """
+        b = np.asarray(b, dtype=float)
+        below = np.maximum(b / self.permeability, b - self.saturation)
+        strength = VACUUM_RELUCTIVITY * np.maximum(below, 0.0)
+        for _ in range(100):
+            step = (b - self._flux_density(strength)) / self._rate(strength)
+            strength = strength + step
+            if np.all(np.abs(step) <= 1e-13 * strength):
+                break
+        return strength
+
+    def slope(self, b: Floats) -> Floats:
+        """dH/dB in m/H, for B >= 0 in T."""
+        return 1.0 / self._rate(self.field_strength(b))
+
+    def energy(self, b: Floats) -> Floats:
+        """``int_0^B H dB`` in J/m^3, for B >= 0 in T: H B less the co-energy."""
+        strength = self.field_strength(b)
+        turn = strength * self._steepness
+        bent = strength * np.arctan(turn) - 0.5 * np.log1p(turn**2) / self._steepness
+        return strength * b - 0.5 * VACUUM_PERMEABILITY * strength**2 - 2.0 * self.saturation / pi * bent
+
+    @property
+    def _steepness(self) -> float:
+        return pi * (self.permeability - 1.0) * VACUUM_PERMEABILITY / (2.0 * self.saturation)
+
+    def _flux_density(self, h: Floats) -> Floats:
+        return VACUUM_PERMEABILITY * h + 2.0 * self.saturation / pi * np.arctan(self._steepness * h)
+
+    def _rate(self, h: Floats) -> Floats:
+        """dB/dH."""
+        return VACUUM_PERMEABILITY * (1.0 + (self.permeability - 1.0) / (1.0 + (self._steepness * h) ** 2))
+
+
+def reluctivities(law: Law, b: Floats) -> tuple[Floats, Floats]:
+    """The secant H / B, where B = 0 its limit, and the differential dH/dB, in m/H."""
+    slope = np.asarray(law.slope(b), dtype=float)
+    small = b < 1e-9  # T: there the quotient is of rounding
+    return np.where(small, slope, law.field_strength(b) / np.where(small, 1.0, b)), slope
+
+
+def flux_density_of(law: Law, h: Floats) -> Floats:
+    """The inverse of a law: B >= 0 in T at which it has the field strengths H >= 0 in A/m, by bisection."""
+    wanted, place = np.unique(h, return_inverse=True)
+    low, high = np.zeros_like(wanted), np.ones_like(wanted)
+    while np.any(short := np.asarray(law.field_strength(high)) < wanted):
+        high = np.where(short, 2.0 * high, high)
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        below = law.field_strength(middle) < wanted
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.where(wanted > 0.0, high, 0.0)[place]
+
+
+def _is_number(given: Any) -> bool:
+    return isinstance(given, int | float | np.integer | np.floating) and isfinite(given)
+
+
+def _check_positive(law: str, name: str, given: Any) -> None:
+    if not (_is_number(given) and given > 0.0):
+        raise ValueError(f"{name} of {law} must be a finite number > 0; got {given!r}.")
+
+
+def _check_permeable(law: str, given: Any) -> None:
+    if not (_is_number(given) and given > 1.0):
+        raise ValueError(f"permeability of {law}, relative and at B = 0, must be a finite number > 1; got {given!r}.")
