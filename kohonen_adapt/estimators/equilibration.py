@@ -8,7 +8,7 @@ from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
 from kohonen_adapt.triangulation import Triangulation
 
-__all__ = ["equilibrated", "equilibrated_flux"]
+__all__ = ["equilibrated", "equilibrated_correction", "equilibrated_flux"]
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def equilibrated(
         `MeshTri`, and for a potential that does not satisfy the P1 equations at a node where it should: also inside the
         mesh, where values may not be given, and where parts of the mesh hang together by a single node.
     """
-    discrete, correction = _correction(mesh, potential, reluctivity, source, flux, fixed)
+    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     squared = np.sum(correction**2, axis=(0, 1)) + np.sum(np.sum(correction, axis=1) ** 2, axis=0)
     return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
 
@@ -104,11 +104,11 @@ def equilibrated_flux(
     ValueError
         As `equilibrated` does.
     """
-    discrete, correction = _correction(mesh, potential, reluctivity, source, flux, fixed)
+    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     return discrete.values[:, None] + correction
 
 
-def _correction(
+def equilibrated_correction(
     mesh: MeshTri,
     potential: ArrayLike,
     reluctivity: ArrayLike,
@@ -116,7 +116,7 @@ def _correction(
     flux: ArrayLike | None,
     fixed: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats]:
-    """The discrete flux, and what brings it into equilibrium: (2, 3, nelements)."""
+    """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     held = _fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, held)
