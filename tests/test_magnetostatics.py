@@ -35,8 +35,8 @@ def overrating(problem, mesh, field, error):
     return np.linalg.norm(problem.indicators(mesh, field)) / error
 
 
-def with_recovery(problem):
-    return Magnetostatics(problem.materials, potential=problem.potential, estimator="recovery")
+def with_estimator(problem, name):
+    return Magnetostatics(problem.materials, potential=problem.potential, estimator=name)
 
 
 # --- exact: a transverse cylinder in a finite disk --------------------------------------------------------------
@@ -101,7 +101,8 @@ def test_estimates_of_the_cylinder_are_near_its_error(rings):
     field = CYLINDER.solve(mesh)
     error = true_error(mesh, field, cylinder_field(mesh))
     assert 0.9 < overrating(CYLINDER, mesh, field, error) < 1.1
-    assert 0.95 < overrating(with_recovery(CYLINDER), mesh, field, error) < 1.05
+    assert 0.95 < overrating(with_estimator(CYLINDER, "recovery"), mesh, field, error) < 1.05
+    assert 1.0 < overrating(with_estimator(CYLINDER, "equilibrated"), mesh, field, error) < 1.1
 
 
 # --- exact: a rectangle magnet in free space ---------------------------------------------------------------------
@@ -171,7 +172,8 @@ def test_rectangle_magnet_converges_to_its_exact_field():
         assert np.max(np.abs(here - sheet_field(points))) < 0.2 / n
         assert np.max(np.abs(there - sheet_potential(points))) < 6e-4 / n**2
         assert 0.9 < overrating(RECTANGLE, mesh, field, errors[-1]) < 1.1
-        assert 0.95 < overrating(with_recovery(RECTANGLE), mesh, field, errors[-1]) < 1.05
+        assert 0.95 < overrating(with_estimator(RECTANGLE, "recovery"), mesh, field, errors[-1]) < 1.05
+        assert 1.0 < overrating(with_estimator(RECTANGLE, "equilibrated"), mesh, field, errors[-1]) < 1.1
     assert 0.8 < -rate(fineness, errors) < 1.0
 
 
@@ -309,7 +311,7 @@ def test_square_magnet_falls_short_of_its_energy_as_known(permeability, n, perce
     error = np.sqrt(reference * MU0 - norm**2)
     assert 100 * error / np.sqrt(reference * MU0) == pytest.approx(percent, abs=0.006)
     assert 0.95 < overrating(problem, mesh, field, error) < 1.05
-    assert 0.95 < overrating(with_recovery(problem), mesh, field, error) < 1.05
+    assert 0.95 < overrating(with_estimator(problem, "recovery"), mesh, field, error) < 1.05
 
 
 def test_indicators_are_those_of_the_estimators_package():
@@ -321,7 +323,7 @@ def test_indicators_are_those_of_the_estimators_package():
     bare = estimators.residual(mesh, field.potential, nu, **arguments)
     np.testing.assert_allclose(problem.indicators(mesh, field), RESIDUAL_SCALE * bare, rtol=1e-12)
     recovered = estimators.recovery(mesh, field.potential, nu, **arguments)
-    np.testing.assert_allclose(with_recovery(problem).indicators(mesh, field), recovered, rtol=1e-12)
+    np.testing.assert_allclose(with_estimator(problem, "recovery").indicators(mesh, field), recovered, rtol=1e-12)
 
 
 def test_solving_changes_nothing_and_repeats_bit_for_bit():
@@ -402,7 +404,7 @@ def test_materials_are_values():
         ({"potential": None}, r"potential must fix A on at least one boundary, .* up to a constant; got None\."),
         ({"potential": {}}, r"potential must fix A on at least one boundary, .* up to a constant; got {}\."),
         ({"potential": 0.0}, r"potential must fix A on at least one boundary, .* got 0\.0\."),
-        ({"estimator": "jump"}, r"estimator must be 'residual' or 'recovery'; got 'jump'\."),
+        ({"estimator": "jump"}, r"estimator must be one of 'residual', 'recovery', 'equilibrated'; got 'jump'\."),
         ({"materials": {"iron": 1000.0}}, r"materials\['iron'\] must be a Material; got 1000\.0\."),
         ({"materials": ["iron"]}, r"materials must map subdomain names to Materials; got \['iron'\]\."),
     ],

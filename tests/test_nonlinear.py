@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from meshes import disk, square
-from skfem import Basis, ElementTriP1
+from skfem import Basis, ElementTriP1, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
@@ -93,12 +93,33 @@ def test_the_flux_density_in_the_iron():
     assert np.all(field.differential_reluctivity[iron] > 10 * field.reluctivity[iron])
 
 
-@pytest.mark.parametrize(("estimator", "low", "high"), [("residual", 0.9, 1.3), ("recovery", 0.84, 0.9)])
+@pytest.mark.parametrize(
+    ("estimator", "low", "high"), [("residual", 0.9, 1.3), ("recovery", 0.84, 0.9), ("equilibrated", 1.0, 1.2)]
+)
 def test_estimates_of_the_tube_are_near_its_error(estimator, low, high):
     for rings in (10, 20):
         mesh, problem = wire_mesh(rings), tube(estimator=estimator)
         field = problem.solve(mesh)
         assert low < np.linalg.norm(problem.indicators(mesh, field)) / tube_error(mesh, field) < high
+
+
+def test_the_bound_is_never_below_the_energy_above_its_minimum():
+    """Nested meshes of one polygon: half the square of the bound covers what refinement takes off the functional."""
+    problem, functional, height = tube(estimator="equilibrated"), [], []
+    for mesh in (wire_mesh(10), wire_mesh(10).refined(2)):
+        mesh = MeshTri(mesh.p, mesh.t, {"outer": mesh.boundary_facets()}, mesh.subdomains)
+        field = problem.solve(mesh)
+        work = np.sum(field.volume * field.current_density * field.potential[mesh.t].mean(axis=0))
+        functional.append(field.energy - work)
+        height.append(0.5 * np.sum(problem.indicators(mesh, field) ** 2))
+    gained = functional[0] - functional[1]
+    assert gained <= height[0] <= 2.0 * gained
+
+
+def test_the_bound_is_for_plane_problems_with_potentials():
+    message = "estimator 'equilibrated' bounds .* this one has an open boundary and antiperiodic sides: take 'residual'"
+    with pytest.raises(ValueError, match=message):
+        tube(estimator="equilibrated", open_boundary="outer", potential=None, antiperiodic=[("left", "right")])
 
 
 def test_adapting_the_tube_lowers_its_error():

@@ -1,4 +1,4 @@
-"""What both estimators start from: checked arguments and the discrete flux they give."""
+"""What all estimators start from: checked arguments and the discrete flux they give."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from kohonen_adapt.facets import number_facets
 from kohonen_adapt.triangles import area
 from kohonen_adapt.triangulation import check_mesh
 
-__all__ = ["DiscreteFlux", "discrete_flux"]
+__all__ = ["DiscreteFlux", "checked", "discrete_flux"]
 
 Floats = NDArray[np.float64]
 
@@ -35,18 +35,19 @@ def discrete_flux(
     check_mesh(mesh)
     number_facets(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
-    nodal = _checked("potential", potential, {"nnodes": nnodes}, "node")
-    material = _checked("reluctivity", reluctivity, {"nelements": nelements}, "element")
+    nodal = checked("potential", potential, {"nnodes": nnodes}, "node")
+    material = checked("reluctivity", reluctivity, {"nelements": nelements}, "element")
     _check_positive(material)
-    load = _checked("source", np.zeros(nelements) if source is None else source, {"nelements": nelements}, "element")
+    load = checked("source", np.zeros(nelements) if source is None else source, {"nelements": nelements}, "element")
     empty = np.zeros((2, nelements)) if flux is None else flux
-    prescribed = _checked("flux", empty, {"2": 2, "nelements": nelements}, "element")
+    prescribed = checked("flux", empty, {"2": 2, "nelements": nelements}, "element")
     hats = hat_gradients(mesh)
     values = material * gradient(mesh, nodal, hats) - prescribed
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
 
 
-def _checked(name: str, given: ArrayLike, wanted: dict[str, int], place: str) -> Floats:
+def checked(name: str, given: ArrayLike, wanted: dict[str, int], place: str) -> Floats:
+    """A copy of an argument as floats, or an error that says what of its shape or values is wrong."""
     array = np.asarray(given)
     shape = tuple(wanted.values())
     if array.shape != shape:

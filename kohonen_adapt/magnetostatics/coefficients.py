@@ -80,6 +80,22 @@ class Coefficients:
         """``nu |B| + |Hc|``, whose difference the field strength may be, (nelements,) in A/m."""
         return self.reluctivities(flux_density)[0] * np.hypot(*flux_density) + np.hypot(*self.coercivity)
 
+    def stored(self, b: Floats) -> Floats:
+        """``int H dB`` from 0 to b >= 0 without the magnets, (k, nelements) in J/m^3."""
+        density = 0.5 * self.reluctivity * b**2
+        for piece in self.pieces:
+            density[:, piece.elements] = piece.law.energy(b[:, piece.elements])
+        return density
+
+    def costored(self, h: Floats) -> Floats:
+        """``int B dH`` from 0 to h >= 0 without the magnets, (k, nelements) in J/m^3."""
+        density = 0.5 * h**2 / self.reluctivity
+        for piece in self.pieces:
+            strength = h[:, piece.elements].ravel()
+            b = flux_density_of(piece.law, strength)
+            density[:, piece.elements] = (strength * b - piece.law.energy(b)).reshape(len(h), -1)
+        return density
+
     def energy_density(self, flux_density: Floats) -> Floats:
         """``int H . dB`` from the remanent state, (nelements,) in J/m^3; >= 0."""
         change = flux_density - self.remanence

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.estimators import recovery, residual
+from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.conditions import Boundaries
+from kohonen_adapt.magnetostatics.conditions import Boundaries, fixed_values
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.joints import joints_of
 from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
@@ -29,7 +29,7 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
 # corners of iron 6.0 - 6.2 (tests/test_quadratic.py). With 1 / 6.1 all of them come within 5 %.
 QUADRATIC_SCALE = 1.0 / 6.1
-ESTIMATORS = ("residual", "recovery")
+ESTIMATORS = ("residual", "recovery", "equilibrated")
 
 
 def estimated(
@@ -50,6 +50,8 @@ def estimated(
         joined = joints_of(mesh, boundaries.periodic, boundaries.antiperiodic).facets
     if isinstance(field, QuadraticField):
         return QUADRATIC_SCALE * quadratic_residual(field.problem, field.values, joined)
+    if estimator == "equilibrated":
+        return bound(mesh, given, field, boundaries)
     scalar, unknown = scalar_of(mesh, field.symmetry, given), field.unknown
     if given.pieces:
         scalar = linearised(mesh, field, scalar, estimator)
@@ -58,6 +60,16 @@ def estimated(
         return RESIDUAL_SCALE * bare
     region = None if kinds is None else kinds[given.number]
     return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, region=region)
+
+
+def bound(mesh: MeshTri, given: Coefficients, field: Field, boundaries: Boundaries) -> Floats:
+    """Guaranteed indicators of a planar field: the duality gap, which for linear material are the equilibrated ones."""
+    fixed, _ = fixed_values(mesh, boundaries.potential)
+    source, flux = given.current_density, given.flux
+    if not given.pieces:
+        return equilibrated(mesh, field.potential, given.reluctivity, source=source, flux=flux, fixed=fixed)
+    balanced = equilibrated_flux(mesh, field.potential, field.reluctivity, source=source, flux=flux, fixed=fixed)
+    return duality_gap(mesh, field.potential, balanced, given.stored, given.costored, flux=flux)
 
 
 def linearised(mesh: MeshTri, field: Field, scalar: Scalar, estimator: str) -> Scalar:

@@ -1,0 +1,173 @@
+"""Equilibrated estimator: a guaranteed upper bound of the energy error, from a flux in exact equilibrium."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
+from kohonen_adapt.kernels.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
+from kohonen_adapt.triangulation import Triangulation
+
+__all__ = ["equilibrated", "equilibrated_correction", "equilibrated_flux"]
+
+Floats = NDArray[np.float64]
+
+# What a free node may leave unbalanced, of the largest balance of any node. Direct solvers leave 1e-15, iterative ones
+# and Newton 1e-8; a node whose value was given, but is not in `fixed`, leaves 1e-2 and more.
+UNBALANCED = 1e-6
+
+
+def equilibrated(
+    mesh: MeshTri,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    *,
+    source: ArrayLike | None = None,
+    flux: ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
+) -> Floats:
+    """Equilibrated indicators of a P1 solution of ``-div(nu grad u - flux) = source``: they bound its error.
+
+    ``eta_K^2 = int_K |sigma* - sigma_h|^2 / nu_K`` with ``sigma_h = nu grad u_h - flux`` and the flux sigma* of
+    `equilibrated_flux`. By the theorem of Prager and Synge (Quart. Appl. Math. 5, 1947)
+
+        int nu |grad(u - u_h)|^2 + int |sigma* - sigma|^2 / nu = sum eta_K^2,
+
+    so the root of the sum of squares is never below the error, without any constant, for any reluctivity and mesh. It
+    was measured at 1.04 to 1.3 times the error. What it bounds is the error on the meshed polygon, for data that are
+    constant per element and given values that are linear along each facet; the bound is for the plane, not for axial
+    symmetry.
+
+    Parameters
+    ----------
+    mesh
+        A plain triangular mesh.
+    potential : (nnodes,)
+        Nodal values of the solution u_h: it must satisfy the P1 equations at all nodes that are not fixed.
+    reluctivity : (nelements,)
+        The coefficient nu > 0.
+    source : (nelements,), optional
+        Right-hand side; None is zero.
+    flux : (2, nelements), optional
+        Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero.
+    fixed : (nnodes,) of bool, optional
+        Nodes whose value is given; None: those of the whole boundary. A boundary facet between two of them has given
+        values, every other boundary facet the natural condition ``n . sigma = 0``.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Indicators of the energy norm ``sqrt(int nu |grad e|^2)``, unsquared, in its unit.
+
+    Raises
+    ------
+    ValueError
+        For arguments of the wrong shape, not finite or not positive, for a mesh that is broken or not a plain
+        `MeshTri`, and for a potential that does not satisfy the P1 equations at a node where it should: also inside the
+        mesh, where values may not be given, and where parts of the mesh hang together by a single node.
+    """
+    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
+    squared = np.sum(correction**2, axis=(0, 1)) + np.sum(np.sum(correction, axis=1) ** 2, axis=0)
+    return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
+
+
+def equilibrated_flux(
+    mesh: MeshTri,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    *,
+    source: ArrayLike | None = None,
+    flux: ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
+) -> Floats:
+    """Flux sigma* near ``nu grad u - flux`` that is in equilibrium: ``-div sigma* = source`` in every element.
+
+    Its normal component is continuous across facets and zero on those of the boundary where nothing is given. It is
+    linear in every element (BDM1), the sum over all nodes a of the field on the elements around a that has the
+    divergence ``grad phi_a . sigma_h - phi_a source``, no normal component on the rim, and the least distance from
+    ``phi_a sigma_h`` in the norm ``sqrt(int |.|^2 / nu)`` (Braess and Schoeberl, Math. Comp. 77, 2008; Ern and
+    Vohralik, SIAM J. Numer. Anal. 53, 2015). In magnetostatics ``H* = (-sigma*_y, sigma*_x)``.
+
+    Parameters
+    ----------
+    mesh, potential, reluctivity, source, flux, fixed
+        As of `equilibrated`.
+
+    Returns
+    -------
+    ndarray (2, 3, nelements)
+        At the three corners of every element, in the order of ``mesh.t``, in units of `flux`: component, corner,
+        element. At a point of barycentric coordinates l_i it is ``sum l_i sigma*_i``.
+
+    Raises
+    ------
+    ValueError
+        As `equilibrated` does.
+    """
+    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
+    return discrete.values[:, None] + correction
+
+
+def equilibrated_correction(
+    mesh: MeshTri,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    source: ArrayLike | None,
+    flux: ArrayLike | None,
+    fixed: ArrayLike | None,
+) -> tuple[DiscreteFlux, Floats]:
+    """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    held = _fixed_nodes(mesh, fixed)
+    problem, order = _problem(mesh, discrete, held)
+    rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
+    equilibrate(problem, fan_of(np.bincount(mesh.t.ravel()).max()), rows, imbalance)
+    _check_balance(mesh, discrete, held, imbalance)
+    correction = np.empty_like(rows)
+    np.put_along_axis(correction, order[:, :, None], rows, axis=1)
+    return discrete, correction.T
+
+
+def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> NDArray[np.bool_]:
+    if fixed is None:
+        held = np.zeros(mesh.p.shape[1], dtype=bool)
+        held[mesh.facets[:, mesh.f2t[1] < 0]] = True
+        return held
+    held = np.asarray(fixed)
+    if held.shape != mesh.p.shape[1:] or held.dtype != bool:
+        raise ValueError(
+            f"fixed must be a mask of bool of shape (nnodes,) = {mesh.p.shape[1:]}, True where the value is given; "
+            f"got an array of {held.dtype} of shape {held.shape}."
+        )
+    return held
+
+
+def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: NDArray[np.bool_]) -> tuple[Problem, NDArray[np.int64]]:
+    """What the kernel takes, and the place in ``mesh.t`` of the corners of its counter-clockwise elements."""
+    triangulation = Triangulation.of(mesh)
+    node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
+    turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
+    order = np.stack((np.zeros_like(turned), 1 + turned, 2 - turned), axis=1)
+    outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats)
+    given = held[node[:, [1, 2, 0]]] & held[node[:, [2, 0, 1]]]
+    neighbour = np.where(neighbour >= 0, neighbour, np.where(given, GIVEN, NATURAL)).astype(np.int32)
+    outflow = np.ascontiguousarray(np.take_along_axis(outflow.T, order, axis=1))
+    return Problem(triangulation.position, node, neighbour, outflow, discrete.source, discrete.reluctivity), order
+
+
+def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: NDArray[np.bool_], imbalance: Floats) -> None:
+    """Refuse a potential that leaves a node out of balance: nothing would be bounded."""
+    parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
+    size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
+    largest = np.bincount(mesh.t.ravel(), size.ravel()).max()
+    bad = np.flatnonzero(imbalance > UNBALANCED * largest)
+    if bad.size:
+        first, left = bad[0], imbalance[bad[0]] / largest
+        kind = "fixed, but without a boundary facet of given values" if held[first] else "not fixed"
+        raise ValueError(
+            "potential must satisfy the P1 equations where no boundary value is given; it does not at "
+            f"{bad.size} of {held.size} nodes, first {first} ({kind}; {left:.1e} of the largest balance is left "
+            "over). Give `fixed` all nodes of given values, and the reluctivity, source and flux that "
+            "the potential was solved with; values given inside the mesh, and parts of it that hang together by a "
+            "single node, are not covered."
+        )
