@@ -39,7 +39,7 @@ class Sector(Magnetostatics):
         matrix, right = equations(mesh, given, values, np.arange(values.size))
         eliminate = antiperiodic(mesh, fixed)
         free = solved((eliminate.T @ matrix @ eliminate).tocsc(), eliminate.T @ right)
-        return Field(mesh, values + eliminate @ free, given.reluctivity, given.remanence)
+        return Field(mesh, values + eliminate @ free, given.reluctivity, given.remanence, given.current_density)
 
     def ritz(self, mesh, field):
         """With the potential on the sides given, for the polish looks at one side at a time."""

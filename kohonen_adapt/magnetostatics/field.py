@@ -9,6 +9,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.locate import find_elements, interpolate
+from kohonen_adapt.magnetostatics.bodies import Names
+from kohonen_adapt.magnetostatics.forces import eggshell_force, eggshell_torque
 from kohonen_adapt.triangles import area
 
 __all__ = ["Field"]
@@ -30,12 +32,20 @@ class Field:
         In m/H.
     remanence : (2, nelements)
         In T.
+    current_density : (nelements,)
+        In A/m^2.
     """
 
     mesh: MeshTri
     potential: Floats
     reluctivity: Floats
     remanence: Floats
+    current_density: Floats
+
+    @cached_property
+    def volume(self) -> Floats:
+        """Of every element per metre of depth, which is its area, (nelements,) in m^2."""
+        return area(self.mesh)
 
     @cached_property
     def flux_density(self) -> Floats:
@@ -51,7 +61,7 @@ class Field:
     @cached_property
     def energy(self) -> float:
         """Energy stored since the remanent state, ``int of H . dB``: the sum of ``|K| nu |B - Br|^2 / 2``, in J/m."""
-        return 0.5 * float(np.sum(area(self.mesh) * self.field_strength * (self.flux_density - self.remanence)))
+        return 0.5 * float(np.sum(self.volume * self.field_strength * (self.flux_density - self.remanence)))
 
     def flux_density_at(self, x: ArrayLike) -> Floats:
         """Flux density at points.
@@ -83,3 +93,55 @@ class Field:
             In Wb/m; nan outside the mesh.
         """
         return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
+
+    def force(self, body: Names) -> Floats:
+        """Magnetic force on a body, per metre of depth.
+
+        ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
+        and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
+        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM).
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+
+        Returns
+        -------
+        ndarray (2,)
+            (F_x, F_y) in N/m. Of a body that the outer boundary cuts along a mirror plane it is the force on the part
+            that is modelled, along that plane: its mirror image adds as much along it, and takes away what is across.
+
+        Raises
+        ------
+        ValueError
+            If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
+            along lines of several directions, or names are unknown.
+        """
+        return eggshell_force(self, body)
+
+    def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+        """Magnetic torque on a body about a centre, per metre of depth.
+
+        As `force`, with ``(x - centre) x T grad w``.
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+        centre : (2,)
+            In m.
+
+        Returns
+        -------
+        float
+            In N m/m, counter-clockwise. Of a body that the outer boundary cuts along the two sides of a periodic sector
+            about the centre it is the torque on that sector.
+
+        Raises
+        ------
+        ValueError
+            As for `force`; but the body may lie on the outer boundary on two such sides, which must have their nodes at
+            the same radii, and on circles about the centre (a bore), where a constant potential makes no torque.
+        """
+        return eggshell_torque(self, body, centre)

@@ -106,7 +106,7 @@ class Magnetostatics:
         given = coefficients(mesh, self.materials)
         fixed, values = fixed_values(mesh, self.potential or {})
         potential = solve_potential(mesh, given, fixed, values)
-        return Field(mesh, potential, given.reluctivity, given.remanence)
+        return Field(mesh, potential, given.reluctivity, given.remanence, given.current_density)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Error indicators of a solution, near the true error in the energy norm.
