@@ -18,13 +18,14 @@ def box(xs, ys, parts):
     return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in (inside | {"air": rest}).items()})
 
 
-def disk(rings, radius, parts):
-    """A disk of so many rings of 6 k nodes; `parts`: name to the ring it reaches to, from the inside."""
+def disk(radii, parts):
+    """A disk with 6 k nodes on the k-th of its circles; `parts`: name to the circle it reaches to, from the inside."""
+    rings = len(radii)
     first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
     points, elements = [np.zeros((2, 1))], []
     for k in range(1, rings + 1):
         angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        points.append(radius * k / rings * np.stack((np.cos(angle), np.sin(angle))))
+        points.append(radii[k - 1] * np.stack((np.cos(angle), np.sin(angle))))
         side, step = np.divmod(np.arange(6 * k), k)
         out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
         inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)
@@ -33,10 +34,10 @@ def disk(rings, radius, parts):
         elements += [(out, follower, inside), (inside[more], after[more], follower[more])]
     mesh = MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
     mesh = mesh.with_boundaries({"outer": everywhere}, boundaries_only=True)
-    ring = np.hypot(*mesh.p).round(12)[mesh.t].max(axis=0) / radius * rings
+    ring = np.repeat(np.arange(rings + 1), [1, *(6 * np.arange(1, rings + 1))])[mesh.t].max(axis=0)
     ends = [0, *parts.values()]
     names = zip(parts, ends, ends[1:], strict=False)
-    return mesh.with_subdomains({n: np.flatnonzero((ring > a + 0.5) & (ring < b + 0.5)) for n, a, b in names})
+    return mesh.with_subdomains({n: np.flatnonzero((ring > a) & (ring <= b)) for n, a, b in names})
 
 
 def sector(radii, angles, parts, pitch=2 * np.pi):
@@ -63,3 +64,8 @@ def sewn(p, t, subdomains):
     _, first, number = np.unique(p.round(9), axis=1, return_index=True, return_inverse=True)
     mesh = MeshTri(np.ascontiguousarray(p[:, first]), number.ravel()[t])
     return mesh.with_boundaries({"outer": everywhere}, boundaries_only=True).with_subdomains(subdomains)
+
+
+def equal_rings(number, radius):
+    """Radii of so many circles about the origin, equally spaced."""
+    return radius * np.arange(1, number + 1) / number

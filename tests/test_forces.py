@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from sheets import MU0, line_potential, rectangle_force, rectangle_potential
 from skfem import MeshTri
-from tensor_meshes import box, disk, sector, sewn
+from tensor_meshes import box, disk, equal_rings, sector, sewn
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_force, lorentz_torque
@@ -48,7 +48,7 @@ def test_torque_on_a_magnet_in_a_uniform_field(degrees):
 
 def test_force_on_a_wire_in_a_uniform_field():
     """25 A, 40 mm deep, in 1 T: 1.000 N; the total current follows the area that is meshed."""
-    mesh = disk(36, 0.0225, {"wire": 4, "air": 36})
+    mesh = disk(equal_rings(36, 0.0225), {"wire": 4, "air": 36})
     wire = Material(current_density=25.0 / area_of(mesh, "wire"))
     result = ka.adapt(mesh, Magnetostatics({"wire": wire, "air": AIR}, potential={"outer": uniform(90)}))
     newtons = 0.04 * result.solution.force("wire") / area_of(result.mesh, "wire") * area_of(mesh, "wire")
@@ -79,7 +79,7 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
     """Of second order on nested meshes, to the force between line currents."""
     wanted, errors, rings = MU0 * 1000.0**2 / (2 * np.pi * 0.03), [], (9, 18, 36)
     for number in rings:
-        mesh = disk(number, 0.0225, {"wire": number // 9, "air": number})
+        mesh = disk(equal_rings(number, 0.0225), {"wire": number // 9, "air": number})
         wire = Material(current_density=1000.0 / area_of(mesh, "wire"))
         far = {"outer": lambda x: line_potential(x, (0.03, 0.0), 1000.0)}
         force = Magnetostatics({"wire": wire, "air": AIR}, potential=far).solve(mesh).force("wire")
@@ -118,7 +118,7 @@ def test_force_between_two_magnets():
 
 def test_arkkio_agrees_with_the_eggshell():
     """On a round magnet in a uniform field, where both have the exact torque M x B times the area."""
-    mesh = disk(32, 0.02, {"magnet": 8, "near": 10, "gap": 14, "air": 32})
+    mesh = disk(equal_rings(32, 0.02), {"magnet": 8, "near": 10, "gap": 14, "air": 32})
     names = dict.fromkeys(("near", "gap", "air"), AIR)
     magnet = Material(remanence=(MU0 * 1e6, 0.0))
     problem = Magnetostatics({"magnet": magnet, **names}, potential={"outer": uniform(90)})
@@ -362,7 +362,7 @@ def test_arkkio_needs_a_ring_of_air():
         FIELD,
         "core",
     )
-    mesh = disk(8, 0.02, {"rotor": 2, "gap": 4, "air": 8})
+    mesh = disk(equal_rings(8, 0.02), {"rotor": 2, "gap": 4, "air": 8})
     field = Magnetostatics(dict.fromkeys(("rotor", "gap", "air"), AIR), potential={"outer": 0.0}).solve(mesh)
     with pytest.raises(ValueError, match=r"the ring 'gap' must be bounded by two circles about the centre \(0\.001, 0"):
         arkkio_torque(field, "gap", centre=(0.001, 0.0))

@@ -11,6 +11,8 @@ from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.locate import find_elements, interpolate
 from kohonen_adapt.magnetostatics.bodies import Names
 from kohonen_adapt.magnetostatics.forces import eggshell_force, eggshell_torque
+from kohonen_adapt.magnetostatics.linkage import coil_linkage
+from kohonen_adapt.magnetostatics.recovered import at_corners, linear_between
 from kohonen_adapt.triangles import area
 
 __all__ = ["Field"]
@@ -63,21 +65,38 @@ class Field:
         """Energy stored since the remanent state, ``int of H . dB``: the sum of ``|K| nu |B - Br|^2 / 2``, in J/m."""
         return 0.5 * float(np.sum(self.volume * self.field_strength * (self.flux_density - self.remanence)))
 
-    def flux_density_at(self, x: ArrayLike) -> Floats:
+    @cached_property
+    def corner_flux_density(self) -> Floats:
+        """B recovered at the corners of the elements in the order of ``mesh.t``, (2, 3, nelements) in T.
+
+        At every node the area-weighted average over the elements around it, for each region (connected, with the same
+        subdomain names) by itself, so that B still jumps between materials. Nearer to the truth than the constants of
+        the elements, but for nodes at sharp corners of iron and magnets.
+        """
+        return at_corners(self.mesh, self.flux_density)
+
+    def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Flux density at points.
 
         Parameters
         ----------
         x : (2, n)
-            Points in metres.
+            Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
+        recovered
+            Whether to interpolate `corner_flux_density` in place of the constants of the elements.
 
         Returns
         -------
         ndarray (2, n)
-            In T, constant per element; nan outside the mesh.
+            In T; nan outside the mesh.
         """
-        element = find_elements(self.mesh, np.asarray(x, dtype=float))
-        return np.where(element >= 0, self.flux_density[:, element], np.nan)
+        points = np.asarray(x, dtype=float)
+        element = find_elements(self.mesh, points)
+        if recovered:
+            values = linear_between(self.mesh, self.corner_flux_density, points, element)
+        else:
+            values = self.flux_density[:, element]
+        return np.where(element >= 0, values, np.nan)
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Potential at points.
@@ -93,6 +112,29 @@ class Field:
             In Wb/m; nan outside the mesh.
         """
         return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
+
+    def flux_linkage(self, coil: Names, turns: float = 1) -> float:
+        """Flux linkage of a coil side, ``turns`` times the mean of A over it, per metre of depth.
+
+        Parameters
+        ----------
+        coil
+            Name of a subdomain, or a sequence of names that count as one.
+        turns
+            Number of turns; negative where the conductor comes back (current into the page), so that the linkages of
+            the sides of a coil add up to that of the coil.
+
+        Returns
+        -------
+        float
+            In Wb/m, positive for the flux that a current out of the page makes.
+
+        Raises
+        ------
+        ValueError
+            For unknown names, and turns that are no finite number or 0.
+        """
+        return coil_linkage(self, coil, turns)
 
     def force(self, body: Names) -> Floats:
         """Magnetic force on a body, per metre of depth.
