@@ -21,7 +21,7 @@ def rectangle_potential(x, centre, half, magnetisation=1e6):
     """A of the same sheets: the integral of -mu0 I / (2 pi) ln r."""
 
     def primitive(across, along):
-        return 0.5 * along * np.log(across**2 + along**2) - along + across * np.arctan(along / across)
+        return 0.5 * along * np.log(across**2 + along**2) - along + np.abs(across) * np.arctan2(along, np.abs(across))
 
     right, up = x[0] - centre[0], x[1] - centre[1]
     left, right = (
