@@ -2,7 +2,19 @@
 
 import argparse
 
-from benchmarks import drift, limit, magnification, peers_report, scale, speed, spread, sweeps, time_to_error, warmup
+from benchmarks import (
+    drift,
+    force,
+    limit,
+    magnification,
+    peers_report,
+    scale,
+    speed,
+    spread,
+    sweeps,
+    time_to_error,
+    warmup,
+)
 from benchmarks import round as one_round
 from benchmarks.cases import PROBLEMS, cases
 from benchmarks.report import comparison
@@ -19,6 +31,7 @@ CHECKS = {
     "limit": limit.report,
     "round": one_round.report,
     "magnification": magnification.report,
+    "force": force.report,
 }
 
 

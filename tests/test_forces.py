@@ -116,6 +116,17 @@ def test_force_between_two_magnets():
     assert np.log(errors[0] / errors[1]) / np.log(nodes[1] / nodes[0]) > 0.8
 
 
+def test_the_loop_stops_when_the_force_has_settled():
+    mesh, problem = two_magnets(2)
+    outputs = {"pull": lambda field: field.force("b")[0], "turn": lambda field: field.torque("b", PLACES["b"])}
+    result = ka.adapt(mesh, problem, passes=9, outputs=outputs, output_rtol=0.01)
+    assert result.status is ka.Status.CONVERGED
+    before, last = result.history[-2:]
+    assert 1 < last.number < 9
+    assert all(abs(last.outputs[name] / before.outputs[name] - 1.0) <= 0.01 for name in outputs)
+    assert last.outputs["pull"] == pytest.approx(rectangle_force(PLACES["b"], PLACES["a"], HALF)[0], rel=0.03)
+
+
 def test_arkkio_agrees_with_the_eggshell():
     """On a round magnet in a uniform field, where both have the exact torque M x B times the area."""
     mesh = disk(equal_rings(32, 0.02), {"magnet": 8, "near": 10, "gap": 14, "air": 32})

@@ -67,7 +67,9 @@ def test_layers_keep_their_jump():
         {"iron": Material(9.0), "air": Material()}, potential={"outer": lambda x: np.minimum(9 * x[0], x[0] + 4)}
     )
     field = problem.solve(mesh)
-    np.testing.assert_allclose(field.corner_flux_density, field.flux_density[:, None] * np.ones((1, 3, 1)), atol=1e-12)
+    each = np.ones((1, 3, 1))
+    np.testing.assert_allclose(field.corner_flux_density, field.flux_density[:, None] * each, atol=1e-12)
+    np.testing.assert_allclose(field.corner_field_strength, field.field_strength[:, None] * each, atol=1e-12 / MU0)
     jump = field.flux_density_at(np.array([[0.4999, 0.5001], [0.3, 0.3]]), recovered=True)
     np.testing.assert_allclose(jump, [[0.0, 0.0], [-9.0, -1.0]], atol=1e-12)
 

@@ -75,6 +75,11 @@ class Field:
         """
         return at_corners(self.mesh, self.flux_density)
 
+    @cached_property
+    def corner_field_strength(self) -> Floats:
+        """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
+        return at_corners(self.mesh, self.field_strength)
+
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Flux density at points.
 
