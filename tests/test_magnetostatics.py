@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheets import MU0, rectangle_field, rectangle_potential
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
-from tensor_meshes import box, disk, equal_rings, everywhere
+from tensor_meshes import box, everywhere
 
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
@@ -42,7 +42,21 @@ INNER, OUTER = 0.01, 0.04
 
 def ring_mesh(rings):
     """A disk of `rings` rings of 6 k nodes, the magnet's circle one of them."""
-    return disk(equal_rings(rings, OUTER), {"magnet": rings // 4, "air": rings})
+    first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
+    points, elements = [np.zeros((2, 1))], []
+    for k in range(1, rings + 1):
+        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
+        points.append(OUTER * k / rings * np.stack((np.cos(angle), np.sin(angle))))
+        side, step = np.divmod(np.arange(6 * k), k)
+        out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
+        inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)
+        elements.append((out, follower, inside))
+        more = step < k - 1
+        after = first[k - 1] + (side * (k - 1) + step + 1) % max(6 * (k - 1), 1)
+        elements.append((inside[more], after[more], follower[more]))
+    mesh = MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
+    mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
+    return mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
 
 
 def cylinder_field(mesh):
