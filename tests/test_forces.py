@@ -46,13 +46,13 @@ def turned_magnet(cells, degrees):
 
 
 def test_torque_on_nested_meshes():
-    """Of an order between 1 and 2: B is infinite, as a logarithm, at the corners of the magnet."""
+    """Of second order, though B is infinite at the corners of the magnet: the weight is constant there."""
     cells, errors = (32, 64, 128), []
     for number in cells:
         mesh, problem = turned_magnet(number, 90)
         errors.append(abs(0.02 * problem.solve(mesh).torque("magnet") - 1.0))
-    assert errors[0] < 1e-3
-    assert 1.2 < -rate(cells, errors) < 2.0
+    assert errors[0] < 3e-4
+    assert 1.9 < -rate(cells, errors) < 2.3
 
 
 @pytest.mark.parametrize("degrees", [90, 30])
@@ -123,11 +123,12 @@ def two_magnets(k):
 
 
 def test_force_between_two_magnets_on_nested_meshes():
+    """Of second order, as the torque."""
     wanted, fineness, errors = rectangle_force(PLACES["b"], PLACES["a"], HALF), (2, 4, 8), []
     for k in fineness:
         mesh, problem = two_magnets(k)
         errors.append(np.hypot(*(problem.solve(mesh).force("b") - wanted)) / np.hypot(*wanted))
-    assert 1.4 < -rate(fineness, errors) < 2.0
+    assert 1.9 < -rate(fineness, errors) < 2.2
 
 
 def test_force_between_two_magnets():

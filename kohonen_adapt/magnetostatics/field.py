@@ -146,7 +146,7 @@ class Field:
 
         ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
         and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
-        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM).
+        Hameyer, COMPEL 23, 2004), half-way between them, by a solution of Laplace's equation in the air.
 
         Parameters
         ----------
