@@ -4,6 +4,7 @@ import argparse
 
 from benchmarks import (
     drift,
+    force,
     limit,
     magnification,
     outlines,
@@ -32,6 +33,7 @@ CHECKS = {
     "round": one_round.report,
     "magnification": magnification.report,
     "outlines": outlines.report,
+    "force": force.report,
 }
 
 

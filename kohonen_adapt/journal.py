@@ -83,15 +83,18 @@ class Journal:
         return (self._last.mesh, self._last.solution) if self._last else (None, None)
 
     @contextmanager
-    def timed(self, step: str) -> Iterator[None]:
-        """Time one step of a pass; what goes wrong on the input mesh stays as it is, later it is a `StepFailed`."""
+    def timed(self, step: str, failing: str = "") -> Iterator[None]:
+        """Time one step of a pass; what goes wrong on the input mesh stays as it is, later it is a `StepFailed`.
+
+        That says what was `failing`, where it is not the step as a whole.
+        """
         start = perf_counter()
         try:
             yield
         except Exception as error:
             if not self.history:
                 raise
-            raise StepFailed(step) from error
+            raise StepFailed(failing or step) from error
         self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start
 
     def record(
@@ -101,6 +104,7 @@ class Journal:
         indicators: Floats,
         energy_norm: float | None,
         functional: float | None,
+        outputs: dict[str, float],
         comparable: bool,
         move: Relocation | None,
     ) -> None:
@@ -123,6 +127,7 @@ class Journal:
             polish_gain=move.polish_gain if move else 0.0,
             collapses=move.collapses if move else 0,
             splits=move.splits if move else 0,
+            outputs=outputs,
         )
         worth = _root_sum(indicators * np.sqrt(area(mesh))) if self._norm == "L2" else entry.estimate
         solved = _Solved(mesh, solution, indicators, self._nodes_after(mesh, move), worth, functional)

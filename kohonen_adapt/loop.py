@@ -12,6 +12,7 @@ from .growth import Growth
 from .improvement import Improvement, Settings
 from .journal import Ending, Journal, StepFailed
 from .limits import Limits
+from .outputs import Output, check_outputs, output_value
 from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve
 from .relocation import guarded_map
 from .result import AdaptResult, Pass, Status
@@ -47,6 +48,8 @@ def adapt(
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
     layers: Mapping[str, int] | None = None,
+    outputs: Mapping[str, Output] | None = None,
+    output_rtol: float | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
@@ -99,6 +102,13 @@ def adapt(
     layers
         Layers of elements to keep across thin subdomains, by name; see `relocate`. Map, recycling, growth and polish
         all keep them.
+    outputs
+        Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
+        shows them with their changes.
+    output_rtol
+        Stop when no output has changed by more than this fraction of its value in the pass before. With `rtol` or
+        `atol` besides, both must be met. An output that is zero but for rounding (the force across a symmetry) never
+        settles: leave it out.
 
     Returns
     -------
@@ -110,15 +120,17 @@ def adapt(
     Raises
     ------
     ValueError
-        If an argument is out of range, the mesh has fewer layers than are to be kept, the problem lacks a method, or
-        its indicators of the input mesh have the wrong shape or are not finite numbers >= 0.
+        If an argument is out of range, the mesh has fewer layers than are to be kept, the problem lacks a method, its
+        indicators of the input mesh have the wrong shape or are not finite numbers >= 0, or an output of it is not one
+        finite number.
     Exception
-        Whatever the problem raises on the input mesh, Ctrl-C included. Later that ends the loop, with the status
-        ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
+        Whatever the problem or an output raises on the input mesh, Ctrl-C included. Later that ends the loop, with the
+        status ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
     """
     topology = _TOPOLOGY if topology is None else topology
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
     _check_loop(passes, rtol, atol, callback, polish)
+    outputs = check_outputs(outputs, output_rtol)
     check_training(schedule, seed)
     limits = Limits(topology, min_quality, pinned, curves, periodic, layers)
     guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
@@ -126,8 +138,9 @@ def adapt(
     growth = Growth.of(mesh, target_nodes, passes)
     improvement = Improvement(problem, Settings(schedule, limits, seed, polish))
     journal = Journal(norm_of(problem))
+    stop = StopTest(passes, rtol, atol, output_rtol, callback)
     try:
-        ending = _loop(mesh, problem, improvement, growth, StopTest(passes, rtol, atol, callback), journal)
+        ending = _loop(mesh, problem, outputs, improvement, growth, stop, journal)
     except KeyboardInterrupt:
         if not journal.history:
             raise
@@ -141,7 +154,13 @@ def adapt(
 
 
 def _loop(
-    mesh: MeshTri, problem: Problem, improvement: Improvement, growth: Growth, stop: StopTest, journal: Journal
+    mesh: MeshTri,
+    problem: Problem,
+    outputs: Mapping[str, Output],
+    improvement: Improvement,
+    growth: Growth,
+    stop: StopTest,
+    journal: Journal,
 ) -> Ending:
     """Solve, estimate, stop or relocate and polish, and again."""
     move = None
@@ -152,7 +171,11 @@ def _loop(
             indicators = estimate(problem, mesh, solution)
             energy = energy_norm(problem, mesh, solution)
             functional = improvement.functional(mesh, solution)
-        journal.record(mesh, solution, indicators, energy, functional, improvement.comparable, move)
+        values = {}
+        for name, function in outputs.items():
+            with journal.timed("estimate", f"output {name!r}"):
+                values[name] = output_value(name, function, solution)
+        journal.record(mesh, solution, indicators, energy, functional, values, improvement.comparable, move)
         growing = growth.goes_on(journal.number - 1)
         if ending := stop(journal, move, growing):
             return ending

@@ -1,8 +1,9 @@
 """What the loop gives back: status, passes, the result and its table."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,11 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 __all__ = ["AdaptResult", "Pass", "Status"]
+
+WIDTH = 120  # of a printed table; what does not fit goes into another beneath
+GAP = "  "
+
+Columns = list[tuple[str, list[str]]]
 
 
 class Status(StrEnum):
@@ -58,6 +64,8 @@ class Pass:
         The map gained the rest of the difference to the pass before.
     collapses, splits
         How often an edge was collapsed and split to make this mesh.
+    outputs
+        Name to value of every output asked for.
     """
 
     number: int
@@ -73,6 +81,7 @@ class Pass:
     polish_gain: float = 0.0
     collapses: int = 0
     splits: int = 0
+    outputs: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,32 +121,56 @@ class AdaptResult:
     error: Exception | None = None
 
     def __str__(self) -> str:
-        rows = _aligned(_columns(self.history))
-        marks = ["", *("  <- the result" if step.mesh is self.mesh else "" for step in self.history)]
-        return "\n".join([row + mark for row, mark in zip(rows, marks, strict=True)] + [self.message])
+        marks = ["", *("  <- result" if step.mesh is self.mesh else "" for step in self.history)]
+        blocks = _blocks(_columns(self.history), width=WIDTH - max(map(len, marks)))
+        rows = ([line + mark for line, mark in zip(block, marks, strict=True)] for block in blocks)
+        return "\n".join([*chain.from_iterable(rows), self.message])
 
 
-def _columns(history: tuple[Pass, ...]) -> dict[str, list[str]]:
-    columns = {
-        "pass": [str(step.number) for step in history],
+def _columns(history: tuple[Pass, ...]) -> list[Columns]:
+    """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
+    solved = {
         "nodes": [str(step.mesh.p.shape[1]) for step in history],
-        "elements": [str(step.mesh.t.shape[1]) for step in history],
         "estimate": [f"{step.estimate:.4g}" for step in history],
-        "Energy Error %": [_energy_error(step) for step in history],
-        "change %": ["-", *(_change(*pair) for pair in pairwise(history))],
+        "change %": _changes([step.estimate for step in history], ".1f"),
+    }
+    if any(step.energy_norm is not None for step in history):
+        solved["Energy Error %"] = [_energy_error(step) for step in history]
+    if any(energy is not None for energy in map(_energy, history)):
+        solved["Delta Energy %"] = _changes([_energy(step) for step in history], ".2f")
+    done = {
+        "elements": [str(step.mesh.t.shape[1]) for step in history],
         "min quality": [f"{step.min_quality:.2f}" for step in history],
         "mean quality": [f"{step.mean_quality:.2f}" for step in history],
         "seconds": [f"{sum(step.seconds.values()):.2f}" for step in history],
     }
-    if all(step.energy_norm is None for step in history):
-        del columns["Energy Error %"]
     if any(step.functional is not None for step in history):
-        columns["gain of map"] = ["-", *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]
-        columns["of polish"] = ["-", *(f"{step.polish_gain:.2g}" for step in history[1:])]
+        done["gain of map"] = ["-", *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]
+        done["of polish"] = ["-", *(f"{step.polish_gain:.2g}" for step in history[1:])]
     if any(step.splits for step in history):
-        columns["splits"] = [str(step.splits) for step in history]
-        columns["collapses"] = [str(step.collapses) for step in history]
-    return columns
+        done["splits"] = [str(step.splits) for step in history]
+        done["collapses"] = [str(step.collapses) for step in history]
+    number = {"pass": [str(step.number) for step in history]}
+    return [list(number.items()), list(solved.items()), *_outputs(history), list(done.items())]
+
+
+def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
+    """One group per output: its values and their changes."""
+    return [
+        [(name, [f"{value:.5g}" for value in values]), ("Delta %", _changes(values, ".2f"))]
+        for name in history[0].outputs
+        for values in [[step.outputs[name] for step in history]]
+    ]
+
+
+def _energy(step: Pass) -> float | None:
+    """What stands for the energy of a solution: the square of its energy norm, else the functional it minimises."""
+    return step.functional if step.energy_norm is None else step.energy_norm**2
+
+
+def _changes(values: Sequence[float | None], form: str) -> list[str]:
+    """Change in per cent from each value to the next, a dash where there is none to compare."""
+    return ["-", *(f"{100.0 * (b - a) / abs(a):+{form}}" if a and b is not None else "-" for a, b in pairwise(values))]
 
 
 def _gain_of_map(before: Pass, after: Pass) -> float:
@@ -149,13 +182,22 @@ def _energy_error(step: Pass) -> str:
     return f"{100.0 * step.estimate / step.energy_norm:.2f}" if step.energy_norm else "-"
 
 
-def _change(before: Pass, after: Pass) -> str:
-    return f"{100.0 * (after.estimate / before.estimate - 1.0):+.1f}" if before.estimate else "-"
+def _blocks(groups: list[Columns], width: int) -> Iterator[list[str]]:
+    """The lines of tables that are not wider than that, each with the first group; a group is never divided."""
+    first, *others = (_aligned(group) for group in groups)
+    block = first
+    for lines in others:
+        if block is not first and len(block[0]) + len(GAP) + len(lines[0]) > width:
+            yield block
+            block = first
+        block = [GAP.join(pair) for pair in zip(block, lines, strict=True)]
+    yield block
 
 
-def _aligned(columns: dict[str, list[str]]) -> list[str]:
+def _aligned(columns: Columns) -> list[str]:
+    """Lines of the columns side by side, their titles first."""
     padded = []
-    for title, cells in columns.items():
+    for title, cells in columns:
         width = max(map(len, [title, *cells]))
         padded.append([cell.rjust(width) for cell in [title, *cells]])
-    return ["  ".join(row) for row in zip(*padded, strict=True)]
+    return [GAP.join(row) for row in zip(*padded, strict=True)]

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .journal import Ending, Journal, StepFailed
+from .outputs import have_settled
 from .relocation import Relocation
 from .result import Pass, Status
 
@@ -20,6 +21,13 @@ STALL_PASSES = 2
 STALL_GAIN = 1e-3
 
 
+class Targets(NamedTuple):
+    """What a pass must come down to: the estimate to `tolerance`, the change of every output to `change`."""
+
+    tolerance: float | None
+    change: float | None
+
+
 @dataclass(frozen=True)
 class StopTest:
     """The stop test of the loop, asked once about every pass."""
@@ -27,6 +35,7 @@ class StopTest:
     passes: int
     rtol: float | None
     atol: float | None
+    output_rtol: float | None
     callback: Callable[[Pass], Any] | None
 
     def __call__(self, journal: Journal, move: Relocation | None, growing: bool) -> Ending | None:
@@ -38,8 +47,8 @@ class StopTest:
         told = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
             return _nothing_to_gain(last)
-        if self._tolerant and last.estimate <= self._tolerance(last):
-            return _converged(journal, self._tolerance(last))
+        if self._met(journal):
+            return _converged(journal, self._targets(last))
         # Only a plain True stops: a callback that happens to return something (a path, a list) means nothing by it.
         if isinstance(told, bool | np.bool_) and told:
             return _stopped(journal)
@@ -48,12 +57,28 @@ class StopTest:
         if _stalls(journal.worths) and not growing:
             return _stalled(journal)
         if last.number == self.passes:
-            return _max_passes(journal, self._tolerance(last) if self._tolerant else None)
+            return _max_passes(journal, self._targets(last))
         return None
 
     @property
     def _tolerant(self) -> bool:
         return self.rtol is not None or self.atol is not None
+
+    def _met(self, journal: Journal) -> bool:
+        """Whether there are targets and the last pass meets them all."""
+        *_, last = journal.history
+        if self._tolerant and last.estimate > self._tolerance(last):
+            return False
+        return self._tolerant if self.output_rtol is None else self._settled(journal, self.output_rtol)
+
+    def _settled(self, journal: Journal, tolerance: float) -> bool:
+        if len(journal.history) < 2:
+            return False
+        before, last = journal.history[-2:]
+        return have_settled(before.outputs, last.outputs, tolerance)
+
+    def _targets(self, last: Pass) -> "Targets":
+        return Targets(self._tolerance(last) if self._tolerant else None, self.output_rtol)
 
     def _tolerance(self, last: Pass) -> float:
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
@@ -102,13 +127,16 @@ def _nothing_to_gain(last: Pass) -> Ending:
     )
 
 
-def _converged(journal: Journal, tolerance: float) -> Ending:
+def _converged(journal: Journal, targets: Targets) -> Ending:
     last = journal.history[-1]
-    return Ending(
-        Status.CONVERGED,
-        f"Converged: the estimate {last.estimate:.4g} of pass {last.number} is within the tolerance {tolerance:.4g}; "
-        f"{_best(journal)}, use it as it is.",
-    )
+    reached = []
+    if targets.tolerance is not None:
+        reached.append(
+            f"the estimate {last.estimate:.4g} of pass {last.number} is within the tolerance {targets.tolerance:.4g}"
+        )
+    if targets.change is not None:
+        reached.append(f"no output changed by more than {_percent(targets.change)} in pass {last.number}")
+    return Ending(Status.CONVERGED, f"Converged: {' and '.join(reached)}; {_best(journal)}, use it as it is.")
 
 
 def _stopped(journal: Journal) -> Ending:
@@ -133,17 +161,29 @@ def _stalled(journal: Journal) -> Ending:
     )
 
 
-def _max_passes(journal: Journal, tolerance: float | None) -> Ending:
+def _max_passes(journal: Journal, targets: Targets) -> Ending:
     number = journal.history[-1].number
     if number == 0:
         return Ending(
             Status.MAX_PASSES, "The input was solved and estimated and nothing moved; ask for passes >= 1 to adapt it."
         )
-    missed = "" if tolerance is None else f" without reaching the tolerance {tolerance:.4g}"
     return Ending(
         Status.MAX_PASSES,
-        f"All passes asked for ({number}) are done{missed}; {_best(journal)}, ask for more to go on.",
+        f"All passes asked for ({number}) are done{_missed(targets)}; {_best(journal)}, ask for more to go on.",
     )
+
+
+def _missed(targets: Targets) -> str:
+    wanted = []
+    if targets.tolerance is not None:
+        wanted.append(f"reaching the tolerance {targets.tolerance:.4g}")
+    if targets.change is not None:
+        wanted.append(f"all outputs settling within {_percent(targets.change)}")
+    return f" without {' and '.join(wanted)}" if wanted else ""
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.4g} %"
 
 
 def _best(journal: Journal) -> str:

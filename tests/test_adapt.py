@@ -478,25 +478,177 @@ def test_status_is_a_word():
     ]
 
 
+# ---- outputs ----
+
+
+def script_of(*values):
+    """An output that has the k-th value on the k-th mesh; an exception in its place is raised."""
+
+    def function(solution):
+        if isinstance(values[solution], BaseException):
+            raise values[solution]
+        return values[solution]
+
+    return function
+
+
+def test_every_pass_carries_the_outputs(mover):
+    outputs = {"force": script_of(1.0, 2, np.float32(2.5)), "twice": lambda solution: 2 * solution}
+    result = adapt(MESH, Script([3.0, 2.0, 1.0]), passes=2, outputs=outputs)
+    assert [step.outputs for step in result.history] == [
+        {"force": 1.0, "twice": 0.0},
+        {"force": 2.0, "twice": 2.0},
+        {"force": 2.5, "twice": 4.0},
+    ]
+    assert all(type(value) is float for step in result.history for value in step.outputs.values())
+
+
+def test_without_outputs_a_pass_carries_none(mover):
+    assert adapt(MESH, Script([1.0]), passes=0).history[0].outputs == {}
+
+
+@pytest.mark.parametrize(
+    ("values", "tolerance", "number", "percent"),
+    [
+        ([1.0, 1.1, 1.1054], 0.005, 2, "0.5 %"),
+        ([-2.0, -2.0], 0.0, 1, "0 %"),
+        ([1.0, 2.0, 1.6], 0.25, 2, "25 %"),
+        ([0.0, 0.0], 0.01, 1, "1 %"),
+    ],
+)
+def test_converged_when_no_output_changes_any_more(mover, values, tolerance, number, percent):
+    problem = Script([4.0, 3.0, 2.0, 1.0])
+    result = adapt(MESH, problem, passes=3, outputs={"force": script_of(*values)}, output_rtol=tolerance)
+    assert result.status is Status.CONVERGED
+    assert result.message == (
+        f"Converged: no output changed by more than {percent} in pass {number}; "
+        f"the result is pass {number} (estimate {4 - number}), use it as it is."
+    )
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.02, 1.04), (0.0, 1e-9, 2e-9), (1.0, -1.0, 1.0)])
+def test_outputs_that_do_not_settle(mover, values):
+    result = adapt(MESH, Script([3.0, 2.0, 1.0]), passes=2, outputs={"force": script_of(*values)}, output_rtol=0.01)
+    assert result.status is Status.MAX_PASSES
+    assert result.message == (
+        "All passes asked for (2) are done without all outputs settling within 1 %; "
+        "the result is pass 2 (estimate 1), ask for more to go on."
+    )
+
+
+def test_all_outputs_must_settle(mover):
+    outputs = {"calm": script_of(1.0, 1.0, 1.0), "wild": script_of(1.0, 2.0, 2.0)}
+    result = adapt(MESH, Script([4.0, 3.0, 2.0, 1.0]), passes=3, outputs=outputs, output_rtol=0.01)
+    assert result.status is Status.CONVERGED
+    assert len(result.history) == 3
+
+
+@pytest.mark.parametrize(
+    ("estimates", "values", "number"), [([4.0, 1.0, 0.9], (1.0, 2.0, 2.0), 2), ([4.0, 3.0, 1.0], (1.0, 1.0, 1.0), 2)]
+)
+def test_the_estimate_and_the_outputs_must_both_be_met(mover, estimates, values, number):
+    problem = Script([*estimates, 0.5])
+    result = adapt(MESH, problem, passes=3, atol=1.0, outputs={"force": script_of(*values)}, output_rtol=0.01)
+    assert result.status is Status.CONVERGED
+    assert result.message == (
+        f"Converged: the estimate {estimates[number]:.4g} of pass {number} is within the tolerance 1 and no output "
+        f"changed by more than 1 % in pass {number}; the result is pass {number} "
+        f"(estimate {estimates[number]:.4g}), use it as it is."
+    )
+
+
+def test_both_missed(mover):
+    options = {"atol": 1e-3, "outputs": {"force": script_of(1.0, 2.0)}, "output_rtol": 0.01}
+    assert adapt(MESH, Script([3.0, 2.0]), passes=1, **options).message.startswith(
+        "All passes asked for (1) are done without reaching the tolerance 0.001 and all outputs settling within 1 %; "
+    )
+
+
+def test_what_an_output_raises_at_the_input_propagates(mover):
+    with pytest.raises(ZeroDivisionError, match="no current"):
+        adapt(MESH, Script([1.0]), outputs={"force": script_of(ZeroDivisionError("no current"))})
+
+
+def test_what_an_output_raises_later_ends_the_loop_with_the_best_so_far(mover):
+    error = ZeroDivisionError("no current.")
+    result = adapt(MESH, Script([3.0, 2.0, 1.0]), passes=5, outputs={"force": script_of(1.0, 2.0, error)})
+    assert result.status is Status.FAILED
+    assert result.error is error
+    assert len(result.history) == 2
+    assert result.solution == 1
+    assert result.message == (
+        "Failed in pass 2, output 'force': ZeroDivisionError: no current; the result is pass 1 (estimate 2), "
+        "the exception is in error."
+    )
+
+
 # ---- the table ----
 
 
+def timeless(result):
+    """The result with every pass of the same duration."""
+    return replace(result, history=tuple(replace(step, seconds={"solve": 1.5}) for step in result.history))
+
+
 def test_the_table(mover):
-    result = adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2)
-    result = replace(result, history=tuple(replace(step, seconds={"solve": 1.5}) for step in result.history))
-    assert str(result).splitlines() == [
-        "pass  nodes  elements  estimate  Energy Error %  change %  min quality  mean quality  seconds",
-        "   0     25        32         4           40.00         -         0.87          0.87     1.50",
-        "   1     25        32         2           20.00     -50.0         0.86          0.87     1.50  <- the result",
-        "   2     25        32         3           30.00     +50.0         0.86          0.87     1.50",
+    assert str(timeless(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2))).splitlines() == [
+        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  elements  min quality  mean quality  seconds",
+        "   0     25         4         -           40.00               -        32         0.87          0.87     1.50",
+        "   1     25         2     -50.0           20.00           +0.00        32         0.86          0.87     1.50"
+        "  <- result",
+        "   2     25         3     +50.0           30.00           +0.00        32         0.86          0.87     1.50",
         "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
     ]
+
+
+def test_the_table_with_outputs_has_their_changes(mover):
+    outputs = {"force": script_of(-2.0, -2.5, -2.4), "flux": script_of(0.0, 1.0, 1.23456789)}
+    assert str(timeless(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, outputs=outputs))).splitlines() == [
+        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  force  Delta %    flux  Delta %",
+        "   0     25         4         -           40.00               -     -2        -       0        -",
+        "   1     25         2     -50.0           20.00           +0.00   -2.5   -25.00       1        -  <- result",
+        "   2     25         3     +50.0           30.00           +0.00   -2.4    +4.00  1.2346   +23.46",
+        "pass  elements  min quality  mean quality  seconds",
+        "   0        32         0.87          0.87     1.50",
+        "   1        32         0.86          0.87     1.50  <- result",
+        "   2        32         0.86          0.87     1.50",
+        "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
+    ]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 8])
+def test_the_table_fits_into_120_columns_and_has_every_output(mover, number):
+    outputs = {f"output {k}": script_of(-1.23456789, -1.23456e-7) for k in range(number)}
+    *rows, _message = str(adapt(MESH, Script([4.0, 2.0]), passes=1, outputs=outputs)).splitlines()
+    assert max(map(len, rows)) <= 120
+    titles = "  ".join(rows[::3])
+    assert titles.count("Delta %") == number and all(name in titles for name in outputs)
+    assert all(row.startswith(("pass  ", "   0  ", "   1  ")) for row in rows)
+
+
+def test_delta_energy_is_the_change_of_the_squared_energy_norm(mover):
+    class Rising(Script):
+        def energy_norm(self, mesh, solution):
+            return (10.0, 20.0, 10.0)[solution]
+
+    title, *rows = str(adapt(MESH, Rising([4.0, 3.0, 2.0]), passes=2)).splitlines()[:4]
+    end = title.index("Delta Energy %") + len("Delta Energy %")
+    assert [row[:end].split()[-1] for row in rows] == ["-", "+300.00", "-75.00"]
+
+
+def test_without_an_energy_norm_delta_energy_is_that_of_the_functional(mover):
+    history = adapt(MESH, Script([4.0, 3.0]), passes=1).history
+    bare = [
+        replace(step, energy_norm=None, functional=value) for step, value in zip(history, (-4.0, -5.0), strict=True)
+    ]
+    result = replace(adapt(MESH, Script([4.0]), passes=0), history=tuple(bare))
+    assert "-25.00" in str(result).splitlines()[2]
 
 
 def test_the_table_without_an_energy_norm(mover):
     result = adapt(MESH, Script([4.0]), passes=0)
     result = replace(result, history=tuple(replace(step, energy_norm=None) for step in result.history))
-    assert "Energy Error" not in str(result)
+    assert "Energy" not in str(result)
 
 
 def test_repr_is_short(mover):

@@ -161,3 +161,64 @@ def test_a_broken_energy_norm(value):
     problem = Constant()
     problem.energy_norm = lambda mesh, solution: value
     refused(f"energy_norm of the problem must be a finite number >= 0; got {value}.", problem=problem)
+
+
+OUTPUTS = [
+    ("force", "outputs must map names to functions of the solution, or be None; got 'force'."),
+    ({3: abs}, "the names of outputs must be strings; got 3."),
+    ({"force": 1.0}, "outputs['force'] must be a function of the solution; got 1.0."),
+]
+
+
+@pytest.mark.parametrize(("outputs", "message"), OUTPUTS)
+def test_outputs(outputs, message):
+    assert refused(message, outputs=outputs).solves == 0
+
+
+@pytest.mark.parametrize("value", [-1e-3, float("nan"), float("inf"), "1e-3", True])
+def test_output_rtol(value):
+    message = f"output_rtol must be a finite number >= 0, or None; got {value!r}."
+    assert refused(message, outputs={"force": abs}, output_rtol=value).solves == 0
+
+
+@pytest.mark.parametrize("outputs", [None, {}])
+def test_output_rtol_without_outputs(outputs):
+    refused(
+        "output_rtol needs outputs whose changes it limits; give outputs={name: function}.",
+        outputs=outputs,
+        output_rtol=0.01,
+    )
+
+
+VALUES = [
+    (np.nan, "outputs['force'] must return a finite number; got nan."),
+    (-np.inf, "outputs['force'] must return a finite number; got -inf."),
+    (None, "outputs['force'] must return a real number; got object."),
+    ("3.0", "outputs['force'] must return a real number; got <U3."),
+    (1j, "outputs['force'] must return a real number; got complex128."),
+    (True, "outputs['force'] must return a real number; got bool."),
+    (
+        np.zeros(2),
+        "outputs['force'] must return one number; got an array of shape (2,): "
+        "take a component, or give every component a name of its own.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("value", "message"), VALUES)
+def test_an_output_of_the_input_that_is_no_number(value, message):
+    refused(message, outputs={"force": lambda solution: value})
+
+
+@pytest.mark.parametrize(("value", "message"), VALUES)
+def test_an_output_that_later_is_no_number(value, message, monkeypatch):
+    def move(mesh, density, **_):
+        return trained(MeshTri(mesh.p * 1.01, mesh.t), way=0.01, moved=24)
+
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", move)
+    outputs = {"force": lambda solution: value if solution else 1.0}
+    result = adapt(MESH, Constant(), polish=False, outputs=outputs)
+    assert result.status is Status.FAILED
+    assert result.mesh is MESH and result.history[0].outputs == {"force": 1.0}
+    assert str(result.error) == message
+    assert result.message.startswith(f"Failed in pass 1, output 'force': ValueError: {message.rstrip('.')}; ")

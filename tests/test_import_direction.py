@@ -19,7 +19,7 @@ TOWER = [
     *("ritz", "recycling", "functional", "carry"),
     *("schedule", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),
-    *("result", "journal", "stopping", "improvement", "growth", "loop"),
+    *("outputs", "result", "journal", "stopping", "improvement", "growth", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.

@@ -3,19 +3,16 @@
 import numpy as np
 import pytest
 from meshes import disk
+from sheets import MU0, rectangle_field, rectangle_potential
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
+from tensor_meshes import box, everywhere
 
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
 from kohonen_adapt.triangles import area
 
-MU0 = 4e-7 * np.pi
 MAGNETISATION = 1e6  # A/m, of the magnets with exact fields
-
-
-def everywhere(x):
-    return np.ones(x.shape[1], dtype=bool)
 
 
 def true_error(mesh, field, exact):
@@ -111,26 +108,11 @@ HALF = np.array([0.01, 0.005])
 
 
 def sheet_field(x):
-    """Flux density of M along y in the rectangle: two current sheets at its left and right side, by complex logarithms.
-
-    A line current I at z0 has By + i Bx = mu0 I / (2 pi (z - z0)); this is its integral over each sheet of -+M.
-    """
-    z = x[0] + 1j * x[1]
-    sheets = [1j * np.log((z - side - 1j * HALF[1]) / (z - side + 1j * HALF[1])) for side in (-HALF[0], HALF[0])]
-    field = MU0 * MAGNETISATION / (2 * np.pi) * (sheets[0] - sheets[1])
-    return np.stack((field.imag, field.real))
+    return rectangle_field(x, (0.0, 0.0), HALF)
 
 
 def sheet_potential(x):
-    """A of the same sheets: the integral of -mu0 I / (2 pi) ln r."""
-
-    def primitive(across, along):
-        return 0.5 * along * np.log(across**2 + along**2) - along + across * np.arctan(along / across)
-
-    left, right = (
-        primitive(x[0] - side, x[1] + HALF[1]) - primitive(x[0] - side, x[1] - HALF[1]) for side in (-HALF[0], HALF[0])
-    )
-    return -MU0 * MAGNETISATION / (2 * np.pi) * (left - right)
+    return rectangle_potential(x, (0.0, 0.0), HALF)
 
 
 RECTANGLE = Magnetostatics(
@@ -140,13 +122,8 @@ RECTANGLE = Magnetostatics(
 
 def rectangle_mesh(n):
     """60 x 40 mm around the magnet of 20 x 10 mm, 2 n squares to 10 mm."""
-    mesh = MeshTri.init_tensor(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1))
-
-    def in_magnet(x):
-        return np.all(np.abs(x) < HALF[:, None], axis=0)
-
-    mesh = mesh.with_boundaries({"outer": everywhere}, boundaries_only=True)
-    return mesh.with_subdomains({"magnet": in_magnet, "air": lambda x: ~in_magnet(x)})
+    sides = {"magnet": (-HALF[0], HALF[0], -HALF[1], HALF[1])}
+    return box(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1), sides)
 
 
 def test_the_sheets_have_the_tabulated_field():

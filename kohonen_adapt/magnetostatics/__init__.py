@@ -2,7 +2,9 @@
 
 from kohonen_adapt.magnetostatics.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.field import Field
+from kohonen_adapt.magnetostatics.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.laws import Arctan, Brauer, Froehlich, Law
+from kohonen_adapt.magnetostatics.linkage import apparent_inductance, circuit_current, energy_inductance
 from kohonen_adapt.magnetostatics.magnetisation import halbach, radial
 from kohonen_adapt.magnetostatics.material import Material
 from kohonen_adapt.magnetostatics.newton import NewtonStep
@@ -22,7 +24,13 @@ __all__ = [
     "NotConverged",
     "QuadraticField",
     "Table",
+    "apparent_inductance",
+    "arkkio_torque",
+    "circuit_current",
+    "energy_inductance",
     "halbach",
+    "lorentz_force",
+    "lorentz_torque",
     "radial",
     "read_bh",
 ]

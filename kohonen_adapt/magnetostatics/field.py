@@ -9,8 +9,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.locate import find_elements, interpolate
+from kohonen_adapt.magnetostatics.bodies import Names
 from kohonen_adapt.magnetostatics.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.forces import eggshell_force, eggshell_torque
+from kohonen_adapt.magnetostatics.linkage import coil_linkage
 from kohonen_adapt.magnetostatics.newton import NewtonStep
+from kohonen_adapt.magnetostatics.recovered import at_corners, linear_between
 from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 
 __all__ = ["Field"]
@@ -122,21 +126,43 @@ class Field:
         """``int H . B`` less the energy, in J/m; a total in J, see the class."""
         return float(np.sum(self.volume * self.coenergy_density))
 
-    def flux_density_at(self, x: ArrayLike) -> Floats:
+    @cached_property
+    def corner_flux_density(self) -> Floats:
+        """B recovered at the corners of the elements in the order of ``mesh.t``, (2, 3, nelements) in T.
+
+        At every node the area-weighted average over the elements around it, for each region (connected, with the same
+        subdomain names) by itself, so that B still jumps between materials. Nearer to the truth than the constants of
+        the elements, but for nodes at sharp corners of iron and magnets.
+        """
+        return at_corners(self.mesh, self.flux_density)
+
+    @cached_property
+    def corner_field_strength(self) -> Floats:
+        """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
+        return at_corners(self.mesh, self.field_strength)
+
+    def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Flux density at points.
 
         Parameters
         ----------
         x : (2, n)
-            Points in metres.
+            Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
+        recovered
+            Whether to interpolate `corner_flux_density` in place of the constants of the elements.
 
         Returns
         -------
         ndarray (2, n)
-            In T, constant per element; nan outside the mesh.
+            In T; nan outside the mesh.
         """
-        element = find_elements(self.mesh, np.asarray(x, dtype=float))
-        return np.where(element >= 0, self.flux_density[:, element], np.nan)
+        points = np.asarray(x, dtype=float)
+        element = find_elements(self.mesh, points)
+        if recovered:
+            values = linear_between(self.mesh, self.corner_flux_density, points, element)
+        else:
+            values = self.flux_density[:, element]
+        return np.where(element >= 0, values, np.nan)
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Potential at points.
@@ -152,3 +178,82 @@ class Field:
             In Wb/m; nan outside the mesh.
         """
         return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
+
+    def flux_linkage(self, coil: Names, turns: float = 1) -> float:
+        """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
+
+        ``turns`` times the mean of A over it, times the depth; axisymmetric the mean of ``2 pi r A``.
+
+        Parameters
+        ----------
+        coil
+            Name of a subdomain, or a sequence of names that count as one.
+        turns
+            Number of turns; negative where the conductor comes back (current into the page), so that the linkages of
+            the sides of a coil add up to that of the coil.
+
+        Returns
+        -------
+        float
+            In Wb/m, else in Wb; positive for the flux that a current out of the page makes.
+
+        Raises
+        ------
+        ValueError
+            For unknown names, and turns that are no finite number or 0.
+        """
+        return coil_linkage(self, coil, turns)
+
+    def force(self, body: Names) -> Floats:
+        """Magnetic force on a body, per metre of depth; with `depth`, and axisymmetric, the total.
+
+        ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
+        and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
+        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM).
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+
+        Returns
+        -------
+        ndarray (2,)
+            (F_x, F_y) in N/m; with `depth` in N, axisymmetric (0, F_z) in N. Of a body that the outer boundary cuts
+            along a mirror plane it is the force on the part that is modelled, along that plane: its mirror image adds
+            as much along it, and takes away what is across.
+
+        Raises
+        ------
+        ValueError
+            If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
+            along lines of several directions, or names are unknown.
+        """
+        return eggshell_force(self, body)
+
+    def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+        """Magnetic torque on a body about a centre, per metre of depth; with `depth` the total.
+
+        As `force`, with ``(x - centre) x T grad w``.
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+        centre : (2,)
+            In m.
+
+        Returns
+        -------
+        float
+            In N m/m, with `depth` in N m; counter-clockwise. Of a body that the outer boundary cuts along the two
+            sides of a periodic sector about the centre it is the torque on that sector.
+
+        Raises
+        ------
+        ValueError
+            For an axisymmetric field, and as for `force`; but the body may lie on the outer boundary on two such sides,
+            which must have their nodes at the same radii, and on circles about the centre (a bore), where a constant
+            potential makes no torque.
+        """
+        return eggshell_torque(self, body, centre)

@@ -1,0 +1,169 @@
+"""Force and torque: by the stress tensor in the air around a body, by Arkkio in an air gap, by Lorentz on currents."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.magnetostatics.bodies import Bools, Names, air_elements, elements_of, isolated_body
+from kohonen_adapt.magnetostatics.cuts import mirror_cut, sector_cut
+from kohonen_adapt.magnetostatics.eggshell import weight_gradient
+from kohonen_adapt.magnetostatics.material import VACUUM_PERMEABILITY
+
+if TYPE_CHECKING:
+    from kohonen_adapt.magnetostatics.field import Field
+
+__all__ = ["arkkio_torque", "eggshell_force", "eggshell_torque", "lorentz_force", "lorentz_torque"]
+
+NARROW = 1e-6  # of the radius: a gap of less width is none
+ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
+
+Floats = NDArray[np.float64]
+
+
+def eggshell_force(field: "Field", body: Names) -> Floats:
+    """See `Field.force`."""
+    inside = isolated_body(field, body)
+    cut = mirror_cut(field.mesh, inside)
+    force = _along_axis(field, -np.sum(_pull(field, weight_gradient(field, inside, cut)), axis=1))
+    return force if cut.direction is None else cut.direction * (cut.direction @ force)
+
+
+def eggshell_torque(field: "Field", body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """See `Field.torque`."""
+    _check_planar(field)
+    inside, middle = isolated_body(field, body), _point("centre", centre)
+    cut = sector_cut(field.mesh, inside, middle)
+    return -_moment(field, _pull(field, weight_gradient(field, inside, cut)), middle)
+
+
+def arkkio_torque(field: "Field", gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """Torque on what a ring of air encloses (Arkkio, Acta Polytechnica Scandinavica El. 59, 1987).
+
+    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o, B constant per element.
+
+    Parameters
+    ----------
+    field
+        A planar field.
+    gap
+        Subdomain, or sequence of them, that is the ring; of a periodic sector, its part (the torque is the sector's).
+    centre : (2,)
+        Of the ring, in m.
+
+    Returns
+    -------
+    float
+        In N m per metre of depth, with `depth` in N m; counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If the field is axisymmetric, the ring is not air, or no ring about the centre: its sides are off two circles by
+        more than 5 % of its width.
+    """
+    _check_planar(field)
+    mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), _point("centre", centre)
+    if not air_elements(field)[ring].all():
+        raise ValueError(f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element.")
+    inner, outer = _radii(field, ring, middle, gap)
+    # The middles of the sides integrate the products of two coordinates exactly.
+    corner = mesh.p[:, mesh.t[:, ring]] - middle[:, None, None]
+    x, y = 0.5 * (corner + np.roll(corner, 1, axis=1))
+    right, up = field.flux_density[:, ring]
+    product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
+    return float(np.sum(field.volume[ring] * product.mean(axis=0)) / (VACUUM_PERMEABILITY * (outer - inner)))
+
+
+def lorentz_force(field: "Field", coil: Names) -> Floats:
+    """Force on the currents of a coil, ``int J x B``.
+
+    Parameters
+    ----------
+    field
+        A field.
+    coil
+        Subdomain, or sequence of them, of permeability 1 and without remanence.
+
+    Returns
+    -------
+    ndarray (2,)
+        In N per metre of depth; with `depth` in N, axisymmetric (0, F_z) in N.
+
+    Raises
+    ------
+    ValueError
+        If the coil carries no current, or is magnetic: then the force is not that on the currents alone.
+    """
+    return _along_axis(field, np.sum(_current_force(field, coil), axis=1))
+
+
+def lorentz_torque(field: "Field", coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """Torque on the currents of a coil about a centre in m, ``int (x - centre) x (J x B)``.
+
+    Of a planar field, in N m per metre of depth, with `depth` in N m, counter-clockwise; see `lorentz_force`.
+    """
+    _check_planar(field)
+    return _moment(field, _current_force(field, coil), _point("centre", centre))
+
+
+def _pull(field: "Field", slope: Floats) -> Floats:
+    """``T grad w`` times the volume of every element, (2, nelements), with Maxwell's stress tensor T of air."""
+    b = field.flux_density
+    normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
+    return field.volume / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
+
+
+def _along_axis(field: "Field", force: Floats) -> Floats:
+    """What of a force is left when a ring of it is added up: (0, F_z) of an axisymmetric field, else all."""
+    return force * (0.0, 1.0) if field.axisymmetric else force
+
+
+def _check_planar(field: "Field") -> None:
+    if field.axisymmetric:
+        raise ValueError("an axisymmetric field has no torque: it is the same at every angle.")
+
+
+def _moment(field: "Field", force: Floats, centre: Floats) -> float:
+    """Sum of ``(x - centre) x force`` over forces in the middles of the elements."""
+    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - centre[:, None]
+    return float(np.sum(x * force[1] - y * force[0]))
+
+
+def _current_force(field: "Field", coil: Names) -> Floats:
+    """``J x B`` times the volume of every element, (2, nelements)."""
+    inside = elements_of(field.mesh, coil)
+    current = np.where(inside, field.current_density, 0.0)
+    if not current.any():
+        raise ValueError(f"the coil {coil!r} carries no current; the force on its material is field.force's.")
+    plain = np.isclose(field.reluctivity * VACUUM_PERMEABILITY, 1.0) & ~field.remanence.any(axis=0)
+    if not plain[inside].all():
+        raise ValueError(f"the coil {coil!r} is magnetic, so Lorentz's force is not all; ask for field.force instead.")
+    # Out of the page and along phi are opposite: x, y, z and r, phi, z are both right-handed.
+    right, up = field.flux_density * (-1.0 if field.axisymmetric else 1.0)
+    return field.volume * current * np.stack((-up, right))
+
+
+def _radii(field: "Field", ring: Bools, centre: Floats, gap: Names) -> tuple[float, float]:
+    """Inner and outer radius of a ring."""
+    mesh = field.mesh
+    one, other = mesh.f2t
+    edge = mesh.facets[:, ring[one] != (ring[other] & (other >= 0))]
+    radius = np.hypot(*(mesh.p - centre[:, None]))[edge]
+    inner, outer = float(radius.min()), float(radius.max())
+    # The straight sides of a sector run from one circle to the other.
+    along = np.abs(radius[0] - radius[1]) < 0.5 * np.hypot(*(mesh.p[:, edge[0]] - mesh.p[:, edge[1]]))
+    off = np.minimum(radius - inner, outer - radius)[:, along]
+    if outer - inner < NARROW * outer or not off.size or off.max() > ROUND * (outer - inner):
+        raise ValueError(
+            f"the ring {gap!r} must be bounded by two circles about the centre {tuple(centre.tolist())}; its nodes "
+            f"there are at radii between {inner:.6g} and {outer:.6g} m. Give its centre, or a subdomain that is a ring."
+        )
+    return inner, outer
+
+
+def _point(name: str, given: ArrayLike) -> Floats:
+    point = np.asarray(given)
+    if point.shape != (2,) or point.dtype.kind not in "iuf" or not np.isfinite(point).all():
+        raise ValueError(f"{name} must be a point (x, y) in m; got {given!r}.")
+    return point.astype(float)

@@ -1,0 +1,113 @@
+"""What a circuit is linked with: flux linkage, its current, and the inductances that follow."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kohonen_adapt.magnetostatics.bodies import Names, elements_of
+from kohonen_adapt.triangles import area
+
+if TYPE_CHECKING:
+    from kohonen_adapt.magnetostatics.field import Field
+
+__all__ = ["apparent_inductance", "circuit_current", "coil_linkage", "energy_inductance"]
+
+EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
+
+_NUMBERS = (int, float, np.integer, np.floating)
+
+
+def coil_linkage(field: "Field", coil: Names, turns: float) -> float:
+    """See `Field.flux_linkage`."""
+    inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
+    size = area(field.mesh)[inside]
+    # Along a turn, of length 2 pi r or the depth, A is constant; r A is what is linear in an element.
+    mean = field.unknown[field.mesh.t[:, inside]].mean(axis=0)
+    length = 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
+    return number * length * float(np.sum(size * mean) / np.sum(size))
+
+
+def circuit_current(field: "Field", circuit: Mapping[str, float]) -> float:
+    """Current in the conductor of a circuit.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns for every side of a coil, negative where the conductor comes back:
+        ``{"go": 100, "return": -100}``.
+
+    Returns
+    -------
+    float
+        In A: total current of a side over its turns, the mean of the sides.
+
+    Raises
+    ------
+    ValueError
+        If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
+        carry.
+    """
+    if not isinstance(circuit, Mapping) or not circuit:
+        raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
+    currents = {name: _ampere_turns(field, name) / _turns(name, turns) for name, turns in circuit.items()}
+    values = np.array(list(currents.values()))
+    mean = float(values.mean())
+    if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
+        found = ", ".join(f"{name!r} {value:.6g} A" for name, value in currents.items())
+        raise ValueError(
+            f"the sides of a circuit must carry one current; got {found}. Mind the signs: turns are negative where the "
+            "current comes back."
+        )
+    return mean
+
+
+def apparent_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
+    """Flux linkage over current of a circuit.
+
+    Of linear material without magnets and other currents it is *the* inductance. Magnets and other circuits add their
+    flux to the linkage, and what comes out is no inductance then.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns; see `circuit_current`.
+
+    Returns
+    -------
+    float
+        In H per metre of depth; with `depth`, and axisymmetric, in H.
+
+    Raises
+    ------
+    ValueError
+        See `circuit_current`.
+    """
+    current = circuit_current(field, circuit)
+    return sum(coil_linkage(field, name, turns) for name, turns in circuit.items()) / current
+
+
+def energy_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
+    """``2 W / I^2`` of a circuit with the stored energy W, in H per metre of depth; with
+    `depth`, and axisymmetric, in H.
+
+    That of the whole field, so no other circuit may carry a current and no magnet be there; linear material. With A = 0
+    around it is `apparent_inductance` to rounding. See there for the arguments.
+    """
+    return 2.0 * field.energy / circuit_current(field, circuit) ** 2
+
+
+def _ampere_turns(field: "Field", name: str) -> float:
+    inside = elements_of(field.mesh, name)
+    return float(np.sum((area(field.mesh) * field.current_density)[inside]))
+
+
+def _turns(coil: Names, turns: Any) -> float:
+    number = isinstance(turns, _NUMBERS) and not isinstance(turns, bool)
+    if not (number and np.isfinite(turns) and turns != 0):
+        raise ValueError(f"turns of {coil!r} must be a finite number other than 0; got {turns!r}.")
+    return float(turns)

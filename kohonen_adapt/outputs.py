@@ -1,0 +1,67 @@
+"""What a user wants to know of every solution: functions by name, their values checked, and when those have settled."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Output", "check_outputs", "have_settled", "output_value"]
+
+Output = Callable[[Any], float]
+
+_NUMBERS = (int, float, np.integer, np.floating)
+
+
+def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
+    """The outputs as a dict of their own; none for None.
+
+    Raises
+    ------
+    ValueError
+        If they are no mapping of names to functions, or `output_rtol` is no finite number >= 0 or has no outputs.
+    """
+    if outputs is not None and not isinstance(outputs, Mapping):
+        raise ValueError(f"outputs must map names to functions of the solution, or be None; got {outputs!r}.")
+    for name, function in (outputs or {}).items():
+        if not isinstance(name, str):
+            raise ValueError(f"the names of outputs must be strings; got {name!r}.")
+        if not callable(function):
+            raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
+    _check_tolerance(output_rtol, bool(outputs))
+    return dict(outputs or {})
+
+
+def output_value(name: str, function: Output, solution: Any) -> float:
+    """The value of one output for a solution.
+
+    Raises
+    ------
+    ValueError
+        If it is not one finite real number.
+    """
+    value = np.asarray(function(solution))
+    if value.dtype.kind not in "iuf":
+        raise ValueError(f"outputs[{name!r}] must return a real number; got {value.dtype}.")
+    if value.shape != ():
+        raise ValueError(
+            f"outputs[{name!r}] must return one number; got an array of shape {value.shape}: "
+            "take a component, or give every component a name of its own."
+        )
+    if not np.isfinite(value):
+        raise ValueError(f"outputs[{name!r}] must return a finite number; got {value}.")
+    return float(value)
+
+
+def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
+    """Whether no output has changed by more than that fraction of what it was."""
+    return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())
+
+
+def _check_tolerance(output_rtol: Any, outputs: bool) -> None:
+    if output_rtol is None:
+        return
+    number = isinstance(output_rtol, _NUMBERS) and not isinstance(output_rtol, bool)
+    if not (number and 0.0 <= output_rtol < np.inf):
+        raise ValueError(f"output_rtol must be a finite number >= 0, or None; got {output_rtol!r}.")
+    if not outputs:
+        raise ValueError("output_rtol needs outputs whose changes it limits; give outputs={name: function}.")
