@@ -142,13 +142,14 @@ def test_a_problem_that_fails_on_the_way(tmp_path, capsys, monkeypatch):
         example = run_path(path)
         solve, meshes = type(example["PROBLEM"]).solve, []
 
-        def solve_twice(self, mesh):
+        def solve_twice(self, mesh, *old):
             meshes.append(mesh)
             if len(meshes) > 2:
                 raise RuntimeError("no third time")
             return solve(self, mesh)
 
-        monkeypatch.setattr(type(example["PROBLEM"]), "solve", solve_twice)
+        for name in ("solve", "solve_from"):
+            monkeypatch.setattr(type(example["PROBLEM"]), name, solve_twice)
         return example
 
     monkeypatch.setattr("runpy.run_path", failing)
