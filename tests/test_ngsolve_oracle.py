@@ -17,7 +17,7 @@ def rows():
 
 
 def test_the_oracle_has_the_reference_energy(rows):
-    """Without currents ``int nu |B - Br|^2 = int nu Br^2 - int nu |B|^2``; P2 elements gave the reference of the last."""
+    """Without currents ``int nu |B - Br|^2 = int nu Br^2 - int nu |B|^2``; P2 elements gave the reference."""
     of_remanence = REMANENCE**2 / PERMEABILITY["magnet"] * MAGNET_AREA
     wanted = 0.5 * (of_remanence - REFERENCE_ENERGY) / VACUUM_PERMEABILITY
     _, _, energy, *_ = rows[0]
