@@ -7,6 +7,7 @@ from benchmarks import (
     force,
     limit,
     magnification,
+    ngsolve_oracle,
     outlines,
     peers_report,
     scale,
@@ -34,6 +35,7 @@ CHECKS = {
     "magnification": magnification.report,
     "outlines": outlines.report,
     "force": force.report,
+    "oracle": ngsolve_oracle.report,
 }
 
 

@@ -1,18 +1,21 @@
-// A plunger actuator, half of it in the plane x >= 0: a plunger in a core with a coil, all edges rounded, in an air
-// box. It looks like an axisymmetric one, and for now is planar. Millimetres: read it with scale=1e-3.
+// A plunger actuator around the axis x = 0 (x is the distance r from it, y the height z): a plunger in a core with a
+// coil, all edges rounded, in a ball of air. Millimetres: read it with scale=1e-3.
 //
-//   gmsh -2 -format msh41 -o actuator.msh actuator.geo
+//   for gap in 1 2 3 4 5; do gmsh -2 -format msh41 -setnumber gap $gap -o actuator_$gap.msh actuator.geo; done
 //
-// Materials of examples/actuator.py: core and plunger mu_r = 1000; coil 4 A/mm^2 out of the page. The other half,
-// x < 0, carries the opposite current, so that the potential is zero on "axis" as on "outer".
+// Materials of examples/actuator.py: core and plunger of iron that saturates, a coil with ampere-turns. The potential
+// A_phi is zero on "outer"; on "axis" it is zero of itself.
 
 DefineConstant[ size = {1, Name "size"} ];  // 1 as drawn, 0.7 for about twice as many nodes
+DefineConstant[ gap = {4, Name "gap"} ];    // between plunger and pole
 
 box = 60;               // radius of the air around
-steps = 8;              // facets of a quarter of a circle
+steps = 6;              // facets of a quarter of a circle
+pole = -4;              // height of the pole's face
+foot = pole + gap;      // of the plunger
 
-h_far = 5 * size;
-h_core = 1.6 * size;
+h_far = 7 * size;
+h_core = 2 * size;
 h_gap = 0.9 * size;
 
 // A chain of lines along the axes, from corner to corner in the lists x and y, each corner rounded by the radius in
@@ -58,7 +61,7 @@ Return
 
 h = h_core;
 x[] = {0, 25, 25, 8.5, 8.5, 20, 20, 8, 8, 0};  // core: outside, the hole of the plunger, inside, the pole below it
-y[] = {-20, -20, 20, 20, 14, 14, -14, -14, -4, -4};
+y[] = {-20, -20, 20, 20, 14, 14, -14, -14, pole, pole};
 radius[] = {0, 2.5, 2.5, 1, 1, 2, 2, 2, 1.5, 0};
 Call RoundedChain;
 core[] = chain[];
@@ -66,7 +69,7 @@ core_first = first;
 core_last = last;
 
 x[] = {0, 8, 8, 0};  // plunger
-y[] = {0, 0, 30, 30};
+y[] = {foot, foot, foot + 30, foot + 30};
 radius[] = {0, 1.5, 1.5, 0};
 Call RoundedChain;
 plunger[] = chain[];
@@ -136,14 +139,14 @@ Field[1].XMin = 7;
 Field[1].XMax = 9;
 Field[1].YMin = 12;
 Field[1].YMax = 22;
-Field[1].VIn = 0.4 * size;
+Field[1].VIn = 0.5 * size;
 Field[1].VOut = h_far;
 Field[1].Thickness = 12;
 Field[2] = Box;
 Field[2].XMin = 0;
 Field[2].XMax = 9;
-Field[2].YMin = -5;
-Field[2].YMax = 1;
+Field[2].YMin = pole - 1;
+Field[2].YMax = foot + 1;
 Field[2].VIn = h_gap;
 Field[2].VOut = h_far;
 Field[2].Thickness = 12;

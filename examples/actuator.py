@@ -1,54 +1,94 @@
-"""A plunger actuator with rounded edges, in the plane: adapt its Gmsh mesh, print a table, draw a figure."""
+"""A plunger actuator around an axis, its iron saturating: force against gap on adapted meshes, a table and a figure.
+
+The force is checked by the energy. At constant current the plunger's work is the gain of co-energy W': F = dW'/dgap, so
+the force that is integrated from the largest to the smallest gap must be the difference of W' there, though one is told
+by the field in the air around the plunger and the other by the whole field.
+"""
 
 import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 
-MESH = Path(__file__).with_name("actuator.msh")
+GAPS = np.array([1, 2, 3, 4, 5])  # mm, a mesh for each
+FINE = 8000  # nodes of the meshes that errors are told by, about five times as many
+IRON, AIR = Material(bh=Froehlich(permeability=2000.0, saturation=1.9)), Material()
 
 PROBLEM = Magnetostatics(
-    {
-        "core": Material(permeability=1000.0),
-        "plunger": Material(permeability=1000.0),
-        "coil": Material(current_density=4e6),
-        "air": Material(),
-    },
-    potential={"outer": 0.0, "axis": 0.0},  # the other half carries the opposite current
+    {"core": IRON, "plunger": IRON, "coil": AIR, "air": AIR},
+    potential={"outer": 0.0},
+    ampere_turns={"coil": 1500.0},
+    axisymmetric=True,
 )
 
 
-def draw(before, after, path):
-    """Mesh before and after, and flux lines over |B|, without the outer part of the air."""
+def pull(field):
+    """Force on the plunger along the axis, in N; negative into the core."""
+    return field.force("plunger")[1]
+
+
+def adapted(gap, target_nodes=None):
+    """The result for one gap in mm; its history begins with the mesh as Gmsh made it."""
+    mesh = ka.read_mesh(Path(__file__).with_name(f"actuator_{gap}.msh"), scale=1e-3)  # drawn in millimetres
+    return ka.adapt(mesh, PROBLEM, passes=3, outputs={"force (N)": pull}, target_nodes=target_nodes)
+
+
+def forces(results):
+    """Forces in N of the meshes as they were and of the adapted ones, (2, ngaps)."""
+    return np.array([[r.history[0].outputs["force (N)"], pull(r.solution)] for r in results]).T
+
+
+def work(force):
+    """Of the force from the largest gap to the smallest, in J: by a spline through F times gap over ln gap."""
+    return float(CubicSpline(np.log(GAPS), force * GAPS * 1e-3).integrate(*np.log(GAPS[[-1, 0]])))
+
+
+def draw(result, force, fine, path):
+    """Mesh before and after and flux lines at the smallest gap; force over gap, and how far it is off."""
     from matplotlib.figure import Figure  # needs matplotlib, the rest does not
 
     from kohonen_adapt.plotting import draw_field_lines, draw_mesh
 
-    figure = Figure(figsize=(14.0, 8.0), dpi=160, layout="constrained")
-    panels = figure.subplots(1, 3)
-    for axes, word, result in zip(panels, ("before", "after"), (before, after), strict=False):
-        draw_mesh(axes, result.mesh, unit="mm")
-        axes.set_title(f"Mesh {word}: {result.mesh.p.shape[1]} nodes")
-    mesh, field = after.mesh, after.solution
-    colours = draw_field_lines(panels[2], mesh, field.potential, np.hypot(*field.flux_density), lines=12, unit="mm")
-    figure.colorbar(colours, ax=panels[2], label="flux density |B| (T)", extend="max", aspect=40)
-    panels[2].set_title("Flux lines after")
-    for axes in panels:
-        axes.set(xlim=(-1, 31), ylim=(-25, 35))
+    figure = Figure(figsize=(18.0, 7.5), dpi=80, layout="constrained")
+    panels = figure.subplot_mosaic("ABCF;ABCE", width_ratios=(1, 1, 1.15, 1))
+    for key, word, mesh in (("A", "before", result.history[0].mesh), ("B", "after", result.mesh)):
+        draw_mesh(panels[key], mesh, unit="mm")
+        panels[key].set_title(f"Mesh {word}: {mesh.p.shape[1]} nodes")
+    field, lines = result.solution, panels["C"]
+    colours = draw_field_lines(lines, result.mesh, field.unknown, np.hypot(*field.flux_density), lines=15, unit="mm")
+    figure.colorbar(colours, ax=lines, label="flux density |B| (T)", extend="max", aspect=40)
+    lines.set_title("Flux lines after")
+    for key in "ABC":
+        panels[key].set(xlim=(-1, 31), ylim=(-25, 35), xlabel="r (mm)", ylabel="z (mm)")
+    for values, label, mark in zip(force, ("Gmsh's meshes", "the same, adapted"), ("s--", "o-"), strict=True):
+        panels["F"].plot(GAPS, -values, mark, label=label, markersize=5)
+        panels["E"].plot(GAPS, 100 * (values / fine - 1), mark, label=label, markersize=5)
+    panels["F"].set(title="Pull on the plunger", xlabel="gap (mm)", ylabel="force (N)", ylim=(0, None))
+    panels["E"].set(title=f"Off the adapted meshes of {FINE} nodes", xlabel="gap (mm)", ylabel="difference (%)")
+    panels["E"].axhline(0.0, color="black", linewidth=0.5)
+    for key in "FE":
+        panels[key].legend()
+        panels[key].set_xticks(GAPS)
     figure.savefig(path)
 
 
 def main(folder="."):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
-    before, after = ka.adapt(mesh, PROBLEM, passes=0), ka.adapt(mesh, PROBLEM, passes=3)
-    print(after)
-    draw(before, after, folder / "actuator.png")
-    return before, after
+    results, fine = [adapted(gap) for gap in GAPS], forces([adapted(gap, FINE) for gap in GAPS])[1]
+    force = forces(results)
+    print(results[0])
+    print("\ngap (mm)  force (N) before    after  on finer meshes")
+    for row in zip(GAPS, *force, fine, strict=True):
+        print("{:8d}  {:16.2f} {:8.2f} {:16.2f}".format(*row))
+    gain = results[0].solution.coenergy - results[-1].solution.coenergy
+    print(f"work of the force {work(force[1]):.5f} J, gain of co-energy {gain:.5f} J: {work(force[1]) / gain - 1:+.2%}")
+    draw(results[0], force, fine, folder / "actuator.png")
+    return results, force, fine
 
 
 if __name__ == "__main__":

@@ -1,27 +1,38 @@
-"""One pole of a permanent-magnet machine, its sides antiperiodic: adapt its Gmsh mesh, print a table, draw a figure."""
+"""One pole of a permanent-magnet machine, its sides antiperiodic: torque over rotor angle on adapted meshes, figures.
+
+The rotor turns on the ring of nodes in the middle of the gap, by whole steps of it, so the mesh of one angle turns into
+one of the next as it is, and adapting goes on from there. The currents turn with the rotor, so that all repeats after
+a slot pitch. Over it the energy stored does not change, so the mean torque must be the mean of I dlambda/dtheta over
+rotor angles theta, added up over the slots (lambda: flux linkage). The one is told by the field in the gap, the other
+by the potential in the slots.
+"""
 
 import sys
 from pathlib import Path
 
 import numpy as np
+from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque
 
 MESH = Path(__file__).with_name("motor.msh")
 POLE = np.pi / 4  # angle of the sector, counter-clockwise from "right" to "left"
-CURRENT = 4e6  # A/m^2, peak, at the instant when phase a has it and b and c half of it with the other sign
+RING, STEPS = 0.0445, 72  # radius of the ring, and its facets
+ANGLES = range(0, STEPS // 3 + 1, 2)  # of the rotor, in steps of the ring, up to one slot pitch
+CURRENT = 4e6  # A/m^2, peak
+SLOTS = {"coil_c_minus": -POLE / 3, "coil_a_plus": 0.0, "coil_b_minus": POLE / 3}  # angles from the pole's axis
 
 IRON, AIR = Material(permeability=1000.0), Material()
-MATERIALS = {
-    "stator": IRON,
-    "rotor": IRON,
-    "magnet": Material(permeability=1.05, remanence=(0.0, 1.2)),
-    "coil_a_plus": Material(current_density=CURRENT),
-    "coil_b_minus": Material(current_density=0.5 * CURRENT),
-    "coil_c_minus": Material(current_density=0.5 * CURRENT),
-    **dict.fromkeys(["slot_air", "gap", "rotor_air"], AIR),
-}
+PARTS = {"stator": IRON, "rotor": IRON} | dict.fromkeys(["slot_air", "gap", "rotor_air"], AIR)
+
+
+def materials(step=0, peak=CURRENT):
+    """Of the machine with its rotor at a step: the magnet turns with it, the currents are strongest over it."""
+    angle = POLE * step / STEPS
+    magnet = Material(permeability=1.05, remanence=(-1.2 * np.sin(angle), 1.2 * np.cos(angle)))
+    density = {name: -peak * np.cos(np.pi / POLE * (angle - slot)) for name, slot in SLOTS.items()}
+    return PARTS | {"magnet": magnet} | {name: Material(current_density=j) for name, j in density.items()}
 
 
 def sector(materials):
@@ -29,37 +40,121 @@ def sector(materials):
     return Magnetostatics(materials, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=[("right", "left")])
 
 
-def draw(before, after, path):
+def turned(mesh, step, further):
+    """The mesh with its rotor, now at a step, turned further; what then sticks out of the sector stays there."""
+    z = mesh.p[1] - 1j * mesh.p[0]  # angles from the y-axis
+    on_ring = np.abs(np.abs(z) - RING) < 1e-9
+    number = np.where(on_ring, np.rint((np.angle(z) / POLE + 0.5) * STEPS), 1000 + np.arange(z.size))[mesh.t]
+    turns = np.abs(z[mesh.t].mean(axis=0)) < RING
+    # The ring's nodes are numbered along it, so that rotor and stator share others than before.
+    _, first, t = np.unique(number + further * (turns & on_ring[mesh.t]), return_index=True, return_inverse=True)
+    z = np.where(turns, np.exp(1j * POLE * further / STEPS), 1.0) * z[mesh.t]
+    z = z.ravel()[first]
+    new = MeshTri(np.stack([-z.imag, z.real]), t.reshape(3, -1))
+    radius, side = np.abs(z[new.facets]), np.zeros(new.facets.shape[1], dtype=bool)
+    side[new.boundary_facets()] = True
+    names = {"outer": side & (radius.min(axis=0) > 0.079), "inner": side & (radius.max(axis=0) < 0.016)}
+    side &= ~names["outer"] & ~names["inner"]
+    right = np.angle(z[new.facets].mean(axis=0)) < 0.5 * POLE * (step + further) / STEPS
+    names |= {"ring": np.all(np.abs(radius - RING) < 1e-9, axis=0), "right": side & right, "left": side & ~right}
+    inside = np.intersect1d(mesh.subdomains["gap"], np.flatnonzero(turns))
+    new = new.with_subdomains(mesh.subdomains | {"gap_inside": inside})
+    return new.with_boundaries({name: np.flatnonzero(facets) for name, facets in names.items()})
+
+
+def torque(field):
+    """Of one pole, in N m per metre of depth, counter-clockwise."""
+    return field.torque(["rotor", "magnet"])
+
+
+def electric_torque(field, step):
+    """Minus the sum of lambda dI/dtheta, whose mean is that of I dlambda/dtheta, as both repeat after a slot pitch."""
+    total = 0.0
+    for name, at in SLOTS.items():
+        slope = np.pi / POLE * CURRENT * np.sin(np.pi / POLE * (POLE * step / STEPS - at))
+        total -= field.flux_linkage(name) * slope * field.volume[field.mesh.subdomains[name]].sum()
+    return total
+
+
+def torques(field, idle, step):
+    """What the curves are of: with the currents by eggshell, by Arkkio and by flux linkage, and without currents."""
+    return torque(field), arkkio_torque(field, "gap_inside"), electric_torque(field, step), torque(idle)
+
+
+def sweep(mesh):
+    """The adapted result of every angle, started from the last, and `torques` of meshes only turned and adapted."""
+    plain = adapted = mesh
+    last, results, table = 0, [], []
+    for step in ANGLES:
+        plain, adapted = turned(plain, last, step - last), turned(adapted, last, step - last)
+        last, loaded, idle = step, sector(materials(step)), sector(materials(step, peak=0.0))
+        pairs, outputs = [("left", "right")], {"torque (N m/m)": torque}
+        # The ring stays as it is, for the rotor to turn on; so there are always two layers of elements in the gap.
+        passes = 1 if results else 3
+        result = ka.adapt(adapted, loaded, passes=passes, periodic=pairs, pinned=["ring"], outputs=outputs)
+        adapted = result.mesh
+        results.append(result)
+        fields = (loaded.solve(plain), idle.solve(plain)), (result.solution, idle.solve(adapted))
+        table.append([torques(*pair, step) for pair in fields])
+    return results, np.array(table).transpose(1, 2, 0)
+
+
+def draw(result, path):
     """Mesh before and after, and flux lines over |B|: the whole sector, and the gap at a slot opening."""
     from matplotlib.figure import Figure  # needs matplotlib, the rest does not
 
     from kohonen_adapt.plotting import draw_field_lines, draw_mesh
 
     figure = Figure(figsize=(14.0, 10.0), dpi=90, layout="constrained")
-    panels = figure.subplots(2, 3)
+    panels, field = figure.subplots(2, 3), result.solution
     for row, place in zip(panels, ("", " at a slot opening"), strict=True):
-        for axes, word, result in zip(row, ("before", "after"), (before, after), strict=False):
-            draw_mesh(axes, result.mesh, unit="mm")
-            axes.set_title(f"Mesh {word}{place or f': {result.mesh.p.shape[1]} nodes'}")
-        field = after.solution
-        colours = draw_field_lines(row[2], after.mesh, field.potential, np.hypot(*field.flux_density), unit="mm")
+        for axes, word, mesh in zip(row, ("before", "after"), (result.history[0].mesh, result.mesh), strict=False):
+            draw_mesh(axes, mesh, unit="mm")
+            axes.set_title(f"Mesh {word}{place or f': {mesh.p.shape[1]} nodes'}")
+        colours = draw_field_lines(row[2], result.mesh, field.potential, np.hypot(*field.flux_density), unit="mm")
         row[2].set_title(f"Flux lines after{place}")
     for axes in panels[1]:
-        axes.set(xlim=(8.5, 15.5), ylim=(40.5, 47.5))
+        axes.set(xlim=(-15.5, -8.5), ylim=(40.5, 47.5))
     figure.colorbar(colours, ax=panels[:, 2], label="flux density |B| (T)", extend="max", aspect=50)
+    figure.savefig(path)
+
+
+def draw_torque(result, table, path):
+    """Flux lines on a mesh that has turned; torque over angle, with the currents and without."""
+    from matplotlib.figure import Figure
+
+    from kohonen_adapt.plotting import draw_field_lines
+
+    figure = Figure(figsize=(16.0, 5.0), dpi=80, layout="constrained")
+    (sector, *panels), degrees = figure.subplots(1, 3), np.degrees(POLE / STEPS * np.array(ANGLES))
+    field = result.solution
+    colours = draw_field_lines(sector, result.mesh, field.potential, np.hypot(*field.flux_density), unit="mm")
+    figure.colorbar(colours, ax=sector, label="flux density |B| (T)", extend="max")
+    sector.set_title(f"Rotor turned by {degrees[degrees.size // 2]:g} degrees")
+    for axes, rows, title in zip(panels, ([0, 1, 2], [3]), ("Torque with currents", "Cogging torque"), strict=True):
+        for mesh, mark, values in zip(("Gmsh's mesh", "adapted"), ("s--", "o-"), table, strict=True):
+            axes.plot(degrees, values[rows[0]], mark, label=f"{mesh}, eggshell", markersize=5)
+        for row, label, mark in zip(rows[1:], ("Arkkio", "flux linkage (mean only)"), ("kx", "k:"), strict=False):
+            axes.plot(degrees, table[1, row], mark, label=f"adapted, {label}")
+        axes.set(title=title, xlabel="rotor angle (degrees)", ylabel="torque of a pole (N m per metre)")
+        axes.legend()
     figure.savefig(path)
 
 
 def main(folder="."):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
-    problem = sector(MATERIALS)
-    before = ka.adapt(mesh, problem, passes=0)
-    after = ka.adapt(mesh, problem, passes=3, periodic=[("left", "right")], layers={"gap": 2})
-    print(after)
-    draw(before, after, folder / "motor.png")
-    return before, after
+    results, table = sweep(ka.read_mesh(MESH, scale=1e-3))  # drawn in millimetres
+    print(results[0])
+    for name, values in zip(("meshes of Gmsh, turned", "adapted meshes"), table, strict=True):
+        eggshell, arkkio, electric, cogging = values[:, :-1].mean(axis=1)  # the last angle is the first again
+        print(
+            f"{name}: mean torque {eggshell:.3f} N m/m per pole (Arkkio {arkkio:.3f}), electric {electric:.3f}: "
+            f"{eggshell / electric - 1:+.2%}; mean cogging {cogging:+.3f}"
+        )
+    draw(results[0], folder / "motor.png")
+    draw_torque(results[len(results) // 2], table, folder / "motor_torque.png")
+    return results, table
 
 
 if __name__ == "__main__":
