@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from .borders import Facets
 from .curves import Arc, Line
-from .kernels.chains import ROUND, STRAIGHT, TABLED, Chains
+from .kernels.chains import LENGTH, MERGED, REACH, ROUND, TABLED, Chains
 from .kernels.trace import cut_runs, lengths_and_angles
 from .polylines import Runs
 
@@ -188,20 +188,10 @@ def straight_table(start: Floats, end: Floats) -> Chains:
     length = np.sqrt(np.sum(chord**2, axis=1))
     with np.errstate(invalid="ignore"):  # of closed ones, which are not straight
         direction = chord / length[:, None]
-    return Chains(
-        shape=np.full(count, STRAIGHT, dtype=np.int8),
-        origin=start.copy(),
-        direction=direction,
-        length=length,
-        curvature=np.zeros(count),
-        closed=np.zeros(count, dtype=np.bool_),
-        reach=np.full(count, np.inf),
-        merged=np.full(count, np.inf),
-        bulge=np.zeros(count),
-        paired=np.zeros(count, dtype=np.bool_),
-        row=np.zeros(count + 1, dtype=np.int32),
-        knot=np.empty((0, 5)),
-    )
+    place = np.zeros((count, 9))
+    place[:, 0:2], place[:, 2:4], place[:, LENGTH] = start, direction, length
+    place[:, [REACH, MERGED]] = np.inf
+    return Chains(place, np.zeros((count, 3), dtype=np.int8), np.zeros(count + 1, dtype=np.int32), np.empty((0, 5)))
 
 
 def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .chains import parameter_of, way_along
+from .chains import LENGTH, parameter_of, way_along
 from .compilation import kernel
 from .flip import corner_towards
 
@@ -54,7 +54,7 @@ def stretch(position, constraints, c, a, b):
     way = way_along(chains, c, start, end)
     chord = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
     if abs(way) > 2.0 * chord:
-        way -= math.copysign(chains.length[c], way)
+        way -= math.copysign(chains.place[c, LENGTH], way)
         start = end - way
     return start, way
 

@@ -17,21 +17,72 @@ JUNCTION = -2  # in place of a chain: the node is held where three of them meet
 BISECTIONS = 45  # to the nearest point between two knots: that many bits
 
 
-class Chains(NamedTuple):
-    """Where positions on every chain are looked up; a chain begins at its origin, in the direction given."""
+# Columns of the tables of chains. One table in place of an array for each halves what numba has to compile: every
+# array handed to a kernel costs it as much as some lines of code.
+LENGTH, CURVATURE, REACH, MERGED, BULGE = 4, 5, 6, 7, 8  # of `place`
+SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `flags`
 
-    shape: np.ndarray  # (c,) int8: STRAIGHT, ROUND or TABLED
-    origin: np.ndarray  # (c, 2)
-    direction: np.ndarray  # (c, 2) unit vectors: the tangent at the origin
-    length: np.ndarray  # (c,) the parameter goes from 0 to here
-    curvature: np.ndarray  # (c,) of ROUND ones: 1 / radius, positive if they run counter-clockwise
-    closed: np.ndarray  # (c,) bool: a loop without a corner, on which the parameter begins anew at its end
-    reach: np.ndarray  # (c,) the longest facet that may be made: longer ones would leave too much of a curve out
-    merged: np.ndarray  # (c,) the same of two facets that are to be one
-    bulge: np.ndarray  # (c,) how far a curve may be from its facets
-    paired: np.ndarray  # (c,) bool: its nodes have partners on another chain, at the same parameters
+
+class Chains(NamedTuple):
+    """Where positions on every chain are looked up; a chain begins at its origin, in the direction given.
+
+    Kernels see the tables, everybody else their columns by name.
+    """
+
+    place: np.ndarray  # (c, 9): origin, direction, length, curvature, reach, merged, bulge
+    flags: np.ndarray  # (c, 3) int8: shape, closed, paired
     row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
+
+    @property
+    def shape(self) -> np.ndarray:
+        """STRAIGHT, ROUND or TABLED, (c,)."""
+        return self.flags[:, SHAPE]
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Where the parameter is 0, (c, 2)."""
+        return self.place[:, 0:2]
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit vectors: the tangent at the origin, (c, 2)."""
+        return self.place[:, 2:4]
+
+    @property
+    def length(self) -> np.ndarray:
+        """The parameter goes from 0 to here, (c,)."""
+        return self.place[:, LENGTH]
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """Of ROUND ones 1 / radius, positive if they run counter-clockwise, (c,)."""
+        return self.place[:, CURVATURE]
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Whether it is a loop without a corner, on which the parameter begins anew at its end, (c,)."""
+        return self.flags[:, CLOSED].view(np.bool_)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """The longest facet that may be made: longer ones would leave too much of a curve out, (c,)."""
+        return self.place[:, REACH]
+
+    @property
+    def merged(self) -> np.ndarray:
+        """The same of two facets that are to be one, (c,)."""
+        return self.place[:, MERGED]
+
+    @property
+    def bulge(self) -> np.ndarray:
+        """How far a curve may be from its facets, (c,)."""
+        return self.place[:, BULGE]
+
+    @property
+    def paired(self) -> np.ndarray:
+        """Whether its nodes have partners on another chain, at the same parameters, (c,)."""
+        return self.flags[:, PAIRED].view(np.bool_)
 
 
 class Twins(NamedTuple):
@@ -57,15 +108,15 @@ class Constraints(NamedTuple):
 @kernel
 def point_at(chains, c, parameter):
     """The position that belongs to a parameter."""
-    x, y = chains.origin[c, 0], chains.origin[c, 1]
-    tx, ty = chains.direction[c, 0], chains.direction[c, 1]
-    if chains.shape[c] == STRAIGHT:
+    x, y = chains.place[c, 0], chains.place[c, 1]
+    tx, ty = chains.place[c, 2], chains.place[c, 3]
+    if chains.flags[c, SHAPE] == STRAIGHT:
         return x + parameter * tx, y + parameter * ty
-    if chains.shape[c] == ROUND:
+    if chains.flags[c, SHAPE] == ROUND:
         # from the origin along a chord: exact however large the radius
-        half = 0.5 * chains.curvature[c] * parameter
+        half = 0.5 * chains.place[c, CURVATURE] * parameter
         sine, cosine = math.sin(half), math.cos(half)
-        chord = 2.0 * sine / chains.curvature[c]
+        chord = 2.0 * sine / chains.place[c, CURVATURE]
         return x + chord * (cosine * tx - sine * ty), y + chord * (sine * tx + cosine * ty)
     k = knot_before(chains, c, parameter)
     x, y, _, _ = on_span(chains.knot, k, span_share(chains.knot, k, parameter))
@@ -75,17 +126,17 @@ def point_at(chains, c, parameter):
 @kernel
 def nearest_parameter(chains, c, x, y, near):
     """The parameter of the point of chain c that nearest to (x, y); on a table from the parameter near on."""
-    if chains.shape[c] == TABLED:
+    if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, y, near)
-    ux, uy = x - chains.origin[c, 0], y - chains.origin[c, 1]
-    tx, ty, length = chains.direction[c, 0], chains.direction[c, 1], chains.length[c]
+    ux, uy = x - chains.place[c, 0], y - chains.place[c, 1]
+    tx, ty, length = chains.place[c, 2], chains.place[c, 3], chains.place[c, LENGTH]
     along = ux * tx + uy * ty
-    if chains.shape[c] == STRAIGHT:
+    if chains.flags[c, SHAPE] == STRAIGHT:
         return min(length, max(0.0, along))
-    curvature = chains.curvature[c]
+    curvature = chains.place[c, CURVATURE]
     angle = math.atan2(curvature * along, 1.0 - curvature * (uy * tx - ux * ty))
     parameter, turn = angle / curvature, 2.0 * math.pi / abs(curvature)
-    if chains.closed[c]:
+    if chains.flags[c, CLOSED]:
         return parameter + turn if parameter < 0.0 else parameter
     if parameter < 0.0:
         parameter = 0.0 if -parameter <= turn + parameter - length else parameter + turn
@@ -100,8 +151,8 @@ def parameter_of(position, constraints, c, v):
     if constraints.kind[v] == SLIDING and constraints.chain[v, 0] == c:
         return constraints.parameter[v]
     x, y, chains = position[v, 0], position[v, 1], constraints.chains
-    if squared_to_parameter(chains, c, chains.length[c], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
-        return chains.length[c]
+    if squared_to_parameter(chains, c, chains.place[c, LENGTH], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
+        return chains.place[c, LENGTH]
     return 0.0
 
 
@@ -117,11 +168,11 @@ def distance_to_chain(chains, c, x, y, near):
 def way_along(chains, c, start, end):
     """From one parameter to another; on a loop the shorter way round."""
     way = end - start
-    if chains.closed[c]:
-        if way > 0.5 * chains.length[c]:
-            way -= chains.length[c]
-        elif way < -0.5 * chains.length[c]:
-            way += chains.length[c]
+    if chains.flags[c, CLOSED]:
+        if way > 0.5 * chains.place[c, LENGTH]:
+            way -= chains.place[c, LENGTH]
+        elif way < -0.5 * chains.place[c, LENGTH]:
+            way += chains.place[c, LENGTH]
     return way
 
 
@@ -129,18 +180,18 @@ def way_along(chains, c, start, end):
 def gone_along(chains, c, start, way):
     """The parameter so far from another; a loop begins anew at its end."""
     parameter = start + way
-    if chains.closed[c]:
+    if chains.flags[c, CLOSED]:
         if parameter < 0.0:
-            parameter += chains.length[c]
-        elif parameter >= chains.length[c]:
-            parameter -= chains.length[c]
+            parameter += chains.place[c, LENGTH]
+        elif parameter >= chains.place[c, LENGTH]:
+            parameter -= chains.place[c, LENGTH]
     return parameter
 
 
 @kernel
 def within_reach(position, elements, star, chains, c, v, x, y):
     """Whether node v at (x, y) on chain c makes no facet that is both longer than may be and longer than before."""
-    reach = chains.reach[c]
+    reach = chains.place[c, REACH]
     if reach == np.inf:
         return True
     for k in range(star.start[v], star.start[v + 1]):
@@ -218,7 +269,7 @@ def next_knot(chains, c, k, way):
     """The next knot of a chain that way; at its end that end, on a loop the first one again, which the last one is."""
     first, last = chains.row[c], chains.row[c + 1] - 1
     k += way
-    if chains.closed[c]:
+    if chains.flags[c, CLOSED]:
         return last - 1 if k < first else (first if k >= last else k)
     return max(first, min(last, k))
 
@@ -291,7 +342,7 @@ def farthest_from_facets(position, elements, constraints):
     for e in range(elements.node.shape[0]):
         for k in range(3):
             c = np.int64(elements.chain[e, k])
-            if c < 0 or chains.shape[c] == STRAIGHT:
+            if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
             start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)

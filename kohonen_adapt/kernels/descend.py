@@ -161,7 +161,7 @@ def slide(position, star, constraints, trial, v, slope, floor):
     """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     chain, parameter, given = constraints.chain[v, 0], constraints.parameter[v], trial.fixed[v]
-    tx, ty = constraints.chains.direction[chain, 0], constraints.chains.direction[chain, 1]
+    tx, ty = constraints.chains.place[chain, 2], constraints.chains.place[chain, 3]
     mixed = tx * xw + ty * yw
     now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
     if given:

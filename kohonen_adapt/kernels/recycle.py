@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .chains import FREE, SLIDING, gone_along, parameter_of, point_at, way_along
+from .chains import FREE, MERGED, PAIRED, SLIDING, gone_along, parameter_of, point_at, way_along
 from .compilation import kernel
 from .flip import corner_towards, flip_edge, push, should_flip
 from .geometry import allowed, element_quality, may_join, signed_quality
@@ -345,7 +345,7 @@ def joins_within_reach(position, constraints, w, other, c):
     if c < 0:
         return True
     dx, dy = position[w, 0] - position[other, 0], position[w, 1] - position[other, 1]
-    return dx * dx + dy * dy <= constraints.chains.merged[c] ** 2
+    return dx * dx + dy * dy <= constraints.chains.place[c, MERGED] ** 2
 
 
 @kernel
@@ -440,7 +440,7 @@ def split_longest(position, elements, constraints, pool, origins, longest, short
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         c = np.int64(elements.chain[e, k])
         x, y, parameter = midpoint(position, constraints, c, a, b)
-        if c >= 0 and constraints.chains.paired[c]:
+        if c >= 0 and constraints.chains.flags[c, PAIRED]:
             continue  # the nodes of a periodic pair are neither made nor taken away
         if may_split(position, elements, origins.pinned, e, k, floor, x, y):
             return split(position, elements, constraints, pool, origins, e, k, x, y, parameter), a, -key

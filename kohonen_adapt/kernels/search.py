@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .chains import distance_to_chain, parameter_of
+from .chains import BULGE, distance_to_chain, parameter_of
 from .compilation import kernel
 from .geometry import squared_distance, squared_distance_to_edge
 from .locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
@@ -96,9 +96,9 @@ def behind_curve(position, elements, constraints, e, x, y):
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
-        if c >= 0 and chains.bulge[c] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+        if c >= 0 and chains.place[c, BULGE] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
             near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
-            if distance_to_chain(chains, c, x, y, near)[0] <= chains.bulge[c] * chains.bulge[c]:
+            if distance_to_chain(chains, c, x, y, near)[0] <= chains.place[c, BULGE] * chains.place[c, BULGE]:
                 return True
     return False
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .chains import FREE, HELD, gone_along, nearest_parameter, point_at, way_along, within_reach
+from .chains import FREE, HELD, PAIRED, gone_along, nearest_parameter, point_at, way_along, within_reach
 from .compilation import kernel
 from .geometry import may_move, slide_pair
 from .locate import depth_in_element, side_of_edge, walk
@@ -151,7 +151,7 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, 0]), constraints.parameter[v]
         way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
-        if not chains.paired[chain]:
+        if not chains.flags[chain, PAIRED]:
             slide(position, elements, star, constraints, v, RELAXATION * way, floor)
             continue
         w = np.int64(constraints.twins.partner[v])

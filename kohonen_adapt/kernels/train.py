@@ -6,7 +6,7 @@ Kohonen Maps" (sections II and III).
 
 import numpy as np
 
-from .chains import FREE, JUNCTION, SLIDING, gone_along, nearest_parameter, point_at, way_along, within_reach
+from .chains import FREE, JUNCTION, PAIRED, SLIDING, gone_along, nearest_parameter, point_at, way_along, within_reach
 from .compilation import kernel
 from .geometry import may_move, slide_pair, star_tolerable
 from .jump import jump, jump_at_junction
@@ -89,7 +89,7 @@ def follow_image(position, elements, star, constraints, v, x, y, step, floor):
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
         if may_move(position, star, v, new_x, new_y, floor):
             position[v, 0], position[v, 1] = new_x, new_y
-    elif constraints.kind[v] == SLIDING and not chains.paired[chain]:
+    elif constraints.kind[v] == SLIDING and not chains.flags[chain, PAIRED]:
         parameter = constraints.parameter[v]
         target = nearest_parameter(chains, chain, x, y, parameter)
         parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
@@ -132,7 +132,7 @@ def learn(
                     chain, parameter = np.int64(constraints.chain[v, 0]), constraints.parameter[v]
                     target = nearest_parameter(chains, chain, x[0], x[1], parameter)
                     parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
-                    if chains.paired[chain]:
+                    if chains.flags[chain, PAIRED]:
                         slide_pair(position, elements, star, constraints, v, parameter, floor)
                         continue
                     new_x, new_y = point_at(chains, chain, parameter)
