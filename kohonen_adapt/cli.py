@@ -1,15 +1,21 @@
-"""The command ``kohonen-adapt``: a demonstration from the installed package, progress and errors in plain lines."""
+"""The command ``kohonen-adapt``: its arguments, and what it says: progress and errors in plain lines."""
 
 import argparse
 import logging
 import runpy
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from skfem import MeshTri
+
 from . import __version__
+from .cases import Case, read_case
+from .commands.results import write_pictures, write_results
+from .loop import adapt
 from .result import AdaptResult, Pass, Status
 
 __all__ = ["main"]
@@ -44,9 +50,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = _parser().parse_args(argv)
     logging.basicConfig(format="%(message)s", level=logging.WARNING)
-    logging.getLogger(__package__).setLevel(logging.INFO)
+    quiet = getattr(arguments, "quiet", False)
+    logging.getLogger(__package__).setLevel(logging.WARNING if quiet else logging.INFO)
     try:
         return arguments.run(arguments)
+    except np.linalg.LinAlgError as error:
+        print(f"kohonen-adapt: {error}", file=sys.stderr)
+        return FAILED
     except (OSError, ValueError) as error:
         print(f"kohonen-adapt: {error}", file=sys.stderr)
         return WRONG_USE
@@ -63,7 +73,17 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
     demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
     demo.set_defaults(run=_demo)
+    _add_run(commands)
     return parser
+
+
+def _add_run(commands: Any) -> None:
+    run = commands.add_parser("run", help="adapt the mesh of a case and write what comes of it")
+    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
+    run.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
+    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
+    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    run.set_defaults(run=_run)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -76,6 +96,46 @@ def _demo(arguments: argparse.Namespace) -> int:
     _draw(example, before, after, folder)
     print(f"Files in {folder}: {', '.join(sorted(file.name for file in folder.glob(f'{arguments.name}.*')))}.")
     return FAILED if after.status is Status.FAILED else DONE
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    """Adapt a case; its files are there even if there can be no picture."""
+    case = read_case(arguments.case)
+    if not arguments.dry_run and arguments.out is None:
+        raise ValueError("run expected --out DIR, the folder for the files, or --dry-run.")
+    folder = None if arguments.dry_run else _writable(arguments.out)
+    mesh = case.fitting_mesh()
+    say = _silent if arguments.quiet else print
+    if folder is None:
+        say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
+        return DONE
+    result = adapt(
+        mesh,
+        case.problem,
+        callback=None if arguments.quiet else _report,
+        outputs=case.outputs or None,
+        **case.adapt,
+    )
+    say(result)
+    files = write_results(case, result, folder) + _pictures(case, mesh, result, folder, say)
+    say(f"Files in {folder}: {', '.join(files)}.")
+    if result.status is Status.FAILED:
+        print(f"kohonen-adapt: {result.message}", file=sys.stderr)
+        return FAILED
+    return DONE
+
+
+def _pictures(case: Case, mesh: MeshTri, result: AdaptResult, folder: Path, say: Callable[[Any], None]) -> list[str]:
+    try:
+        return write_pictures(case, adapt(mesh, case.problem, passes=0), result, folder)
+    except ModuleNotFoundError as error:
+        _only_matplotlib(error)
+        say(PLOT_REMEDY)
+        return []
+
+
+def _silent(said: Any) -> None:
+    """What a command says that is to be quiet."""
 
 
 def _report(step: Pass) -> None:
@@ -91,9 +151,14 @@ def _draw(example: dict[str, Any], before: AdaptResult, after: AdaptResult, fold
     try:
         example["draw"](before, after, folder)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
+        _only_matplotlib(error)
         print(PLOT_REMEDY)
+
+
+def _only_matplotlib(error: ModuleNotFoundError) -> None:
+    """Let nothing but a missing matplotlib pass."""
+    if (error.name or "").partition(".")[0] != "matplotlib":
+        raise error
 
 
 def _writable(folder: Path) -> Path:
