@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import os
 import runpy
 import sys
 import tempfile
@@ -13,8 +14,10 @@ import numpy as np
 from skfem import MeshTri
 
 from . import __version__
-from .cases import Case, read_case
+from .cases import Case, case_text, read_case
 from .commands.results import write_pictures, write_results
+from .io import read_mesh
+from .io.whole_file import whole_file
 from .loop import adapt
 from .result import AdaptResult, Pass, Status
 
@@ -74,7 +77,20 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
     demo.set_defaults(run=_demo)
     _add_run(commands)
+    _add_init(commands)
     return parser
+
+
+def _add_init(commands: Any) -> None:
+    init = commands.add_parser("init", help="write a commented case for a mesh, its names filled in")
+    _add_mesh(init)
+    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="by default beside the mesh")
+    init.set_defaults(run=_init)
+
+
+def _add_mesh(command: argparse.ArgumentParser) -> None:
+    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of it; 1e-3 for mm")
 
 
 def _add_run(commands: Any) -> None:
@@ -132,6 +148,19 @@ def _pictures(case: Case, mesh: MeshTri, result: AdaptResult, folder: Path, say:
         _only_matplotlib(error)
         say(PLOT_REMEDY)
         return []
+
+
+def _init(arguments: argparse.Namespace) -> int:
+    """Write a case; one that is there may hold work, so it stays."""
+    path = arguments.output or arguments.mesh.with_suffix(".toml")
+    if path.exists():
+        raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
+    mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    with whole_file(path) as draft:
+        file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
+        draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
+    print(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    return DONE
 
 
 def _silent(said: Any) -> None:
