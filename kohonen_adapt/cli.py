@@ -15,11 +15,15 @@ from skfem import MeshTri
 
 from . import __version__
 from .cases import Case, case_text, read_case
+from .commands.description import described, outlines_described
+from .commands.faults import faults, thin_parts
 from .commands.results import write_pictures, write_results
 from .io import read_mesh
 from .io.whole_file import whole_file
 from .loop import adapt
 from .result import AdaptResult, Pass, Status
+from .som import KohonenMap
+from .triangulation import check_mesh
 
 __all__ = ["main"]
 
@@ -78,7 +82,14 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_demo)
     _add_run(commands)
     _add_init(commands)
+    _add_check(commands)
     return parser
+
+
+def _add_check(commands: Any) -> None:
+    check = commands.add_parser("check", help="say what a mesh is, and what would go wrong with it")
+    _add_mesh(check)
+    check.set_defaults(run=_check)
 
 
 def _add_init(commands: Any) -> None:
@@ -160,6 +171,19 @@ def _init(arguments: argparse.Namespace) -> int:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
     print(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    return DONE
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    """Describe a mesh; what is refused anyhow ends the description with an error."""
+    mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    check_mesh(mesh)
+    print("\n".join(described(mesh)))
+    found = list(faults(mesh))
+    som = KohonenMap(mesh)
+    print("\n".join(outlines_described(som)))
+    found += thin_parts(som)
+    print("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return DONE
 
 
