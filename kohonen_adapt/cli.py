@@ -17,12 +17,15 @@ from . import __version__
 from .cases import Case, case_text, read_case
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts
+from .commands.moving import density_source, relocate_file
 from .commands.results import write_pictures, write_results
 from .io import read_mesh
 from .io.whole_file import whole_file
 from .loop import adapt
+from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
 from .som import KohonenMap
+from .triangles import quality
 from .triangulation import check_mesh
 
 __all__ = ["main"]
@@ -83,7 +86,25 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_init(commands)
     _add_check(commands)
+    _add_relocate(commands)
     return parser
+
+
+def _add_relocate(commands: Any) -> None:
+    move = commands.add_parser(
+        "relocate", help="move the nodes of a mesh to where a density wants them, for any solver"
+    )
+    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    move.add_argument("--density", metavar="FIELD.vtu:name", required=True, help="per element or node of that mesh")
+    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
+    move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
+    move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
+    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
+    move.add_argument("--periodic", metavar="NAME", nargs=2, action="append", default=[], help="a pair that matches")
+    move.add_argument("--layers", metavar=("NAME", "K"), nargs=2, action="append", default=[], help="to keep across it")
+    move.add_argument("--seed", metavar="N", type=int, default=0)
+    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    move.set_defaults(run=_relocate)
 
 
 def _add_check(commands: Any) -> None:
@@ -185,6 +206,30 @@ def _check(arguments: argparse.Namespace) -> int:
     found += thin_parts(som)
     print("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return DONE
+
+
+def _relocate(arguments: argparse.Namespace) -> int:
+    """Relocate a mesh from file to file."""
+    _writable(arguments.out.parent)
+    before, after = relocate_file(
+        arguments.mesh,
+        density_source(arguments.density),
+        arguments.out,
+        topology=arguments.topology,
+        min_quality=arguments.min_quality,
+        pinned=[_number_or_name(word) for word in arguments.pinned],
+        seed=arguments.seed,
+        periodic=[(one, other) for one, other in arguments.periodic],
+        layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
+    )
+    if not arguments.quiet:
+        worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
+        print(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
+    return DONE
+
+
+def _number_or_name(word: str) -> Any:
+    return int(word) if word.isdecimal() else word
 
 
 def _silent(said: Any) -> None:
