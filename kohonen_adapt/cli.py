@@ -6,9 +6,10 @@ import os
 import runpy
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from skfem import MeshTri
@@ -63,7 +64,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     quiet = getattr(arguments, "quiet", False)
     logging.getLogger(__package__).setLevel(logging.WARNING if quiet else logging.INFO)
     try:
-        return arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            return arguments.run(arguments)
     except np.linalg.LinAlgError as error:
         print(f"kohonen-adapt: {error}", file=sys.stderr)
         return FAILED
@@ -73,6 +76,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("kohonen-adapt: interrupted.", file=sys.stderr)
         return INTERRUPTED
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning in one line, in place of `warnings.showwarning`: where in the code it arose helps nobody here."""
+    print(f"kohonen-adapt: warning: {message}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -2,7 +2,9 @@
 
 import csv
 import json
+import os
 import re
+import sys
 from pathlib import Path
 
 import meshio
@@ -124,6 +126,36 @@ def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
     assert cli.main(["run", str(case), "--dry-run"]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
     assert error.startswith("kohonen-adapt: ") and said in error
+
+
+def test_a_warning_is_one_line(case, capsys):
+    case.write_text(CASE.replace("permeability = 1000.0", "bh = [[1.0, 500.0], [1.2, 700.0]]"))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kohonen-adapt: warning: the table ends at 1.2 T, 700 A/m far from saturation")
+
+
+def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, monkeypatch):
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
+    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv"]
+    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+
+
+def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeypatch):
+    def full(source, target):
+        raise OSError(28, "No space left on device", str(source))
+
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    monkeypatch.setattr(os, "replace", full)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert "No space left on device" in error and "adapted.msh" in error and error.count("\n") == 1
+    assert names_in(tmp_path / "out") == []
 
 
 def test_without_a_folder(case, capsys):
