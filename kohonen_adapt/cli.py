@@ -16,6 +16,7 @@ from skfem import MeshTri
 
 from . import __version__
 from .cases import Case, case_text, read_case
+from .cases.kinds import about
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts
 from .commands.moving import density_source, relocate_file
@@ -167,7 +168,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.dry_run and arguments.out is None:
         raise ValueError("run expected --out DIR, the folder for the files, or --dry-run.")
     folder = None if arguments.dry_run else _writable(arguments.out)
-    mesh = case.fitting_mesh()
+    with about(arguments.case):
+        mesh = case.fitting_mesh()
     say = _silent if arguments.quiet else print
     if folder is None:
         say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")

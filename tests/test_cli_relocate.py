@@ -16,15 +16,6 @@ from kohonen_adapt import cli
 from kohonen_adapt.io.fields import read_field
 
 
-@pytest.fixture(autouse=True)
-def quiet_again():
-    """The command turns the package's remarks on for its process; here other tests follow."""
-    logger = cli.logging.getLogger("kohonen_adapt")
-    level = logger.level
-    yield
-    logger.setLevel(level)
-
-
 def solved(file):
     """Laplace's equation on the mesh of a file by scikit-fem: mesh, solution and error against the exact one."""
     content = meshio.read(file)

@@ -1,12 +1,14 @@
 """What a key of a case may hold: a check for each kind of value, and of a table of keys, that names the key."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from math import inf, isfinite
 from typing import Any
 
 __all__ = [
     "Kind",
+    "about",
     "checked",
     "choice",
     "flag",
@@ -27,6 +29,15 @@ Kind = Callable[[Any, str], Any]
 LARGEST = 2**31 - 1  # of integers: nothing that is counted here is more
 
 SHOWN = 60  # characters of a wrong value
+
+
+@contextmanager
+def about(place: object) -> Iterator[None]:
+    """Name the place in what is refused inside."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{place}: {error}") from None
 
 
 def checked(given: Any, kinds: Mapping[str, Kind], place: str, required: Sequence[str] = ()) -> dict[str, Any]:

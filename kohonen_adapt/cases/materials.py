@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..magnetostatics import Arctan, Brauer, Froehlich, Law, Material, Table, read_bh
-from .kinds import Kind, checked, choice, number, table, text, vector
+from .kinds import Kind, about, checked, choice, number, table, text, vector
 
 __all__ = ["material_in"]
 
@@ -59,7 +59,8 @@ def _read(path: Path, place: str) -> Table:
 
 
 def _made(place: str, kind: Callable[..., Any], values: dict[str, Any]) -> Any:
-    try:
-        return kind(**values)
-    except (ArithmeticError, RuntimeError, ValueError) as error:  # extreme parameters overflow, or end no iteration
-        raise ValueError(f"{place}: {error}") from None
+    with about(place):
+        try:
+            return kind(**values)
+        except (ArithmeticError, RuntimeError) as error:  # extreme parameters overflow, or end no iteration
+            raise ValueError(str(error)) from None

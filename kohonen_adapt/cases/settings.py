@@ -17,7 +17,7 @@ from ..magnetostatics.coefficients import coefficients
 from ..magnetostatics.conditions import Boundaries, conditions_of
 from ..magnetostatics.symmetry import AXISYMMETRIC, PLANAR
 from ..relocation import guarded_map
-from .kinds import Kind, checked, choice, flag, integer, number, pairs, pins, table_of, text
+from .kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
 from .materials import material_in
 from .quantities import Quantity, quantity
 
@@ -91,16 +91,21 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        mesh = read_mesh(self.mesh, scale=self.scale)
+        with about("mesh"):
+            mesh = read_mesh(self.mesh, scale=self.scale)
         problem = self.problem
-        coefficients(mesh, problem.materials, problem.ampere_turns)
+        with about("materials"):
+            coefficients(mesh, problem.materials, problem.ampere_turns)
         given = Boundaries(problem.potential or {}, problem.open_boundary, problem.periodic, problem.antiperiodic)
-        conditions_of(mesh, given, AXISYMMETRIC if problem.axisymmetric else PLANAR, problem.order)
-        for each in self.outputs.values():
-            for name in each.bodies:
-                elements_of(mesh, name)
-        guarded_map(mesh, Limits(**{name: self.adapt[name] for name in LIMITS if name in self.adapt}))
-        Growth.of(mesh, self.adapt.get("target_nodes"), self.adapt.get("passes", 1))
+        with about("boundary conditions"):
+            conditions_of(mesh, given, AXISYMMETRIC if problem.axisymmetric else PLANAR, problem.order)
+        for name, each in self.outputs.items():
+            with about(f"outputs.{name}"):
+                for body in each.bodies:
+                    elements_of(mesh, body)
+        with about("adapt"):
+            guarded_map(mesh, Limits(**{name: self.adapt[name] for name in LIMITS if name in self.adapt}))
+            Growth.of(mesh, self.adapt.get("target_nodes"), self.adapt.get("passes", 1))
         return mesh
 
 
@@ -126,10 +131,8 @@ def read_case(path: Path) -> Case:
         given = tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {error}.") from None
-    try:
+    with about(path):
         return case_of(given, path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def case_of(given: Mapping[str, Any], folder: Path) -> Case:
