@@ -1,16 +1,34 @@
-"""The command ``kohonen-adapt``: a demonstration from the installed package, progress and errors in plain lines."""
+"""The command ``kohonen-adapt``: its arguments, and what it says: progress and errors in plain lines."""
 
 import argparse
 import logging
+import os
 import runpy
 import sys
 import tempfile
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
+
+import numpy as np
+from skfem import MeshTri
 
 from . import __version__
+from .cases import Case, case_text, read_case
+from .cases.kinds import about
+from .commands.description import described, outlines_described
+from .commands.faults import faults, thin_parts
+from .commands.moving import density_source, relocate_file
+from .commands.results import write_pictures, write_results
+from .io import read_mesh
+from .io.whole_file import whole_file
+from .loop import adapt
+from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
+from .som import KohonenMap
+from .triangles import quality
+from .triangulation import check_mesh
 
 __all__ = ["main"]
 
@@ -44,15 +62,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = _parser().parse_args(argv)
     logging.basicConfig(format="%(message)s", level=logging.WARNING)
-    logging.getLogger(__package__).setLevel(logging.INFO)
+    quiet = getattr(arguments, "quiet", False)
+    logging.getLogger(__package__).setLevel(logging.WARNING if quiet else logging.INFO)
     try:
-        return arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            return arguments.run(arguments)
+    except np.linalg.LinAlgError as error:
+        print(f"kohonen-adapt: {error}", file=sys.stderr)
+        return FAILED
     except (OSError, ValueError) as error:
         print(f"kohonen-adapt: {error}", file=sys.stderr)
         return WRONG_USE
     except KeyboardInterrupt:
         print("kohonen-adapt: interrupted.", file=sys.stderr)
         return INTERRUPTED
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning in one line, in place of `warnings.showwarning`: where in the code it arose helps nobody here."""
+    print(f"kohonen-adapt: warning: {message}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -63,7 +99,55 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
     demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
     demo.set_defaults(run=_demo)
+    _add_run(commands)
+    _add_init(commands)
+    _add_check(commands)
+    _add_relocate(commands)
     return parser
+
+
+def _add_relocate(commands: Any) -> None:
+    move = commands.add_parser(
+        "relocate", help="move the nodes of a mesh to where a density wants them, for any solver"
+    )
+    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    move.add_argument("--density", metavar="FIELD.vtu:name", required=True, help="per element or node of that mesh")
+    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
+    move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
+    move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
+    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
+    move.add_argument("--periodic", metavar="NAME", nargs=2, action="append", default=[], help="a pair that matches")
+    move.add_argument("--layers", metavar=("NAME", "K"), nargs=2, action="append", default=[], help="to keep across it")
+    move.add_argument("--seed", metavar="N", type=int, default=0)
+    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    move.set_defaults(run=_relocate)
+
+
+def _add_check(commands: Any) -> None:
+    check = commands.add_parser("check", help="say what a mesh is, and what would go wrong with it")
+    _add_mesh(check)
+    check.set_defaults(run=_check)
+
+
+def _add_init(commands: Any) -> None:
+    init = commands.add_parser("init", help="write a commented case for a mesh, its names filled in")
+    _add_mesh(init)
+    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="by default beside the mesh")
+    init.set_defaults(run=_init)
+
+
+def _add_mesh(command: argparse.ArgumentParser) -> None:
+    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of it; 1e-3 for mm")
+
+
+def _add_run(commands: Any) -> None:
+    run = commands.add_parser("run", help="adapt the mesh of a case and write what comes of it")
+    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
+    run.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
+    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
+    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    run.set_defaults(run=_run)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -76,6 +160,97 @@ def _demo(arguments: argparse.Namespace) -> int:
     _draw(example, before, after, folder)
     print(f"Files in {folder}: {', '.join(sorted(file.name for file in folder.glob(f'{arguments.name}.*')))}.")
     return FAILED if after.status is Status.FAILED else DONE
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    """Adapt a case; its files are there even if there can be no picture."""
+    case = read_case(arguments.case)
+    if not arguments.dry_run and arguments.out is None:
+        raise ValueError("run expected --out DIR, the folder for the files, or --dry-run.")
+    folder = None if arguments.dry_run else _writable(arguments.out)
+    with about(arguments.case):
+        mesh = case.fitting_mesh()
+    say = _silent if arguments.quiet else print
+    if folder is None:
+        say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
+        return DONE
+    result = adapt(
+        mesh,
+        case.problem,
+        callback=None if arguments.quiet else _report,
+        outputs=case.outputs or None,
+        **case.adapt,
+    )
+    say(result)
+    files = write_results(case, result, folder) + _pictures(case, mesh, result, folder, say)
+    say(f"Files in {folder}: {', '.join(files)}.")
+    if result.status is Status.FAILED:
+        print(f"kohonen-adapt: {result.message}", file=sys.stderr)
+        return FAILED
+    return DONE
+
+
+def _pictures(case: Case, mesh: MeshTri, result: AdaptResult, folder: Path, say: Callable[[Any], None]) -> list[str]:
+    try:
+        return write_pictures(case, adapt(mesh, case.problem, passes=0), result, folder)
+    except ModuleNotFoundError as error:
+        _only_matplotlib(error)
+        say(PLOT_REMEDY)
+        return []
+
+
+def _init(arguments: argparse.Namespace) -> int:
+    """Write a case; one that is there may hold work, so it stays."""
+    path = arguments.output or arguments.mesh.with_suffix(".toml")
+    if path.exists():
+        raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
+    mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    with whole_file(path) as draft:
+        file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
+        draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
+    print(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    return DONE
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    """Describe a mesh; what is refused anyhow ends the description with an error."""
+    mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    check_mesh(mesh)
+    print("\n".join(described(mesh)))
+    found = list(faults(mesh))
+    som = KohonenMap(mesh)
+    print("\n".join(outlines_described(som)))
+    found += thin_parts(som)
+    print("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
+    return DONE
+
+
+def _relocate(arguments: argparse.Namespace) -> int:
+    """Relocate a mesh from file to file."""
+    _writable(arguments.out.parent)
+    before, after = relocate_file(
+        arguments.mesh,
+        density_source(arguments.density),
+        arguments.out,
+        topology=arguments.topology,
+        min_quality=arguments.min_quality,
+        pinned=[_number_or_name(word) for word in arguments.pinned],
+        seed=arguments.seed,
+        periodic=[(one, other) for one, other in arguments.periodic],
+        layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
+    )
+    if not arguments.quiet:
+        worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
+        print(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
+    return DONE
+
+
+def _number_or_name(word: str) -> Any:
+    return int(word) if word.isdecimal() else word
+
+
+def _silent(said: Any) -> None:
+    """What a command says that is to be quiet."""
 
 
 def _report(step: Pass) -> None:
@@ -91,9 +266,14 @@ def _draw(example: dict[str, Any], before: AdaptResult, after: AdaptResult, fold
     try:
         example["draw"](before, after, folder)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
+        _only_matplotlib(error)
         print(PLOT_REMEDY)
+
+
+def _only_matplotlib(error: ModuleNotFoundError) -> None:
+    """Let nothing but a missing matplotlib pass."""
+    if (error.name or "").partition(".")[0] != "matplotlib":
+        raise error
 
 
 def _writable(folder: Path) -> Path:

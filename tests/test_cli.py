@@ -1,6 +1,5 @@
 """The command: what it writes, what it says, and how it ends."""
 
-import logging
 import os
 import re
 import subprocess
@@ -14,15 +13,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import cli
 
 ROOT = Path(__file__).parents[1]
-
-
-@pytest.fixture(autouse=True)
-def quiet_again():
-    """The command turns the package's remarks on for its process; here other tests follow."""
-    logger = logging.getLogger("kohonen_adapt")
-    level = logger.level
-    yield
-    logger.setLevel(level)
 
 
 def run(*arguments, **environment):

@@ -2,13 +2,21 @@
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from kohonen_adapt.cases import case_of
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def test_the_case_fits_its_mesh():
+    (case,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert case_of(tomllib.loads(case), ROOT).fitting_mesh().p.shape == (2, 899)
 
 
 def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):

@@ -10,7 +10,7 @@ from skfem import MeshTri
 from .combinations import combinations
 from .content import Content, Floats, Ints, Rows
 
-__all__ = ["read_vtu", "write_vtu"]
+__all__ = ["load_vtu", "read_vtu", "write_vtu"]
 
 Sets = dict[str, Ints]
 Fields = dict[str, Floats]
@@ -82,10 +82,7 @@ def read_vtu(path: Path) -> Content:
     ValueError
         If meshio cannot read it.
     """
-    try:
-        mesh = meshio.vtu.read(str(path))
-    except Exception as error:  # meshio and the XML parser under it raise all kinds
-        raise ValueError(f"read_mesh expected a VTU file; meshio cannot read '{path}': {error}") from error
+    mesh = load_vtu(path, "read_mesh")
     rows = {}
     for kind in {_gmsh_type(block) for block in mesh.cells}:
         nodes = np.concatenate([block.data for block in mesh.cells if _gmsh_type(block) == kind]).astype(np.int64)
@@ -96,6 +93,14 @@ def read_vtu(path: Path) -> Content:
         rows = _named_rows(rows[TRIANGLE].nodes, data, names)
     points = np.column_stack([mesh.points, np.zeros((len(mesh.points), 3 - mesh.points.shape[1]))])
     return Content(points.astype(float), rows, names)
+
+
+def load_vtu(path: Path, caller: str) -> meshio.Mesh:
+    """What meshio makes of a VTU file; a ValueError of the caller's if it cannot."""
+    try:
+        return meshio.vtu.read(str(path))
+    except Exception as error:  # meshio and the XML parser under it raise all kinds
+        raise ValueError(f"{caller} expected a VTU file; meshio cannot read '{path}': {error}") from error
 
 
 def _gmsh_type(block: meshio.CellBlock) -> int:

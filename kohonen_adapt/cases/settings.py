@@ -1,0 +1,169 @@
+"""A case, from TOML to checked settings: mesh file, problem, options of `adapt` and outputs."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skfem import MeshTri
+
+from ..growth import Growth
+from ..io import read_mesh
+from ..limits import Limits
+from ..magnetostatics import Magnetostatics
+from ..magnetostatics.bodies import elements_of
+from ..magnetostatics.coefficients import coefficients
+from ..magnetostatics.conditions import Boundaries, conditions_of
+from ..magnetostatics.symmetry import AXISYMMETRIC, PLANAR
+from ..relocation import guarded_map
+from .kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
+from .materials import material_in
+from .quantities import Quantity, quantity
+
+__all__ = ["Case", "case_of", "read_case"]
+
+PROBLEM: dict[str, Kind] = {
+    "potential": table_of(number()),
+    "ampere_turns": table_of(number()),
+    "depth": number(above=0.0),
+    "axisymmetric": flag,
+    "order": choice(1, 2),
+    "estimator": choice("residual", "recovery", "equilibrated"),
+    "open_boundary": text,
+    "periodic": pairs,
+    "antiperiodic": pairs,
+}
+"""Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
+
+ADAPT: dict[str, Kind] = {
+    "passes": integer(),
+    "rtol": number(least=0.0),
+    "atol": number(least=0.0),
+    "topology": choice("fixed", "flip", "recycle"),
+    "min_quality": number(least=0.0, most=1.0),
+    "pinned": pins,
+    "seed": integer(),
+    "polish": flag,
+    "target_nodes": integer(least=1),
+    "periodic": pairs,
+    "layers": table_of(integer(least=1)),
+    "output_rtol": number(least=0.0),
+}
+"""Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
+
+LIMITS = ("topology", "min_quality", "pinned", "periodic", "layers")
+"""Those of them that limit what nodes may do."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Checked settings.
+
+    Attributes
+    ----------
+    mesh
+        The mesh file.
+    scale
+        Metres per unit of it.
+    problem
+        What is to be solved.
+    adapt
+        Arguments of `kohonen_adapt.adapt` by name.
+    outputs
+        Name to a function of the field.
+    """
+
+    mesh: Path
+    scale: float
+    problem: Magnetostatics
+    adapt: dict[str, Any]
+    outputs: dict[str, Quantity]
+
+    def fitting_mesh(self) -> MeshTri:
+        """Read the mesh, and refuse what `adapt` would refuse before it solves.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, names of the case are not in it, elements have no material or two, conditions
+            contradict one another, or an option does not fit the mesh.
+        OSError
+            If the file cannot be read.
+        """
+        with about("mesh"):
+            mesh = read_mesh(self.mesh, scale=self.scale)
+        problem = self.problem
+        with about("materials"):
+            coefficients(mesh, problem.materials, problem.ampere_turns)
+        given = Boundaries(problem.potential or {}, problem.open_boundary, problem.periodic, problem.antiperiodic)
+        with about("boundary conditions"):
+            conditions_of(mesh, given, AXISYMMETRIC if problem.axisymmetric else PLANAR, problem.order)
+        for name, each in self.outputs.items():
+            with about(f"outputs.{name}"):
+                for body in each.bodies:
+                    elements_of(mesh, body)
+        with about("adapt"):
+            guarded_map(mesh, Limits(**{name: self.adapt[name] for name in LIMITS if name in self.adapt}))
+            Growth.of(mesh, self.adapt.get("target_nodes"), self.adapt.get("passes", 1))
+        return mesh
+
+
+def read_case(path: Path) -> Case:
+    """Read a case from a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file; paths in it are sought from its folder.
+
+    Raises
+    ------
+    ValueError
+        If it is not TOML, or not a case; the message names the file and the key.
+    OSError
+        If it cannot be read.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
+    content = path.read_bytes()
+    try:
+        given = tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is not TOML: {error}.") from None
+    with about(path):
+        return case_of(given, path.parent)
+
+
+def case_of(given: Mapping[str, Any], folder: Path) -> Case:
+    """The settings that a table of keys stands for; the mesh file is not looked at.
+
+    Parameters
+    ----------
+    given
+        What the TOML says.
+    folder
+        Where paths are sought from.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown, missing, or holds a wrong value; the message names it.
+    """
+    kinds: dict[str, Kind] = {
+        "mesh": text,
+        "scale": number(above=0.0),
+        "materials": table_of(material_in(folder)),
+        **PROBLEM,
+        "adapt": lambda value, place: checked(value, ADAPT, place),
+        "outputs": table_of(quantity),
+    }
+    values = checked(given, kinds, "", required=("mesh", "materials"))
+    problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
+    adapt, outputs = values.get("adapt", {}), values.get("outputs", {})
+    joined = [*problem.periodic, *problem.antiperiodic]
+    if joined:
+        adapt.setdefault("periodic", joined)  # what belongs together in the field must stay matched in the mesh
+    if "output_rtol" in adapt and not outputs:
+        raise ValueError("adapt.output_rtol limits the changes of outputs, and there are none; add [outputs.NAME].")
+    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, adapt, outputs)

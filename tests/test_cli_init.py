@@ -1,0 +1,74 @@
+"""The command `init`: a case that runs as it stands, for meshes with names of all kinds."""
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_files import two_rooms
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import cli
+from kohonen_adapt.cases import case_of, case_text
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.mark.parametrize("name", ["c_core", "actuator", "motor"])
+def test_the_case_runs_dry_as_it_stands(name, tmp_path, capsys):
+    shutil.copy(EXAMPLES / f"{name}.msh", tmp_path)
+    (tmp_path / "cases").mkdir()
+    case = tmp_path / "cases" / "new.toml"
+    assert cli.main(["init", str(tmp_path / f"{name}.msh"), "--scale", "1e-3", "-o", str(case)]) == 0
+    said = capsys.readouterr().out
+    assert said == f"Wrote {case}. Fill in its materials, then: kohonen-adapt run {case} --dry-run\n"
+    written, mesh = tomllib.loads(case.read_text()), ka.read_mesh(tmp_path / f"{name}.msh")
+    assert written["mesh"] == f"../{name}.msh" and written["scale"] == 1e-3
+    assert set(written["materials"]) == set(mesh.subdomains)
+    assert all(f"\n{boundary} = 0.0" in case.read_text().replace("\n# ", "\n") for boundary in mesh.boundaries)
+    assert cli.main(["run", str(case), "--dry-run"]) == 0
+
+
+def test_it_does_not_overwrite(tmp_path, capsys):
+    shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
+    (tmp_path / "c_core.toml").write_text("mine")
+    assert cli.main(["init", str(tmp_path / "c_core.msh")]) == 2
+    case = tmp_path / "c_core.toml"
+    assert case.read_text() == "mine"
+    assert capsys.readouterr().err == (
+        f"kohonen-adapt: init does not overwrite '{case}'; choose another name with -o CASE.toml.\n"
+    )
+
+
+def test_overlapping_names_are_commented_out(tmp_path):
+    ka.write_mesh(tmp_path / "rooms.msh", two_rooms())
+    assert cli.main(["init", str(tmp_path / "rooms.msh")]) == 0
+    text = (tmp_path / "rooms.toml").read_text()
+    assert set(tomllib.loads(text)["materials"]) == {"left", "right side"}
+    assert "# [materials.low]" in text and "# interface = 0.0" in text and '"wall and floor" = 0.0' in text
+    assert cli.main(["run", str(tmp_path / "rooms.toml"), "--dry-run"]) == 0
+
+
+def test_a_mesh_without_names_says_what_it_lacks(tmp_path):
+    text = case_text(MeshTri().refined(1), "m.msh", 1.0)
+    assert "# 100 % of the area has no material above: give it a surface group of its own" in text
+    assert "# The mesh names no part of its rim: give the lines there a physical group" in text
+    with pytest.raises(ValueError, match="potential must fix A on at least one boundary"):
+        case_of(tomllib.loads(text), tmp_path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(min_size=1), st.text(min_size=1), st.text(min_size=1))
+def test_any_name_comes_back(subdomain, boundary, file):
+    if subdomain.startswith("gmsh:") or boundary.startswith("gmsh:"):
+        return
+    mesh = MeshTri().refined(1)
+    mesh = mesh.with_subdomains({subdomain: np.arange(mesh.t.shape[1])})
+    mesh = mesh.with_boundaries({boundary: mesh.boundary_facets()})
+    given = tomllib.loads(case_text(mesh, file, 1e-3))
+    assert (set(given["materials"]), set(given["potential"]), given["mesh"]) == ({subdomain}, {boundary}, file)
+    assert given["scale"] == 1e-3

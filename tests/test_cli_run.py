@@ -1,0 +1,185 @@
+"""The command `run`: its files, what it says, and how it ends."""
+
+import csv
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import kohonen_adapt as ka
+from kohonen_adapt import cli
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+FILES = ["adaptation.png", "adapted.msh", "adapted.vtu", "history.csv", "outlines.png"]
+
+CASE = f"""
+mesh = {json.dumps(str(EXAMPLES / "c_core.msh"))}
+scale = 1e-3
+[materials.iron]
+permeability = 1000.0
+[materials.magnet]
+permeability = 1.05
+remanence = [0.0, 1.2]
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 2
+[outputs.stored]
+quantity = "energy"
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(CASE)
+    return file
+
+
+def names_in(folder):
+    return sorted(file.name for file in folder.iterdir())
+
+
+def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
+    out = tmp_path / "new" / "out"
+    assert cli.main(["run", str(case), "--out", str(out)]) == 0
+    assert names_in(out) == FILES
+    said = capsys.readouterr().out
+    assert re.findall(r"^pass (\d): 899 nodes", said, re.MULTILINE) == ["0", "1", "2"]
+    assert "Energy Error %" in said and "stored" in said
+    assert said.endswith(f"Files in {out}: adapted.msh, adapted.vtu, history.csv, adaptation.png, outlines.png.\n")
+    mesh, fields = ka.read_mesh(out / "adapted.msh", scale=1e-3), meshio.read(out / "adapted.vtu")
+    assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
+    assert_allclose(mesh.p.T, fields.points[:, :2], rtol=1e-12, atol=1e-17)
+    assert set(fields.point_data) == {"A (Wb per m)"}
+    assert {"B (T)", "H (A per m)", "indicator"} <= set(fields.cell_data)
+    with (out / "history.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["pass"] for row in rows] == ["0", "1", "2"]
+    best = min(float(row["estimate"]) for row in rows)
+    assert best == pytest.approx(np.sqrt(np.sum(fields.cell_data["indicator"][0] ** 2)), rel=1e-12)
+    assert best < 0.6 * float(rows[0]["estimate"])
+    assert all(float(row["output stored"]) > 0.0 for row in rows)
+
+
+def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(case, tmp_path):
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    once_more = tmp_path / "again.toml"
+    once_more.write_text(re.sub("mesh = .*", 'mesh = "out/adapted.msh"', CASE))
+    before = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
+    assert cli.main(["run", str(once_more), "--dry-run"]) == 0
+    after = ka.read_mesh(tmp_path / "out" / "adapted.msh", scale=1e-3)
+    assert_allclose(np.ptp(after.p, axis=1), np.ptp(before.p, axis=1), rtol=1e-12)
+
+
+def test_quiet_says_nothing(case, tmp_path, capfd):
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert capfd.readouterr().out == ""
+    assert names_in(tmp_path / "out") == FILES
+
+
+def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch):
+    def solve(*given):
+        raise RuntimeError("a dry run must not solve")
+
+    monkeypatch.setattr(Magnetostatics, "solve", solve)
+    assert cli.main(["run", str(case), "--dry-run", "--out", str(tmp_path / "out")]) == 0
+    assert "nothing is wrong;" in capsys.readouterr().out
+    assert names_in(tmp_path) == ["case.toml"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[materials.iron]", "[materials.irn]", "materials: "),
+        ("[materials.air]", "", "materials: "),
+        ("outer = 0.0", "outr = 0.0", "boundary conditions: "),
+        (
+            "passes = 2",
+            'pinned = ["core"]',
+            "adapt: pinned name 'core' is not in the mesh; its boundaries and subdomains are",
+        ),
+        ("passes = 2", "layers = {gap = 2}", "adapt: layers has 'gap', which is no subdomain of the mesh"),
+        ("passes = 2", 'periodic = [["left", "right"]]', "adapt: "),
+        (
+            "passes = 2",
+            "target_nodes = 10",
+            "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
+        ),
+        ('"energy"', '"torque"\nbody = "rotor"', "outputs.stored: "),
+        ("c_core.msh", "none.msh", "read_mesh expected a mesh file; there is none at"),
+    ],
+)
+def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
+    assert old in CASE
+    case.write_text(CASE.replace(old, new))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    place = "" if "none.msh" in new else f"{case}: "  # of a file that is missing the name says enough
+    assert error.startswith(f"kohonen-adapt: {place}{said}")
+
+
+def test_a_warning_is_one_line(case, capsys):
+    case.write_text(CASE.replace("permeability = 1000.0", "bh = [[1.0, 500.0], [1.2, 700.0]]"))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kohonen-adapt: warning: the table ends at 1.2 T, 700 A/m far from saturation")
+
+
+def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, monkeypatch):
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
+    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv"]
+    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+
+
+def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeypatch):
+    def full(source, target):
+        raise OSError(28, "No space left on device", str(source))
+
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    monkeypatch.setattr(os, "replace", full)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert "No space left on device" in error and "adapted.msh" in error and error.count("\n") == 1
+    assert names_in(tmp_path / "out") == []
+
+
+def test_without_a_folder(case, capsys):
+    assert cli.main(["run", str(case)]) == 2
+    assert capsys.readouterr().err == (
+        "kohonen-adapt: run expected --out DIR, the folder for the files, or --dry-run.\n"
+    )
+
+
+def test_a_problem_without_a_solution_is_no_wrong_use(case, tmp_path, capsys, monkeypatch):
+    def solve(self, mesh):
+        raise np.linalg.LinAlgError("no finite solution")
+
+    monkeypatch.setattr(Magnetostatics, "solve", solve)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.endswith("kohonen-adapt: no finite solution\n")
+    assert names_in(tmp_path / "out") == []
+
+
+def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, capsys, monkeypatch):
+    def solve_from(self, *given):
+        raise RuntimeError("no second time")
+
+    monkeypatch.setattr(Magnetostatics, "solve_from", solve_from)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert "no second time" in capsys.readouterr().err
+    assert "adapted.msh" in names_in(tmp_path / "out")
