@@ -86,6 +86,13 @@ class Field:
         """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
         return self._reluctivities[1]
 
+    def change_of_strength(self, change: Floats) -> Floats:
+        """How H changes with a small change of B, (2, nelements) each: differential along B, secant across it."""
+        size = np.hypot(*self.flux_density)
+        along = self.flux_density / np.where(size > 0.0, size, 1.0)
+        secant, differential = self._reluctivities
+        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+
     @property
     def remanence(self) -> Floats:
         """B at which H = 0, (2, nelements) in T."""

@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.conditions import Conditions
 from kohonen_adapt.magnetostatics.symmetry import Symmetry
 from kohonen_adapt.triangles import area
 
-__all__ = ["Scalar", "assembled", "check_finite", "equations", "scalar_of", "solve_scalar", "solved"]
+__all__ = ["Scalar", "assembled", "check_finite", "equations", "loads", "scalar_of", "solve_scalar", "solved"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -55,12 +55,17 @@ def equations(mesh: MeshTri, given: Scalar, values: Floats, free: Indices) -> tu
     """Matrix of ``int nu grad u . grad v`` over the free nodes, and the right-hand side that belongs to it."""
     size, hats = area(mesh), hat_gradients(mesh)
     with np.errstate(over="ignore", invalid="ignore"):
-        pull = given.flux - given.reluctivity * gradient(mesh, values, hats)
-        load = size * (given.source / 3.0 + np.einsum("ck,cik->ik", pull, hats))
-    right = np.bincount(mesh.t.ravel(), load.ravel(), values.size).astype(np.float64)
+        right = loads(mesh, given.source, given.flux - given.reluctivity * gradient(mesh, values, hats), hats)
     own, next_one = np.einsum("cik,cik->ik", hats, hats), np.einsum("cik,cik->ik", hats, hats[:, [1, 2, 0]])
     weight = given.reluctivity * size
     return assembled(mesh, own * weight, next_one * weight, free), right[free]
+
+
+def loads(mesh: MeshTri, source: Floats, flux: Floats, hats: Floats | None = None) -> Floats:
+    """``int source phi + flux . grad phi`` of every node's hat function phi, (nnodes,)."""
+    hats = hat_gradients(mesh) if hats is None else hats
+    load = area(mesh) * (source / 3.0 + np.einsum("ck,cik->ik", flux, hats))
+    return np.bincount(mesh.t.ravel(), load.ravel(), mesh.p.shape[1]).astype(np.float64)
 
 
 def solved(matrix: csc_array, right: Floats) -> Floats:
