@@ -5,6 +5,7 @@ import argparse
 from benchmarks import (
     drift,
     force,
+    large,
     limit,
     magnification,
     outlines,
@@ -34,6 +35,7 @@ CHECKS = {
     "magnification": magnification.report,
     "outlines": outlines.report,
     "force": force.report,
+    "large": large.report,
 }
 
 
