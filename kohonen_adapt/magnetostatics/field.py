@@ -62,6 +62,11 @@ class Field:
         """What is linear in every element, (nnodes,): A, axisymmetric r A."""
         return self.symmetry.unknown(self.mesh, self.potential)
 
+    @property
+    def mean_unknown(self) -> Floats:
+        """Mean of `unknown` over every element, (nelements,)."""
+        return self.unknown[self.mesh.t].mean(axis=0)
+
     @cached_property
     def flux_density(self) -> Floats:
         """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T."""

@@ -19,6 +19,7 @@ __all__ = [
     "coil_linkage",
     "energy_inductance",
     "linkage_density",
+    "turn_length",
     "turns_density",
 ]
 
@@ -33,16 +34,15 @@ def coil_linkage(field: "Field", coil: Names, turns: float) -> float:
     """See `Field.flux_linkage`."""
     inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
-    # Along a turn, of length 2 pi r or the depth, A is constant; r A is what is linear in an element.
-    mean = field.unknown[field.mesh.t[:, inside]].mean(axis=0)
-    return number * _length(field) * float(np.sum(size * mean) / np.sum(size))
+    # Along a turn, of length 2 pi r or the depth, A is constant.
+    return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
 def linkage_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
     """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
     (nelements,).
     """
-    return _length(field) * turns_density(field, circuit)
+    return turn_length(field) * turns_density(field, circuit)
 
 
 def turns_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
@@ -138,7 +138,7 @@ def energy_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 
 
-def _length(field: "Field") -> float:
+def turn_length(field: "Field") -> float:
     """Of a turn, over r where it is a ring."""
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 

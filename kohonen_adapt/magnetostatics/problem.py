@@ -14,6 +14,7 @@ from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.goal_estimation import error_of_goal, goal_indicators
 from kohonen_adapt.magnetostatics.goals import Goal
+from kohonen_adapt.magnetostatics.incremental import linkage_slope
 from kohonen_adapt.magnetostatics.material import Material
 from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
 from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
@@ -179,6 +180,8 @@ class Magnetostatics:
     def solve(self, mesh: MeshTri) -> Field:
         """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
 
+        Beyond 300 000 unknowns by algebraic multigrid, to a residual of 1e-10, where pyamg is installed.
+
         Parameters
         ----------
         mesh
@@ -272,6 +275,33 @@ class Magnetostatics:
         if self.goal is not None:
             return goal_indicators(mesh, field, self.goal, self._boundaries)
         return estimated(mesh, self._coefficients(mesh), field, self.estimator, self._boundaries, self._kinds)
+
+    def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
+        """``d linkage / d current`` of a circuit at a solution: what it has for small changes of its current.
+
+        By the linearised problem, with the differential reluctivity along B and the secant one across it; magnets,
+        given potentials and other currents stay as they are. Of linear material without these it is
+        `apparent_inductance`. Hysteresis and eddy currents have no part in it.
+
+        Parameters
+        ----------
+        field
+            What `solve` returned.
+        circuit
+            Subdomain to turns for every side of a coil, negative where the conductor comes back; they need not carry a
+            current.
+
+        Returns
+        -------
+        float
+            In H per metre of depth; with `depth`, and axisymmetric, in H.
+
+        Raises
+        ------
+        ValueError
+            If the circuit is no such mapping, or the mesh lacks its names.
+        """
+        return linkage_slope(field, self._boundaries, circuit)
 
     def goal_error(self, field: Field) -> float:
         """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
