@@ -306,3 +306,14 @@ def test_the_loop_with_a_goal_says_what_it_leaves_out():
 def test_wrong_goals_are_named(make, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         make()
+
+
+@pytest.mark.parametrize("goal", [Force("go", (0, 1)), Torque("go")])
+def test_a_body_that_touches_iron_is_refused_before_anything_moves(goal):
+    mesh, problem = actuator(goal=goal)
+    height = mesh.p[1, mesh.t].mean(axis=0)
+    bar = np.union1d(mesh.subdomains["bar"], np.flatnonzero((height > 0.0) & (height < 0.002)))
+    parts = mesh.subdomains | {"bar": bar, "air": np.setdiff1d(mesh.subdomains["air"], bar)}
+    touching = mesh.with_subdomains(parts)
+    with pytest.raises(ValueError, match=r"^subdomain 'go' touches 'bar', which is not air .* leave air between them"):
+        ka.adapt(touching, problem)

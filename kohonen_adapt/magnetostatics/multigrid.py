@@ -9,7 +9,8 @@ from scipy.sparse import csc_array, csr_matrix
 __all__ = ["LARGE", "by_multigrid"]
 
 # Unknowns beyond which it is used. Measured on square grids (`benchmarks large`), direct solver against multigrid: at
-# 101 761 unknowns 0.4 - 0.9 s against 1.1 - 3.1 s, at 408 321 unknowns 3.9 - 10.1 s against 3.7 - 4.9 s.
+# 101 761 unknowns 0.4 - 0.9 s against 1.1 - 3.1 s, at 408 321 unknowns 3.9 - 10.1 s against 3.7 - 5.1 s,
+# at 808 201 unknowns 28 s against 7 s.
 LARGE = 300_000
 TOLERANCE = 1e-10  # of the residual, relative to the right-hand side
 MOST_ITERATIONS = 200  # 20 to 30 are what it takes
