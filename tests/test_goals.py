@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sheets import rectangle_force
-from tensor_meshes import box, sector
+from tensor_meshes import box, disk, equal_rings, sector
 from test_axisymmetric_forces import rings_mesh
 from test_forces import HALF, PLACES, turned_magnet, two_magnets
 
@@ -59,6 +59,18 @@ def machine():
     return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")])
 
 
+def shielded():
+    """Two wires beside one another in a tube of steel, with an open boundary."""
+    mesh = disk(equal_rings(20, 0.04), {"inside": 8, "tube": 12, "air": 20})
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    places = {name: np.hypot(x - at, y) < 0.005 for name, at in (("go", -0.008), ("back", 0.008))}
+    rest = np.setdiff1d(mesh.subdomains["inside"], np.flatnonzero(places["go"] | places["back"]))
+    parts = {name: np.flatnonzero(there) for name, there in places.items()} | {"inside": rest}
+    mesh = mesh.with_subdomains(mesh.subdomains | parts)
+    materials = dict.fromkeys(("go", "back", "inside", "air"), AIR) | {"tube": STEEL}
+    return mesh, Magnetostatics(materials, ampere_turns={"go": TURNS, "back": -TURNS}, open_boundary="outer")
+
+
 CIRCUIT = {"go": 50, "back": -50}
 CASES = {
     "force": (actuator, Force("bar", (3.0, 4.0))),
@@ -69,8 +81,10 @@ CASES = {
     "linkage around an axis": (plunger, FluxLinkage({"coil": 100})),
     "energy around an axis": (plunger, StoredEnergy("plunger")),
     "torque on a pole": (machine, Torque(("coil", "hub"))),
+    "force with an open boundary": (shielded, Force("go", (1, 0))),
+    "energy with an open boundary": (shielded, StoredEnergy("tube")),
 }
-FIELDS = {make: make()[1].solve(make()[0]) for make in (actuator, plunger, machine)}
+FIELDS = {make: make()[1].solve(make()[0]) for make in (actuator, plunger, machine, shielded)}
 
 
 # --- theorems ----------------------------------------------------------------------------------------------------
@@ -235,8 +249,8 @@ def test_the_error_of_the_goal_is_told_with_its_sign():
     assert problem.goal_error(result.solution) == pytest.approx(missing, rel=0.25)
 
 
-def test_an_axisymmetric_goal_and_one_with_pairs_are_adapted():
-    for make, pairs in ((plunger, ()), (machine, [("right", "left")])):
+def test_goals_around_an_axis_with_pairs_and_with_an_open_boundary_are_adapted():
+    for make, pairs in ((plunger, ()), (machine, [("right", "left")]), (shielded, ())):
         mesh, problem = make()
         problem = replace(problem, goal=next(goal for other, goal in CASES.values() if other is make))
         result = ka.adapt(mesh, problem, periodic=pairs, passes=2)

@@ -28,7 +28,8 @@ def by_multigrid(matrix: csc_array, right: Floats) -> Floats | None:
     indices, starts = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
     whole = csr_matrix((matrix.data, indices, starts), shape=matrix.shape)
     # Interpolation of least energy has no random numbers, and takes a fifth of the time of the default. Without a bound
-    # for what counts as coupled, elements 20 times longer than high take ten times as many iterations.
+    # for what counts as coupled, elements of order 2, 20 times longer than high, take ten times as many
+    # iterations.
     coupled = ("symmetric", {"theta": 0.1})
     levels = pyamg.smoothed_aggregation_solver(whole, symmetry="symmetric", strength=coupled, smooth=("energy", {}))
     solution = levels.solve(right, tol=TOLERANCE, maxiter=MOST_ITERATIONS, accel="cg")

@@ -71,8 +71,9 @@ class Magnetostatics:
         Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
     goal
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
-        an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, the
-        problem has neither `ritz` nor `energy_norm`, and `goal_error` estimates the error of the goal. Order 1 only.
+        an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the
+        square of an `estimate` is what the elements add to the goal's error at most, in its unit (and `atol` the root
+        of what is allowed). There is neither `ritz` nor `energy_norm`. `goal_error` estimates the error. Order 1 only.
 
     Raises
     ------
