@@ -5,6 +5,7 @@ import argparse
 from benchmarks import (
     drift,
     force,
+    large,
     limit,
     magnification,
     ngsolve_oracle,
@@ -36,6 +37,7 @@ CHECKS = {
     "outlines": outlines.report,
     "force": force.report,
     "oracle": ngsolve_oracle.report,
+    "large": large.report,
 }
 
 

@@ -67,8 +67,9 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
             f"{kind} has no {' and no '.join(missing)}."
         )
     if rtol is not None and not offers(problem, "energy_norm"):
+        reason = why_without(problem, "energy_norm") or "add it"
         raise ValueError(
-            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: add it, or use atol."
+            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: {reason}, or use atol."
         )
     if norm_of(problem) not in ("energy", "L2"):
         raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")

@@ -9,6 +9,7 @@ from tensor_meshes import box, disk, equal_rings
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
+    FluxLinkage,
     Magnetostatics,
     Material,
     apparent_inductance,
@@ -117,3 +118,17 @@ def test_wrong_signs_of_a_circuit_are_told():
     message = "the sides of a circuit must carry one current; got 'core' 1 A, 'shell' -1 A. Mind the signs"
     with pytest.raises(ValueError, match=re.escape(message)):
         circuit_current(problem.solve(mesh), {"core": 1, "shell": 1})
+
+
+def test_a_coil_without_elements():
+    mesh = FIELD.mesh.with_subdomains({"coil": np.array([], dtype=int)})
+    problem = Magnetostatics({"wire": Material(current_density=1e6), "air": AIR}, {"outer": 0.0})
+    field, circuit = problem.solve(mesh), {"coil": 10}
+    for linkage in (
+        lambda: field.flux_linkage("coil", turns=10),
+        lambda: apparent_inductance(field, circuit),
+        lambda: problem.incremental_inductance(field, circuit),
+        lambda: FluxLinkage(circuit).derivative(field),
+    ):
+        with pytest.raises(ValueError, match=r"^subdomain 'coil' has no elements; name one that has\.$"):
+            linkage()

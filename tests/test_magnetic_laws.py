@@ -118,6 +118,18 @@ def test_any_rising_table_is_a_rising_law(steps):
             [(1e4 * b, h / 79.577) for b, h in STEEL],
             r"polarisation B - mu0 H up to 2\.\d+e\+04 T, .*\(1 gauss = 1e-4 T\)",
         ),
+        (
+            [(1e3 * b, h) for b, h in STEEL],  # millitesla
+            r"polarisation B - mu0 H up to .*: B must be in tesla",
+        ),
+        (
+            [(b, h / 1e3) for b, h in STEEL],  # kiloampere per metre
+            r"relative permeability up to .* more than any steel: H must be in A/m",
+        ),
+        (
+            [(1e4 * b, h) for b, h in STEEL],
+            r"polarisation B - mu0 H up to 2\.\d+e\+04 T, .*\(1 gauss = 1e-4 T\)",
+        ),
         ([(h, b) for b, h in STEEL], r"polarisation B - mu0 H up to 1\.7e\+05 T, .* first column"),
         (
             [(b, h / 79.577) for b, h in STEEL],
@@ -185,6 +197,9 @@ def test_files_of_points(tmp_path, text):
         ("B,H\nT,A/m\n0.5,100\n", r"line 2: expected two numbers, B in T and H in A/m; got 'T,A/m'\."),
         ("0.5,100,3\n", r"line 1: expected two numbers"),
         ("", r"at least two points besides \(0, 0\); got 0\."),
+        ("1.5,1000\n", r"at least two points besides \(0, 0\); got 1\."),
+        ("B,H\n0.5,100\n1.5,1000\n1.4,2000\n", r"after 1\.5 T, 1000 A/m comes 1\.4 T, 2000 A/m\."),
+        ("B (G),H (Oe)\n5000,1\n15000,12\n20000,400\n", r"B must be in tesla \(1 gauss = 1e-4 T\).* oersted"),
     ],
 )
 def test_wrong_files_are_named(tmp_path, text, message):

@@ -20,6 +20,7 @@ from kohonen_adapt.magnetostatics import (
     NotConverged,
     Table,
     halbach,
+    newton,
     radial,
 )
 from kohonen_adapt.magnetostatics.laws import flux_density_of
@@ -260,15 +261,45 @@ class Falling:
         return 2000.0 / np.pi * (1 - np.cos(np.pi / 2 * b))
 
 
-def test_what_does_not_converge_says_so_and_hands_over_the_last_iterate():
-    materials = {"wire": Material(), "iron": Material(bh=Falling()), "air": Material()}
-    problem = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": CURRENT})
+class Broken:
+    """No law: its slope is no number beyond 1 T."""
+
+    def field_strength(self, b):
+        return 1000.0 * b
+
+    def slope(self, b):
+        return np.where(b < 1.0, 1000.0, np.nan)
+
+    def energy(self, b):
+        return 500.0 * b**2
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("law", [Falling(), Broken()])
+def test_what_does_not_converge_says_so_and_hands_over_the_last_iterate(law, order):
+    materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
+    problem = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": CURRENT}, order=order)
     message = r"Newton's method has not converged in \d+ steps: the last relative residuals are .*, wanted 1e-08\."
     with pytest.raises(NotConverged, match=message) as caught:
         problem.solve(wire_mesh(10))
     assert isinstance(caught.value, ValueError)
     assert np.all(np.isfinite(caught.value.field.potential)) and caught.value.field.potential.any()
     assert caught.value.steps == caught.value.field.newton and not caught.value.steps[-1].converged
+
+
+def test_a_pass_that_does_not_converge_loses_nothing(monkeypatch):
+    """The loop ends with the passes before it, and the error has the iterate on the mesh of the next."""
+
+    def no_more_steps(_):
+        monkeypatch.setattr(newton, "MOST_STEPS", 1)
+
+    mesh = wire_mesh(10)
+    result = ka.adapt(mesh, tube(), passes=2, callback=no_more_steps)
+    assert result.status is ka.Status.FAILED
+    assert "NotConverged: Newton's method has not converged in 1 steps" in result.message
+    assert result.mesh is mesh and len(result.history) == 1 and result.solution.newton[-1].converged
+    assert isinstance(result.error, NotConverged)
+    assert result.error.field.mesh is not mesh and result.error.field.potential.shape == mesh.p.shape[1:]
 
 
 # --- magnets by coercivity, by curves, by direction ---------------------------------------------------------------

@@ -3,6 +3,7 @@
 from kohonen_adapt.magnetostatics.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.forces import arkkio_torque, lorentz_force, lorentz_torque
+from kohonen_adapt.magnetostatics.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.linkage import apparent_inductance, circuit_current, energy_inductance
 from kohonen_adapt.magnetostatics.magnetisation import halbach, radial
@@ -16,14 +17,19 @@ __all__ = [
     "Arctan",
     "Brauer",
     "Field",
+    "FluxLinkage",
+    "Force",
     "Froehlich",
+    "Goal",
     "Law",
     "Magnetostatics",
     "Material",
     "NewtonStep",
     "NotConverged",
     "QuadraticField",
+    "StoredEnergy",
     "Table",
+    "Torque",
     "apparent_inductance",
     "arkkio_torque",
     "circuit_current",

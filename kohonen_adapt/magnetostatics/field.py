@@ -62,6 +62,11 @@ class Field:
         """What is linear in every element, (nnodes,): A, axisymmetric r A."""
         return self.symmetry.unknown(self.mesh, self.potential)
 
+    @property
+    def mean_unknown(self) -> Floats:
+        """Mean of `unknown` over every element, (nelements,)."""
+        return self.unknown[self.mesh.t].mean(axis=0)
+
     @cached_property
     def flux_density(self) -> Floats:
         """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T."""
@@ -85,6 +90,13 @@ class Field:
     def differential_reluctivity(self) -> Floats:
         """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
         return self._reluctivities[1]
+
+    def change_of_strength(self, change: Floats) -> Floats:
+        """How H changes with a small change of B, (2, nelements) each: differential along B, secant across it."""
+        size = np.hypot(*self.flux_density)
+        along = self.flux_density / np.where(size > 0.0, size, 1.0)
+        secant, differential = self._reluctivities
+        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
 
     @property
     def remanence(self) -> Floats:

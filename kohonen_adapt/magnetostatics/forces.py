@@ -1,19 +1,31 @@
 """Force and torque: by the stress tensor in the air around a body, by Arkkio in an air gap, by Lorentz on currents."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.magnetostatics.bodies import Bools, Names, air_elements, elements_of, isolated_body
-from kohonen_adapt.magnetostatics.cuts import mirror_cut, sector_cut
+from kohonen_adapt.magnetostatics.cuts import Cut, mirror_cut, sector_cut
 from kohonen_adapt.magnetostatics.eggshell import weight_gradient
 from kohonen_adapt.magnetostatics.material import VACUUM_PERMEABILITY
 
 if TYPE_CHECKING:
     from kohonen_adapt.magnetostatics.field import Field
 
-__all__ = ["arkkio_torque", "eggshell_force", "eggshell_torque", "lorentz_force", "lorentz_torque"]
+__all__ = [
+    "Lever",
+    "arkkio_torque",
+    "checked_point",
+    "eggshell_force",
+    "eggshell_torque",
+    "force_lever",
+    "lorentz_force",
+    "lorentz_torque",
+    "pulled",
+    "torque_lever",
+    "worked",
+]
 
 NARROW = 1e-6  # of the radius: a gap of less width is none
 ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
@@ -21,20 +33,60 @@ ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be fro
 Floats = NDArray[np.float64]
 
 
+class Lever(NamedTuple):
+    """One component of an eggshell force, ``-int arm . T slope`` over the volume.
+
+    Attributes
+    ----------
+    slope
+        (2, nelements) in 1/m: gradient of the weight.
+    arm
+        (2, nelements): the direction of a force; of a torque (-y, x) in m, from the centre.
+    """
+
+    slope: Floats
+    arm: Floats
+
+
+def force_lever(field: "Field", body: Names, direction: Floats) -> Lever:
+    """The lever of the component of a force along a unit vector (2,)."""
+    slope, cut = _shell(field, body)
+    along = _along(field, cut, direction)
+    return Lever(slope, np.tile(along[:, None], slope.shape[1]))
+
+
+def torque_lever(field: "Field", body: Names, centre: ArrayLike) -> Lever:
+    """The lever of a torque about a centre."""
+    _check_planar(field)
+    inside, middle = isolated_body(field, body), checked_point("centre", centre)
+    slope = weight_gradient(field, inside, sector_cut(field.mesh, inside, middle))
+    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - middle[:, None]
+    return Lever(slope, np.stack((-y, x)))
+
+
+def pulled(field: "Field", lever: Lever) -> Floats:
+    """How ``-arm . T slope`` changes with B, (2, nelements): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
+    / mu0``.
+    """
+    b, (slope, arm) = field.flux_density, lever
+    normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
+    return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
+
+
+def worked(field: "Field", lever: Lever) -> float:
+    """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
+    return 0.5 * float(np.sum(field.volume * pulled(field, lever) * field.flux_density))
+
+
 def eggshell_force(field: "Field", body: Names) -> Floats:
     """See `Field.force`."""
-    inside = isolated_body(field, body)
-    cut = mirror_cut(field.mesh, inside)
-    force = _along_axis(field, -np.sum(_pull(field, weight_gradient(field, inside, cut)), axis=1))
-    return force if cut.direction is None else cut.direction * (cut.direction @ force)
+    slope, cut = _shell(field, body)
+    return _along(field, cut, -np.sum(_pull(field, slope), axis=1))
 
 
 def eggshell_torque(field: "Field", body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """See `Field.torque`."""
-    _check_planar(field)
-    inside, middle = isolated_body(field, body), _point("centre", centre)
-    cut = sector_cut(field.mesh, inside, middle)
-    return -_moment(field, _pull(field, weight_gradient(field, inside, cut)), middle)
+    return worked(field, torque_lever(field, body, centre))
 
 
 def arkkio_torque(field: "Field", gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
@@ -63,7 +115,7 @@ def arkkio_torque(field: "Field", gap: Names, centre: ArrayLike = (0.0, 0.0)) ->
         more than 5 % of its width.
     """
     _check_planar(field)
-    mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), _point("centre", centre)
+    mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), checked_point("centre", centre)
     if not air_elements(field)[ring].all():
         raise ValueError(f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element.")
     inner, outer = _radii(field, ring, middle, gap)
@@ -104,7 +156,7 @@ def lorentz_torque(field: "Field", coil: Names, centre: ArrayLike = (0.0, 0.0)) 
     Of a planar field, in N m per metre of depth, with `depth` in N m, counter-clockwise; see `lorentz_force`.
     """
     _check_planar(field)
-    return _moment(field, _current_force(field, coil), _point("centre", centre))
+    return _moment(field, _current_force(field, coil), checked_point("centre", centre))
 
 
 def _pull(field: "Field", slope: Floats) -> Floats:
@@ -112,6 +164,19 @@ def _pull(field: "Field", slope: Floats) -> Floats:
     b = field.flux_density
     normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
     return field.volume / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
+
+
+def _shell(field: "Field", body: Names) -> tuple[Floats, Cut]:
+    """Gradient of the weight around a body that a mirror plane may cut, (2, nelements) in 1/m."""
+    inside = isolated_body(field, body)
+    cut = mirror_cut(field.mesh, inside)
+    return weight_gradient(field, inside, cut), cut
+
+
+def _along(field: "Field", cut: Cut, force: Floats) -> Floats:
+    """What of a force the modelled part of a body tells."""
+    left = _along_axis(field, force)
+    return left if cut.direction is None else cut.direction * (cut.direction @ left)
 
 
 def _along_axis(field: "Field", force: Floats) -> Floats:
@@ -162,8 +227,9 @@ def _radii(field: "Field", ring: Bools, centre: Floats, gap: Names) -> tuple[flo
     return inner, outer
 
 
-def _point(name: str, given: ArrayLike) -> Floats:
+def checked_point(name: str, given: ArrayLike, kind: str = "point (x, y) in m") -> Floats:
+    """A point or vector (2,) as floats."""
     point = np.asarray(given)
     if point.shape != (2,) or point.dtype.kind not in "iuf" or not np.isfinite(point).all():
-        raise ValueError(f"{name} must be a point (x, y) in m; got {given!r}.")
+        raise ValueError(f"{name} must be a {kind}; got {given!r}.")
     return point.astype(float)

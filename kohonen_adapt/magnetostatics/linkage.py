@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kohonen_adapt.magnetostatics.bodies import Names, elements_of
 from kohonen_adapt.triangles import area
@@ -11,9 +12,20 @@ from kohonen_adapt.triangles import area
 if TYPE_CHECKING:
     from kohonen_adapt.magnetostatics.field import Field
 
-__all__ = ["apparent_inductance", "circuit_current", "coil_linkage", "energy_inductance"]
+__all__ = [
+    "apparent_inductance",
+    "checked_circuit",
+    "circuit_current",
+    "coil_linkage",
+    "energy_inductance",
+    "linkage_density",
+    "turn_length",
+    "turns_density",
+]
 
 EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
+
+Floats = NDArray[np.float64]
 
 _NUMBERS = (int, float, np.integer, np.floating)
 
@@ -22,10 +34,37 @@ def coil_linkage(field: "Field", coil: Names, turns: float) -> float:
     """See `Field.flux_linkage`."""
     inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
-    # Along a turn, of length 2 pi r or the depth, A is constant; r A is what is linear in an element.
-    mean = field.unknown[field.mesh.t[:, inside]].mean(axis=0)
-    length = 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
-    return number * length * float(np.sum(size * mean) / np.sum(size))
+    # Along a turn, of length 2 pi r or the depth, A is constant.
+    return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
+
+
+def linkage_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
+    """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
+    (nelements,).
+    """
+    return turn_length(field) * turns_density(field, circuit)
+
+
+def turns_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
+    """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
+    density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
+    for name, turns in circuit.items():
+        inside = elements_of(field.mesh, name)
+        density[inside] += turns / np.sum(size[inside])
+    return density
+
+
+def checked_circuit(circuit: Any) -> dict[str, float]:
+    """A circuit as a dict of its own.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping from names to finite numbers other than 0.
+    """
+    if not isinstance(circuit, Mapping) or not circuit:
+        raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
+    return {name: _turns(name, turns) for name, turns in circuit.items()}
 
 
 def circuit_current(field: "Field", circuit: Mapping[str, float]) -> float:
@@ -50,9 +89,7 @@ def circuit_current(field: "Field", circuit: Mapping[str, float]) -> float:
         If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
         carry.
     """
-    if not isinstance(circuit, Mapping) or not circuit:
-        raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
-    currents = {name: _ampere_turns(field, name) / _turns(name, turns) for name, turns in circuit.items()}
+    currents = {name: _ampere_turns(field, name) / turns for name, turns in checked_circuit(circuit).items()}
     values = np.array(list(currents.values()))
     mean = float(values.mean())
     if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
@@ -99,6 +136,11 @@ def energy_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
     around it is `apparent_inductance` to rounding. See there for the arguments.
     """
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
+
+
+def turn_length(field: "Field") -> float:
+    """Of a turn, over r where it is a ring."""
+    return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 
 
 def _ampere_turns(field: "Field", name: str) -> float:

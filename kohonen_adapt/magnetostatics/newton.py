@@ -155,6 +155,11 @@ def iterate(problem: Functional, start: Floats) -> tuple[Floats, tuple[NewtonSte
 
     Newton's steps, halved until they lower the functional as their slope promises, up to rounding. The whole step alone
     may overshoot into saturation by so much that the next ones never come back.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the first step has no finite solution; a later one without ends the descent.
     """
     u, steps = start.copy(), list[NewtonStep]()
     free, conditions = problem.conditions.free, problem.conditions
@@ -162,7 +167,12 @@ def iterate(problem: Functional, start: Floats) -> tuple[Floats, tuple[NewtonSte
     if not free.size:
         return u, ()
     while len(steps) < MOST_STEPS and not (steps and steps[-1].converged):
-        whole = whole_step(problem, u, pull)
+        try:
+            whole = whole_step(problem, u, pull)
+        except np.linalg.LinAlgError:
+            if not steps:
+                raise
+            break  # a law that has no slope there: what was reached until then is not lost
         damping, functional = _damping(problem, u, whole, float(pull @ whole[free]))
         u = u + damping * whole
         pull, size = problem.residual(u)

@@ -57,10 +57,20 @@ class Quadratic:
         return repeated(self.given, self.weights.shape[1])
 
     @cached_property
+    def _integrals(self) -> Floats:
+        """Of the six functions of every element, (6, nelements)."""
+        values = np.stack([np.broadcast_to(np.asarray(each[0]), self.weights.shape) for each in self.basis.basis])
+        return np.einsum("ikq,kq->ik", values, self.weights)
+
+    @property
     def _load(self) -> Floats:
         """``int J phi``, (6, nelements)."""
-        values = np.stack([np.broadcast_to(np.asarray(each[0]), self.weights.shape) for each in self.basis.basis])
-        return np.einsum("ikq,kq->ik", values, self.weights) * self.given.current_density
+        return self._integrals * self.given.current_density
+
+    def loads(self, density: Floats) -> Floats:
+        """``int density phi`` of every unknown, for a density (nelements,)."""
+        load = (self._integrals * density).ravel()
+        return np.bincount(self.unknowns.ravel(), load, self.conditions.values.size).astype(np.float64)
 
     def flux_density(self, u: Floats) -> Floats:
         """B at the quadrature points, (2, nelements * q)."""

@@ -37,6 +37,11 @@ class QuadraticField(Field):
         given = repeated(self.coefficients, self.problem.weights.shape[1])
         return density, given.field_strength(density), given.energy_density(density)
 
+    @property
+    def mean_unknown(self) -> Floats:
+        """Mean of A over every element, (nelements,): the values at the middles of its facets have it all."""
+        return self.values[self.problem.unknowns[3:]].mean(axis=0)
+
     @cached_property
     def flux_density(self) -> Floats:
         """Mean of B in every element, (2, nelements) in T."""

@@ -16,9 +16,9 @@ from kohonen_adapt.magnetostatics.newton import TOLERANCE, NewtonStep, Nonlinear
 from kohonen_adapt.magnetostatics.quadratic import Quadratic
 from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
 from kohonen_adapt.magnetostatics.symmetry import PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.system import scalar_of, solve_scalar
+from kohonen_adapt.magnetostatics.system import loads, scalar_of, solve_scalar
 
-__all__ = ["NotConverged", "carried", "quadratic_solution_of", "solution_of"]
+__all__ = ["NotConverged", "carried", "quadratic_solution_of", "solution_of", "tangent_solution"]
 
 Floats = NDArray[np.float64]
 
@@ -86,6 +86,19 @@ def quadratic_solution_of(
         values, steps = iterate(problem, begin)
     nodal = values[: mesh.p.shape[1]]
     return checked(QuadraticField(mesh, nodal, given, PLANAR, depth, steps, problem=problem, values=values))
+
+
+def tangent_solution(field: Field, boundaries: Boundaries, source: Floats, flux: Floats) -> Floats:
+    """The change of ``field.unknown``, (nnodes,), that a small source (nelements,) and flux (2, nelements) make.
+
+    It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
+    with zeros for the values given.
+    """
+    conditions = conditions_of(field.mesh, boundaries, field.symmetry)
+    if not conditions.free.size:
+        return np.zeros_like(field.potential)
+    problem = Nonlinear(field.mesh, field.coefficients, field.symmetry, conditions)
+    return whole_step(problem, field.unknown, -loads(field.mesh, source, flux)[conditions.free])
 
 
 def _begin(conditions: Conditions, linear: Callable[[], Floats]) -> Floats:

@@ -1,20 +1,31 @@
-"""The P1 equations of the potential: assembly and direct solution."""
+"""The P1 equations of the potential: assembly and solution."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.conditions import Conditions
+from kohonen_adapt.magnetostatics.multigrid import by_multigrid
 from kohonen_adapt.magnetostatics.symmetry import Symmetry
 from kohonen_adapt.triangles import area
 
-__all__ = ["Scalar", "assembled", "check_finite", "equations", "scalar_of", "solve_scalar", "solved"]
+__all__ = [
+    "Scalar",
+    "assembled",
+    "check_finite",
+    "equations",
+    "factorised",
+    "loads",
+    "scalar_of",
+    "solve_scalar",
+    "solved",
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -55,26 +66,37 @@ def equations(mesh: MeshTri, given: Scalar, values: Floats, free: Indices) -> tu
     """Matrix of ``int nu grad u . grad v`` over the free nodes, and the right-hand side that belongs to it."""
     size, hats = area(mesh), hat_gradients(mesh)
     with np.errstate(over="ignore", invalid="ignore"):
-        pull = given.flux - given.reluctivity * gradient(mesh, values, hats)
-        load = size * (given.source / 3.0 + np.einsum("ck,cik->ik", pull, hats))
-    right = np.bincount(mesh.t.ravel(), load.ravel(), values.size).astype(np.float64)
+        right = loads(mesh, given.source, given.flux - given.reluctivity * gradient(mesh, values, hats), hats)
     own, next_one = np.einsum("cik,cik->ik", hats, hats), np.einsum("cik,cik->ik", hats, hats[:, [1, 2, 0]])
     weight = given.reluctivity * size
     return assembled(mesh, own * weight, next_one * weight, free), right[free]
 
 
+def loads(mesh: MeshTri, source: Floats, flux: Floats, hats: Floats | None = None) -> Floats:
+    """``int source phi + flux . grad phi`` of every node's hat function phi, (nnodes,)."""
+    hats = hat_gradients(mesh) if hats is None else hats
+    load = area(mesh) * (source / 3.0 + np.einsum("ck,cik->ik", flux, hats))
+    return np.bincount(mesh.t.ravel(), load.ravel(), mesh.p.shape[1]).astype(np.float64)
+
+
 def solved(matrix: csc_array, right: Floats) -> Floats:
-    """Solution of a symmetric and positive definite system.
+    """Solution of a symmetric and positive definite system: a large one by multigrid, others by factors.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If the matrix is singular.
     """
+    solution = by_multigrid(matrix, right)
+    return factorised(matrix).solve(right) if solution is None else solution
+
+
+def factorised(matrix: csc_array) -> SuperLU:
+    """The factors of a symmetric and positive definite matrix; LinAlgError if it is singular."""
     # The pivots may stay on the diagonal: half the time of the defaults. Relaxed supernodes and panels of several
     # columns, other defaults, never pay here, and on some meshes the first multiply the time (`benchmarks round`).
     try:
-        factors = splu(
+        return splu(
             matrix,
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
@@ -87,7 +109,6 @@ def solved(matrix: csc_array, right: Floats) -> Floats:
             f"the equations of the potential are singular ({error}); look for extreme permeabilities or elements "
             "that are almost flat."
         ) from error
-    return factors.solve(right)
 
 
 def check_finite(values: Floats) -> None:
