@@ -15,7 +15,8 @@ __all__ = ["Tables", "tabulated"]
 # goes on with its last secant, which no accepted move has met; below, with a parabola through the origin.
 BELOW, ABOVE = 28, 8
 CHECKED = 20  # octaves below the largest, in which a law is checked
-SLACK = 1e-6  # of an energy, whose formula may have rounding; a step adds about 1 / STEPS of it
+ROUNDING = 1e-9  # of a field strength: so much it may fall in a step
+ROUGH = 0.01  # of the largest energy: so far one may be from the integral of the field strength
 
 Floats = NDArray[np.float64]
 
@@ -58,12 +59,12 @@ def _table(law: EnergyLaw, b: Floats) -> Floats:
 
 
 def _check(law: EnergyLaw, b: Floats, strength: Floats, energy: Floats) -> None:
-    """What every step adds to the energy lies between what the field strengths at its ends would add."""
+    """The energy of another field strength, or of one that falls, is not what the solution minimises."""
     if not (np.all(np.isfinite(strength)) and np.all(np.isfinite(energy))):
         raise ValueError(f"laws of Ritz must be finite up to b = {b[-1]:g}; {law!r} is not.")
-    step, gained = np.diff(b), np.diff(energy)
-    slack = SLACK * energy[1:]
-    bad = (gained < strength[:-1] * step - slack) | (gained > strength[1:] * step + slack) | (strength[:-1] <= 0.0)
+    integral = np.cumsum(0.5 * (strength[:-1] + strength[1:]) * np.diff(b))
+    astray = np.abs(energy[1:] - energy[0] - integral) > ROUGH * energy[-1]
+    bad = astray | (np.diff(strength) < -ROUNDING * strength[1:]) | (strength[:-1] <= 0.0)
     if np.any(bad):
         raise ValueError(
             f"laws of Ritz must have a field strength that rises with b, and an energy that is its integral; that of "

@@ -93,24 +93,49 @@ def test_beyond_a_table_the_energy_is_smooth_and_convex():
 
 
 class Falling(Straight):
+    """Beyond 1 / 2 of what the solution has."""
+
     def field_strength(self, b):
-        return np.sin(3.0 * b)
+        return b * np.where(b < 0.5, 1.0, 0.3)
+
+    def energy(self, b):
+        return np.where(b < 0.5, 0.5 * b**2, 0.15 * b**2 + 0.0875)
+
+
+class Halved(Straight):
+    """An energy that somebody forgot the half of."""
+
+    def energy(self, b):
+        return 2.0 * super().energy(b)
+
+
+class Coarse(Cubic):
+    """An energy from a table of a hundred points."""
+
+    def energy(self, b):
+        ticks = np.linspace(0.0, 2.0, 101)
+        return np.interp(b, ticks, super().energy(ticks))
 
 
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        (Falling(1.0), "must have a field strength that rises with b, and an energy that is its integral; that of"),
+        (Falling(1.0), r"a field strength that rises with b, and an energy .*; that of .* is not so near b = 0\.49"),
+        (Halved(1.0), "laws of Ritz must have a field strength that rises with b, and an energy that is its integral;"),
         (Straight(-1.0), "must have a field strength that rises with b"),
         (Straight(np.nan), "laws of Ritz must be finite up to b = "),
     ],
 )
 def test_wrong_laws_are_refused(law, message):
-    mesh = square(4)
-    ritz = ka.Ritz(mesh.p[0], mesh.p[0] == 0.0, 1.0, laws=[law])
-    tri = Triangulation.of(mesh)
     with pytest.raises(ValueError, match=message):
-        Functional.of(ritz, tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)))
+        tabulated([law], 1.0)
+
+
+def test_an_energy_may_come_from_a_coarser_table():
+    law = Coarse(1.0)
+    tables = tabulated([law], 1.0)
+    laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
+    assert stored(laws, 0, 0.7)[0] == pytest.approx(law.energy(np.sqrt(0.7)), rel=1e-3)
 
 
 @pytest.mark.parametrize(
