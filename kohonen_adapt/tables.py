@@ -11,8 +11,8 @@ from .ritz import EnergyLaw
 
 __all__ = ["Tables", "tabulated"]
 
-# The squares of gradients that tables reach, in octaves below and above the largest of the solution. Above, the law
-# goes on with its last secant, which no accepted move has met; below, with a parabola through the origin.
+# The squares of gradients that tables reach, in octaves below and above the largest of the solution. Above, at 16 times
+# the largest gradient, the law goes on with its last secant; below, where nothing is stored, with a parabola.
 BELOW, ABOVE = 28, 8
 CHECKED = 20  # octaves below the largest, in which a law is checked
 ROUNDING = 1e-9  # of a field strength: so much it may fall in a step
@@ -38,7 +38,8 @@ def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
     Raises
     ------
     ValueError
-        If a law is not finite there, its field strength falls, or its energy is not the integral of that.
+        If what a law returns has another shape or is not finite there, its field strength falls, or its energy is not
+        the integral of that.
     """
     top = int(np.frexp(largest**2)[1])
     if not laws:
@@ -51,10 +52,15 @@ def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
 
 def _table(law: EnergyLaw, b: Floats) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):  # far above what the solution has a law may overflow
-        strength, energy = law.field_strength(b), law.energy(b)
+        strength, energy = (np.asarray(values, dtype=float) for values in (law.field_strength(b), law.energy(b)))
+        if not strength.shape == energy.shape == b.shape:
+            raise ValueError(
+                f"laws of Ritz must return arrays of the shape of b, {b.shape}; {law!r} gave {strength.shape} as field "
+                f"strength and {energy.shape} as energy."
+            )
         table = np.stack([energy, 0.5 * strength / b], axis=1)
     checked = slice((BELOW - CHECKED) * STEPS, (BELOW + 1) * STEPS + 1)
-    _check(law, b[checked], np.asarray(strength)[checked], np.asarray(energy)[checked])
+    _check(law, b[checked], strength[checked], energy[checked])
     return table
 
 

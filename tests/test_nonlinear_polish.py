@@ -109,6 +109,13 @@ class Halved(Straight):
         return 2.0 * super().energy(b)
 
 
+class Single(Straight):
+    """One number for all b."""
+
+    def energy(self, b):
+        return 1.0
+
+
 class Coarse(Cubic):
     """An energy from a table of a hundred points."""
 
@@ -124,6 +131,10 @@ class Coarse(Cubic):
         (Halved(1.0), "laws of Ritz must have a field strength that rises with b, and an energy that is its integral;"),
         (Straight(-1.0), "must have a field strength that rises with b"),
         (Straight(np.nan), "laws of Ritz must be finite up to b = "),
+        (
+            Single(1.0),
+            r"must return arrays of the shape of b, .*; .* gave \(\d+,\) as field strength and \(\) as energy\.",
+        ),
     ],
 )
 def test_wrong_laws_are_refused(law, message):
@@ -319,6 +330,15 @@ def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_mor
 
 
 @each_law
+def test_a_uniform_field_moves_nothing(law):
+    mesh = perturbed(generic_square(6), 1)
+    at = Setting(mesh, 0, law, values=1.5 * mesh.p[0] - mesh.p[1], load=0.0)
+    before = at.tri.position.copy()
+    assert at.sweep() == 0.0 and at.flips() == (0.0, 0)
+    np.testing.assert_array_equal(at.tri.position, before)
+
+
+@each_law
 def test_a_flip_gains_what_the_functional_loses(law):
     at = Setting(perturbed(inset(8), 5), 5, law)
     elements, gained = at.tri.elements, 0
@@ -415,6 +435,14 @@ def test_a_linear_law_is_polished_like_linear_material():
         assert np.abs(one.p - mesh.p).max() > 0.01
         np.testing.assert_allclose(other.p, one.p, atol=1e-8)
         np.testing.assert_array_equal(other.t, one.t)
+
+
+def test_nonlinear_material_compiles_nothing_that_linear_has_not():
+    mesh, compiled = blocks(16), (kernels.descend_nodes, kernels.descend_flips)
+    ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
+    before = [len(kernel.signatures) for kernel in compiled]
+    ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)
+    assert [len(kernel.signatures) for kernel in compiled] == before
 
 
 def test_magnets_that_turn_inside_nonlinear_material_are_not_polished():
