@@ -6,8 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.chains import FREE, HELD, SLIDING, STRAIGHT
+from .kernels.descend import Trial
+from .kernels.nonlinear import Laws
 from .outline import Outline
-from .ritz import Ritz, check_fits
+from .ritz import EnergyLaw, Ritz, check_fits, gradients
+from .tables import Tables, tabulated
 from .triangulation import Triangulation
 
 __all__ = ["Functional", "VariesInside"]
@@ -42,6 +45,10 @@ class Functional:
     comparable
         Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
         outlines are straight, and values are given on whole chains only and linearly there.
+    law
+        Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
+    tables
+        The energies of the laws.
     """
 
     constants: Floats
@@ -50,6 +57,8 @@ class Functional:
     held: Mask
     on_chain: Floats
     comparable: bool
+    law: NDArray[np.int32]
+    tables: Tables
 
     @classmethod
     def of(cls, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> "Functional":
@@ -73,7 +82,16 @@ class Functional:
         given = (whole & ~bare) | partly
         comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         held = ~straight | (given & ~linear) | (whole & bare)
-        return cls(constants_of_regions(ritz, triangulation), given, linear, held, on_chain, comparable)
+        constants = constants_of_regions(ritz, triangulation)
+        law, tables = laws_of_regions(ritz, triangulation)
+        return cls(constants, given, linear, held, on_chain, comparable, law, tables)
+
+    def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
+        """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""
+        law, bent = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
+        bent[triangulation.elements.node[law >= 0]] = True
+        laws = Laws(law, self.tables.first, self.tables.energy)
+        return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), bent, laws)
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
         """A half of the coefficient, a sixth of the source and a half of the flux of every element, (m, 4)."""
@@ -90,8 +108,8 @@ class Functional:
 
 def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:
     """Coefficient, source and flux of every region of the triangulation, (nregions, 4)."""
-    region, first = triangulation.elements.region, np.unique(triangulation.elements.region, return_index=True)[1]
-    number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    region, number = triangulation.elements.region, numbers(ritz, triangulation)
+    first = first_of_regions(triangulation)
     stray = np.flatnonzero(number != number[first][region])
     if len(stray):
         e = int(stray[0])
@@ -102,6 +120,38 @@ def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:
     tables = (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number[first] * (np.ndim(table) > 0)] for table in tables]
     return np.stack(rows, axis=1)
+
+
+def numbers(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
+    """The region number of every element in the tables of the functional."""
+    count = len(triangulation.elements.region)
+    return np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+
+
+def first_of_regions(triangulation: Triangulation) -> NDArray[np.intp]:
+    """The first element of every region."""
+    return np.unique(triangulation.elements.region, return_index=True)[1]
+
+
+def laws_of_regions(ritz: Ritz, triangulation: Triangulation) -> tuple[NDArray[np.int32], Tables]:
+    """The law of every region as a place among tables, -1 for none, and the tables."""
+    used = numbers(ritz, triangulation)[first_of_regions(triangulation)]
+    distinct: list[EnergyLaw] = []
+    law = np.full(len(used), -1, dtype=np.int32)
+    for place, number in enumerate(used if ritz.laws else ()):
+        found = ritz.laws[number]
+        if found is not None:
+            same = [k for k, other in enumerate(distinct) if other is found]
+            law[place] = same[0] if same else len(distinct)
+            distinct += [] if same else [found]
+    return law, tabulated(distinct, steepest(ritz, triangulation) if distinct else 0.0)
+
+
+def steepest(ritz: Ritz, triangulation: Triangulation) -> float:
+    """The largest gradient of the solution."""
+    node = triangulation.elements.node
+    _, along_x, along_y = gradients(triangulation.position.T[:, node.T], np.asarray(ritz.values)[node.T])
+    return float(np.hypot(along_x, along_y).max(initial=0.0))
 
 
 def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -1,12 +1,24 @@
 """The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-__all__ = ["Ritz", "check_fits", "functional_value"]
+__all__ = ["EnergyLaw", "Ritz", "check_fits", "functional_value", "gradients"]
+
+
+class EnergyLaw(Protocol):
+    """Nonlinear material: for arrays of b >= 0 a field strength H that rises from 0, and the energy that it makes."""
+
+    def field_strength(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H(b)."""
+
+    def energy(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """``int_0^b H db``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,7 +27,8 @@ class Ritz:
 
     ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, of which
     ``-div(coefficient grad u - flux) = source`` is the Euler equation; where no value is fixed the natural boundary
-    condition holds. What a problem's ``ritz(mesh, solution)`` returns.
+    condition holds. What a problem's ``ritz(mesh, solution)`` returns. Nonlinear material has ``W(|grad u|)``, with
+    ``W(b) = int_0^b H db`` of a law H, in place of ``coefficient / 2 |grad u|^2``.
 
     Parameters
     ----------
@@ -33,12 +46,16 @@ class Ritz:
         (nelements,) of integers >= 0: the number that each element looks its constants up by. None where there are no
         tables to look up. The constants must not change inside a region of the mesh, a connected set of elements that
         carry the same subdomain names.
+    laws
+        None or a law per region number, (nregions,); a law is an object with the methods ``field_strength(b)``, which
+        rises from 0, and its integral ``energy(b)``, both for arrays of b >= 0. Where there is one the coefficient has
+        no say. Empty for a linear problem.
 
     Raises
     ------
     ValueError
         If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
-        entry in a table.
+        entry in a table, or a law lacks a method.
     """
 
     values: ArrayLike
@@ -47,6 +64,7 @@ class Ritz:
     source: ArrayLike = 0.0
     flux: ArrayLike = (0.0, 0.0)
     region: ArrayLike | None = None
+    laws: Sequence[EnergyLaw | None] = ()
 
     def __post_init__(self) -> None:
         region = None if self.region is None else _numbers(self.region)
@@ -63,8 +81,9 @@ class Ritz:
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
         source, flux = _constants("source", self.source, (), region), _constants("flux", self.flux, (2,), region)
         # Copies: what the caller does to his arrays later must not change a functional in use.
-        names = ("values", "fixed", "coefficient", "source", "flux", "region")
-        for name, own in zip(names, (values, fixed, coefficient, source, flux, region), strict=True):
+        names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
+        laws = _laws(self.laws, region)
+        for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws), strict=True):
             object.__setattr__(self, name, own)
 
 
@@ -115,6 +134,22 @@ def _constants(
     return table
 
 
+def _laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:
+    """The laws, one per region number, or none at all."""
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"laws of Ritz must be a sequence with None or a law per region number; got {given!r}.")
+    needed = 1 if region is None else int(region.max(initial=-1)) + 1
+    if given and len(given) < needed:
+        raise ValueError(f"laws of Ritz must have None or a law for each of {needed} region numbers; got {len(given)}.")
+    for number, law in enumerate(given):
+        missing = [name for name in ("field_strength", "energy") if not callable(getattr(law, name, None))]
+        if law is not None and missing:
+            raise ValueError(
+                f"laws[{number}] of Ritz must be None or have the methods field_strength(b) and energy(b); got {law!r}."
+            )
+    return tuple(given)
+
+
 def check_fits(ritz: Ritz, nodes: int, elements: int) -> None:
     """Refuse a functional of another mesh."""
     if np.shape(ritz.values) != (nodes,):
@@ -126,15 +161,31 @@ def check_fits(ritz: Ritz, nodes: int, elements: int) -> None:
 def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     """The functional of the solution on its own mesh, or an error if that is another one."""
     check_fits(ritz, mesh.p.shape[1], mesh.t.shape[1])
-    (x0, x1, x2), (y0, y1, y2) = mesh.p[:, mesh.t]
-    u0, u1, u2 = np.asarray(ritz.values)[mesh.t]
+    values, number = np.asarray(ritz.values)[mesh.t], np.zeros(mesh.t.shape[1], dtype=np.int64)
+    number = number if ritz.region is None else np.asarray(ritz.region)
+    doubled, along_x, along_y = gradients(mesh.p[:, mesh.t], values)
+    u0, u1, u2 = values
+    coefficient, source, flux_x, flux_y = (
+        table if np.ndim(table) == 0 else np.asarray(table)[number]
+        for table in (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
+    )
+    stored = 0.5 * coefficient * (along_x**2 + along_y**2)
+    for k, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = number == k
+            stored[rows] = law.energy(np.hypot(along_x[rows], along_y[rows]))
+    density = stored - source * (u0 + u1 + u2) / 3.0
+    density -= flux_x * along_x + flux_y * along_y
+    return 0.5 * float(np.sum(np.abs(doubled) * density))
+
+
+def gradients(
+    corners: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Doubled signed area and both parts of the gradient of P1 functions, for corners (2, 3, m) and values (3, m)."""
+    (x0, x1, x2), (y0, y1, y2) = corners
+    u0, u1, u2 = values
     doubled = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     along_x = (u0 * (y1 - y2) + u1 * (y2 - y0) + u2 * (y0 - y1)) / doubled
     along_y = (u0 * (x2 - x1) + u1 * (x0 - x2) + u2 * (x1 - x0)) / doubled
-    coefficient, source, flux_x, flux_y = (
-        table if np.ndim(table) == 0 else np.asarray(table)[np.asarray(ritz.region)]
-        for table in (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
-    )
-    density = 0.5 * coefficient * (along_x**2 + along_y**2) - source * (u0 + u1 + u2) / 3.0
-    density -= flux_x * along_x + flux_y * along_y
-    return 0.5 * float(np.sum(np.abs(doubled) * density))
+    return doubled, along_x, along_y

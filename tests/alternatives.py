@@ -162,14 +162,18 @@ def locally_delaunay(a, b, c, d):
     return math.dist(centre, d) >= math.dist(centre, a) * (1 - 1e-8)
 
 
-def functional(position, node, data, values):
-    """int c/2 |grad u|^2 - f u - g . grad u, element by element; `data` (m, 4) holds c, f and the two parts of g."""
+def functional(position, node, data, values, laws=None):
+    """int c/2 |grad u|^2 - f u - g . grad u, element by element; `data` (m, 4) holds c, f and the two parts of g.
+
+    `laws` (m,) holds None, or the law whose energy stands in place of c/2 |grad u|^2.
+    """
     total = 0.0
-    for (c, f, *g), corners in zip(data, node, strict=True):
+    for (c, f, *g), corners, law in zip(data, node, [None] * len(node) if laws is None else laws, strict=True):
         plane = np.column_stack([position[corners], np.ones(3)])
         gradient = np.linalg.solve(plane, values[corners])[:2]
         area = 0.5 * cross(position[corners[1]] - position[corners[0]], position[corners[2]] - position[corners[0]])
-        total += area * (c / 2 * gradient @ gradient - f * values[corners].mean() - np.dot(g, gradient))
+        stored = c / 2 * gradient @ gradient if law is None else float(law.energy(np.hypot(*gradient)))
+        total += area * (stored - f * values[corners].mean() - np.dot(g, gradient))
     return total
 
 
@@ -189,9 +193,10 @@ def ritz_solution(position, node, data, values, fixed):
     return solution
 
 
-def star_derivatives(position, node, data, values, v):
+def star_derivatives(position, node, data, values, v, laws=None):
     """Gradient and Hessian of the functional in the position and the value of node v: doubled area and turned gradient
-    are affine in the three, and the rest is the chain rule."""
+    are affine in the three, and the rest is the chain rule. Of a law, c is the secant H / b; across the gradient it
+    curves with that, along it with dH/db."""
     gradient, hessian = np.zeros(3), np.zeros((3, 3))
     for e in star_of(node, v):
         k = list(node[e]).index(v)
@@ -203,21 +208,28 @@ def star_derivatives(position, node, data, values, v):
         by_turned = np.column_stack([(values[a] - values[b]) * np.eye(2), edge])
         total, by_total = values[[v, a, b]].sum(), np.array([0.0, 0.0, 1.0])
         mean = turned / doubled
+        bent = by_turned - np.outer(mean, by_doubled)
+        if laws is not None and laws[e] is not None:
+            b, law = np.hypot(*mean), laws[e]
+            c, along = law.field_strength(b) / b, bent.T @ mean / b
+            gradient += 0.5 * (law.energy(b) - c / 2 * b**2) * by_doubled
+            hessian += (law.slope(b) - c) / (2 * doubled) * np.outer(along, along)
         gradient += c / 4 * (2 * by_turned.T @ mean - mean @ mean * by_doubled)
         gradient -= f / 6 * (by_doubled * total + doubled * by_total)
         gradient -= 0.5 * (g[1] * by_turned[0] - g[0] * by_turned[1])
-        bent = by_turned - np.outer(mean, by_doubled)
         hessian += c / (2 * doubled) * bent.T @ bent
         hessian -= f / 6 * (np.outer(by_doubled, by_total) + np.outer(by_total, by_doubled))
     return gradient, hessian
 
 
-def slow_descent(position, node, data, values, axes, rates, floor, overstep, least):
+def slow_descent(position, node, data, values, axes, rates, floor, overstep, least, laws=None):
     """One sweep of energy descent: positions, values and the gain of the moves.
 
     `axes[v]` (2, k) spans where node v may go; `rates[v]` is the rate of a value given along that, None for one that is
-    eliminated. Nodes without axes and without a rate only have their value improved.
+    eliminated. Nodes without axes and without a rate only have their value improved. Where there is a law, values take
+    one step of Newton's method at every place that is tried, from what the derivatives foretell.
     """
+    laws = np.full(len(node), None) if laws is None else np.array(laws, dtype=object)
     position, values, gain = position.copy(), values.copy(), 0.0
     for v in range(len(position)):
         if axes[v] is None:
@@ -228,22 +240,41 @@ def slow_descent(position, node, data, values, axes, rates, floor, overstep, lea
         full[:2, :k], full[2, k] = span, 1.0
         if rates[v] is not None:
             full = np.vstack([span, np.full((1, k), rates[v])])
-        gradient, hessian = star_derivatives(position, node, data, values, v)
+        curved = any(law is not None for law in laws[star]) and rates[v] is None
+
+        def star_functional(star=star):
+            return functional(position, node[star], data[star], values, laws[star])
+
+        def newton(parts, v=v):
+            """The first of these parts of a step of the value that is no loss."""
+            value, before = values[v], star_functional()
+            g, h = star_derivatives(position, node, data, values, v, laws)
+            for part in parts:
+                values[v] = value - part * g[2] / h[2, 2]
+                if star_functional() <= before:
+                    return
+            values[v] = value
+
+        gradient, hessian = star_derivatives(position, node, data, values, v, laws)
         full_hessian = hessian
         gradient, hessian = full.T @ gradient, full.T @ hessian @ full
         before, own, worst = position[v].copy(), values[v], worst_quality(position, node, star)
 
-        def settle(v=v, star=star):
+        def settle(v=v):
             """The least functional of the star where v is now, its value settled."""
             if rates[v] is None:
-                g, h = star_derivatives(position, node, data, values, v)
-                values[v] -= g[2] / h[2, 2]
-            return functional(position, node[star], data[star], values)
+                newton((1.0,))
+            return star_functional()
 
+        value_slope, mixed, stiffness = gradient[-1], hessian[-1, :k], hessian[-1, -1]
         if rates[v] is None:
             gradient = gradient[:k] - hessian[:k, k] * gradient[k] / hessian[k, k]
             hessian = hessian[:k, :k] - np.outer(hessian[:k, k], hessian[k, :k]) / hessian[k, k]
-        now = settle()
+        if curved:
+            now = star_functional() - 0.5 * value_slope**2 / stiffness
+            newton((1.0, 0.5, 0.25, 0.125))
+        else:
+            now = settle()
         settled = values[v]
         curvature, principal = np.linalg.eigh(hessian)
         if np.abs(curvature).max(initial=0.0) > 1e-12 * np.abs(full_hessian).max():
@@ -254,6 +285,8 @@ def slow_descent(position, node, data, values, axes, rates, floor, overstep, lea
                 after = worst_quality(position, node, star)
                 if after > 0 and after >= min(floor, worst):
                     values[v] = own if rates[v] is None else own + rates[v] * part * step[0]
+                    if curved:
+                        values[v] -= (value_slope + part * mixed @ step) / stiffness
                     lowered = now - settle()
                     if lowered > 0:
                         gain += lowered

@@ -10,7 +10,7 @@ from meshes import generic_square, inset, junction, perturbed, square
 from kohonen_adapt.functional import Functional
 from kohonen_adapt.kernels import descend as kernels
 from kohonen_adapt.kernels.chains import FREE, HELD, SLIDING
-from kohonen_adapt.kernels.descend import LEAST_CURVATURE, OVERSTEP, Trial, derivatives, gain_of_flip, quadratic
+from kohonen_adapt.kernels.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, quadratic
 from kohonen_adapt.kernels.flip import flip_edge
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.ritz import Ritz, functional_value
@@ -40,7 +40,7 @@ class Setting:
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
         self.functional = Functional.of(self.ritz, self.tri, self.outline)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        self.trial = Trial(self.values, self.fixed, self.functional.on_chain, self.functional.of_elements(self.tri))
+        self.trial = self.functional.trial(self.tri, self.values, self.fixed)
 
     @property
     def arrays(self):

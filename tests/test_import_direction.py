@@ -16,7 +16,7 @@ TOWER = [
     *("kernels", "threads", "triangles", "facets"),
     *("polylines", "spans", "curves"),
     *("triangulation", "borders", "chains", "pairs", "outline", "sides", "layers", "locate", "density", "sampling"),
-    *("ritz", "recycling", "functional", "carry"),
+    *("ritz", "recycling", "tables", "functional", "carry"),
     *("schedule", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),
     *("outputs", "result", "journal", "stopping", "improvement", "growth", "loop"),

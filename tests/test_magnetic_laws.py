@@ -207,3 +207,16 @@ def test_wrong_files_are_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
         read_bh(path)
+
+
+@pytest.mark.parametrize("law", [Brauer(100.0, 10.0, 1.8), Froehlich(4000.0, 2.1), Arctan(2000.0, 1.9)], ids=str)
+def test_energies_of_weak_fields_are_no_rounding(law):
+    b = np.geomspace(1e-12, 1e-5, 50)
+    np.testing.assert_allclose(law.energy(b), 0.5 * b * law.field_strength(b), rtol=1e-5)
+
+
+def test_the_energy_of_froehlich_is_the_same_from_both_sides_of_its_series():
+    law = Froehlich(4000.0, 2.1)
+    b = 0.021 * (1.0 + np.array([-1e-7, 1e-7]))
+    below, above = law.energy(b)
+    assert above - below == pytest.approx(law.field_strength(np.float64(0.021)) * (b[1] - b[0]), rel=1e-3)

@@ -128,7 +128,8 @@ def test_adapting_the_tube_lowers_its_error():
     result = ka.adapt(mesh, tube(), passes=3)
     before, after = (tube_error(step.mesh, tube().solve(step.mesh)) for step in (result.history[0], result.history[-1]))
     assert after < 0.85 * before
-    assert "there was no polish: its material is nonlinear" in result.message
+    assert "outlines are curved, so their nodes were not polished" in result.message
+    assert result.history[1].polish_gain > 0.0
     assert result.solution.newton and len(result.solution.newton) < len(tube().solve(result.mesh).newton)
 
 
@@ -411,10 +412,12 @@ def test_ampere_turns_are_kept_wherever_the_nodes_are():
         mesh = wire_mesh(rings)
         field = tube().solve(mesh)
         assert np.sum(field.volume * field.current_density) == pytest.approx(CURRENT, rel=1e-12)
-    with pytest.raises(AttributeError, match="its material is nonlinear, for which there is no polish yet"):
-        tube().ritz  # noqa: B018
-    with pytest.raises(ValueError, match="polish needs the functional of the problem, which offers none: its material"):
-        ka.polish(mesh, tube())
+
+
+def test_what_adds_to_the_energy_is_not_polished():
+    message = "polish needs the functional of the problem, which offers none: its open boundary adds to the energy"
+    with pytest.raises(ValueError, match=message):
+        ka.polish(wire_mesh(10), tube(open_boundary="outer", potential=None))
 
 
 @pytest.mark.parametrize(

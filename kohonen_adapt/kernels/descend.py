@@ -5,7 +5,8 @@ The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), co
     c |n|^2 / (4 D) - f D (u_v + u_a + u_b) / 6 - g . Jn / 2,    n = u_v (b - a) + u_a (x_v - b) + u_b (a - x_v),
 
 where J turns by a right angle, grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2 / D is
-jointly convex in both: Newton's method fits, and only the source f can make a Hessian indefinite.
+jointly convex in both: Newton's method fits, and only the source f can make a Hessian indefinite. Nonlinear material
+has an energy density W in place of c/2 |grad u|^2; moves are proposed by the same derivatives and judged by W itself.
 """
 
 import math
@@ -17,6 +18,7 @@ from .chains import FREE, HELD, point_at
 from .compilation import kernel
 from .flip import flip_edge
 from .geometry import FLAT, element_quality, may_join, may_move, signed_quality
+from .nonlinear import Laws, improve_value, settled, stored, stored_in
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -31,6 +33,8 @@ class Trial(NamedTuple):
     fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
     on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
     data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
+    bent: np.ndarray  # (n,) bool: the node touches nonlinear material
+    laws: Laws  # where there is one, the coefficient has no say
 
 
 @kernel
@@ -45,7 +49,9 @@ def descend_nodes(position, star, constraints, trial, order, floor):
         v = np.int64(node)
         kind, fixed = constraints.kind[v], trial.fixed[v]
         if kind == HELD:
-            if not fixed:
+            if not fixed and trial.bent[v]:
+                improve_value(position, star, trial, v)
+            elif not fixed:
                 _, r, k = quadratic(position, star, trial, v, position[v, 0], position[v, 1])
                 trial.value[v] -= r / k
             continue
@@ -79,12 +85,26 @@ def derivatives(position, star, trial, v):
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         qx, qy = inverse * nx, inverse * ny
         energy = 0.5 * weight * (nx * nx + ny * ny)
-        pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
-        size += energy + abs(pull) + abs(push)
-        total += energy - pull - push
         # derivatives of n by x, y, w less q times those of the doubled area
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
+        if trial.laws.number[e] >= 0:
+            density, rate, bend = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
+            weight, energy = rate * inverse, 0.5 * doubled * density
+            # as if of a constant coefficient, and what that leaves of W is carried by the area, and bends along grad u
+            rest, bend = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * bend * inverse
+            square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
+            by_x -= rest * ey
+            by_y += rest * ex
+            xx += bend * square_x * square_x
+            xy += bend * square_x * square_y
+            yy += bend * square_y * square_y
+            xw += bend * square_x * square_w
+            yw += bend * square_y * square_w
+            ww += bend * square_w * square_w
+        pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
+        size += energy + abs(pull) + abs(push)
+        total += energy - pull - push
         half_square = 0.5 * (qx * nx + qy * ny)
         by_x += weight * (difference * nx + half_square * ey) + load * (alpha + beta) * ey - difference * flux_y
         by_y += weight * (difference * ny - half_square * ex) - load * (alpha + beta) * ex + difference * flux_x
@@ -129,14 +149,21 @@ def move_free(position, star, trial, v, slope, floor):
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
             if may_move(position, star, v, x, y, floor):
-                c, r, k = quadratic(position, star, trial, v, x, y)
+                if trial.bent[v]:
+                    w = -(by_w + xw * step_x + yw * step_y) / ww
+                    c, r, k = settled(position, star, trial, v, x, y, w, False)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
                 gain = now - c + 0.5 * r * r / k
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] -= r / k
                     return gain
             step_x, step_y = 0.5 * step_x, 0.5 * step_y
-    trial.value[v] -= by_w / ww
+    if trial.bent[v]:
+        improve_value(position, star, trial, v)
+    else:
+        trial.value[v] -= by_w / ww
     return 0.0
 
 
@@ -173,10 +200,15 @@ def slide(position, star, constraints, trial, v, slope, floor):
         for _ in range(HALVINGS + 1):
             x, y = point_at(constraints.chains, chain, parameter + change)
             if may_move(position, star, v, x, y, floor):
-                c, r, k = quadratic(position, star, trial, v, x, y)
-                w = -r / k
+                w = rate * change - by_w / ww
                 if given:
                     w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
+                if trial.bent[v]:
+                    c, r, k = settled(position, star, trial, v, x, y, w, given)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
+                if not given:
+                    w = -r / k
                 gain = now - c - (r + 0.5 * k * w) * w
                 if gain > ROUNDING * size:
                     constraints.parameter[v] = parameter + change
@@ -184,7 +216,9 @@ def slide(position, star, constraints, trial, v, slope, floor):
                     trial.value[v] += w
                     return gain
             change *= 0.5
-    if not given:
+    if not given and trial.bent[v]:
+        improve_value(position, star, trial, v)
+    elif not given:
         trial.value[v] -= by_w / ww
     return 0.0
 
@@ -218,8 +252,14 @@ def gain_of_flip(position, node, trial, e, k, other):
     qx, qy, v = position[q, 0] - x, position[q, 1] - y, trial.value[q] - own
     sx, sy, w = position[s, 0] - x, position[s, 1] - y, trial.value[s] - own
     coefficient, load = 2.0 * trial.data[e, 0], trial.data[e, 1]
-    before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-    after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
+    law, laws = trial.laws.number[e], trial.laws
+    if law >= 0:
+        coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
+        before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = stored_in(laws, law, px, py, u, sx, sy, w) + stored_in(laws, law, sx, sy, w, qx, qy, v)
+    else:
+        before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
     inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
     left, right = px * sy - py * sx, sx * qy - sy * qx
     if not (left > 0.0 and right > 0.0):

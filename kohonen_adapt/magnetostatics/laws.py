@@ -152,7 +152,9 @@ class Froehlich(Continued):
 
     def _energy(self, b: Floats) -> Floats:
         share = b / self.saturation
-        return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * (-np.log1p(-share) - share)
+        series = share**2 * np.polyval(1.0 / np.arange(9.0, 1.0, -1.0), share)  # the difference would be of rounding
+        bent = np.where(share < 0.01, series, -np.log1p(-share) - share)
+        return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * bent
 
 
 @dataclass(frozen=True)

@@ -235,16 +235,16 @@ class Magnetostatics:
         return all(material.bh is None for material in self.materials.values())
 
     @property
-    def _varies(self) -> bool:
-        """Whether reluctivity or remanence change inside a material, for which no table has one number."""
+    def _turns(self) -> bool:
+        """Whether the magnets of a material point to many sides, for which no table has one number."""
         vectors = [vector for each in self.materials.values() for vector in (each.remanence, each.coercivity)]
-        return not self._linear or self.axisymmetric or any(callable(vector) for vector in vectors)
+        return any(callable(vector) for vector in vectors)
 
     @property
     def _kinds(self) -> NDArray[np.int64] | None:
         """Per material the first in the mapping that equals it, where their numbers alone do not tell them apart."""
-        filled = list(self.materials.values())
-        return np.array([filled.index(material) for material in filled]) if self._varies else None
+        filled, varies = list(self.materials.values()), not self._linear or self.axisymmetric or self._turns
+        return np.array([filled.index(material) for material in filled]) if varies else None
 
     def _solved(self, mesh: MeshTri, start: Floats | None) -> Field:
         given = self._coefficients(mesh)
@@ -348,20 +348,20 @@ class Magnetostatics:
     def ritz(self) -> Callable[[MeshTri, Field], Ritz]:
         """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, as a method.
 
-        Called with a mesh and what `solve` returned for it, it gives a `Ritz` in J/m, one number per material. Of a
-        solution it lies above the exact minimum by half the square of the error in `energy_norm`. Nodes of periodic and
-        antiperiodic sides count as given, for the polish looks at one side at a time.
+        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``. Called with a mesh and what
+        `solve` returned for it, it gives a `Ritz` in J/m, one number per material. Of a solution it lies above the
+        exact minimum by half the square of the error in `energy_norm`; for nonlinear material nearly by that of the
+        norm in which `indicators` are. Nodes of periodic and antiperiodic sides count as given, for the polish looks at
+        one side at a time.
 
         Raises
         ------
         AttributeError
-            If the functional is of another form: for nonlinear material, an axis, order 2 and an open boundary; and
-            with a goal, for which another mesh is best than for the energy.
+            If the functional is of another form: for an axis, order 2 and an open boundary; and with a goal, for which
+            another mesh is best than for the energy.
         """
         if self.goal is not None:
             raise AttributeError("it is adapted for a goal, and the polish lowers the energy")
-        if not self._linear:
-            raise AttributeError("its material is nonlinear, for which there is no polish yet")
         if self.axisymmetric:
             raise AttributeError("it is axisymmetric, so its coefficients vary inside a region of the mesh")
         if self.order == 2:
@@ -376,11 +376,13 @@ class Magnetostatics:
         fixed = conditions.fixed.copy()
         if conditions.joints is not None:
             fixed[conditions.joints.one] = fixed[conditions.joints.other] = True
-        number = np.arange(given.number.size) if self._varies else given.number
+        number = np.arange(given.number.size) if self._turns else given.number
         used, first = np.unique(number, return_index=True)
         place = np.searchsorted(used, number)
         tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
-        return Ritz(field.potential, fixed, *tables, place)
+        filled = list(self.materials.values())
+        laws = () if self._linear else tuple(filled[index].bh for index in given.number[first])
+        return Ritz(field.potential, fixed, *tables, place, laws)
 
 
 def _energy_norm(mesh: MeshTri, field: Field) -> float:
