@@ -1,7 +1,6 @@
 """The body that a force acts on: its elements by name, and the air that must surround it."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.magnetostatics.coefficients import named
 from kohonen_adapt.magnetostatics.material import VACUUM_PERMEABILITY
-
-if TYPE_CHECKING:
-    from kohonen_adapt.magnetostatics.field import Field
+from kohonen_adapt.magnetostatics.solved import SolvedField
 
 __all__ = ["Bools", "Names", "air_elements", "elements_of", "isolated_body"]
 
@@ -31,13 +28,13 @@ def elements_of(mesh: MeshTri, names: Names) -> Bools:
     return inside
 
 
-def air_elements(field: "Field") -> Bools:
+def air_elements(field: SolvedField) -> Bools:
     """Which elements have permeability 1, no current and no remanence, (nelements,)."""
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
-def isolated_body(field: "Field", names: Names) -> Bools:
+def isolated_body(field: SolvedField, names: Names) -> Bools:
     """Which elements are in the body, (nelements,), where there is nothing but air around it.
 
     Raises

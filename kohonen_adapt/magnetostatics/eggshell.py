@@ -1,7 +1,5 @@
 """The eggshell around a body: a weight that falls from 1 on it to 0 on everything else, through the air between."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -10,11 +8,9 @@ from skfem import MeshTri
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.bodies import Bools, air_elements
 from kohonen_adapt.magnetostatics.cuts import Cut
+from kohonen_adapt.magnetostatics.solved import SolvedField
 from kohonen_adapt.magnetostatics.system import solved
 from kohonen_adapt.triangles import area
-
-if TYPE_CHECKING:
-    from kohonen_adapt.magnetostatics.field import Field
 
 __all__ = ["weight_gradient"]
 
@@ -28,7 +24,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.integer]
 
 
-def weight_gradient(field: "Field", inside: Bools, cut: Cut) -> Floats:
+def weight_gradient(field: SolvedField, inside: Bools, cut: Cut) -> Floats:
     """Gradient of the weight, (2, nelements) in 1/m; zero but in the air around the body.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is

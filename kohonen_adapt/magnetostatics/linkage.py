@@ -1,16 +1,14 @@
 """What a circuit is linked with: flux linkage, its current, and the inductances that follow."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.magnetostatics.bodies import Names, elements_of
+from kohonen_adapt.magnetostatics.solved import SolvedField
 from kohonen_adapt.triangles import area
-
-if TYPE_CHECKING:
-    from kohonen_adapt.magnetostatics.field import Field
 
 __all__ = [
     "apparent_inductance",
@@ -30,7 +28,7 @@ Floats = NDArray[np.float64]
 _NUMBERS = (int, float, np.integer, np.floating)
 
 
-def coil_linkage(field: "Field", coil: Names, turns: float) -> float:
+def coil_linkage(field: SolvedField, coil: Names, turns: float) -> float:
     """See `Field.flux_linkage`."""
     inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
@@ -38,14 +36,14 @@ def coil_linkage(field: "Field", coil: Names, turns: float) -> float:
     return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
-def linkage_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
+def linkage_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
     """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
     (nelements,).
     """
     return turn_length(field) * turns_density(field, circuit)
 
 
-def turns_density(field: "Field", circuit: Mapping[str, float]) -> Floats:
+def turns_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
     """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
     density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
     for name, turns in circuit.items():
@@ -67,7 +65,7 @@ def checked_circuit(circuit: Any) -> dict[str, float]:
     return {name: _turns(name, turns) for name, turns in circuit.items()}
 
 
-def circuit_current(field: "Field", circuit: Mapping[str, float]) -> float:
+def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
     """Current in the conductor of a circuit.
 
     Parameters
@@ -101,7 +99,7 @@ def circuit_current(field: "Field", circuit: Mapping[str, float]) -> float:
     return mean
 
 
-def apparent_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
+def apparent_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
     """Flux linkage over current of a circuit.
 
     Of linear material without magnets and other currents it is *the* inductance. Magnets and other circuits add their
@@ -128,7 +126,7 @@ def apparent_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
     return sum(coil_linkage(field, name, turns) for name, turns in circuit.items()) / current
 
 
-def energy_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
+def energy_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
     """``2 W / I^2`` of a circuit with the stored energy W, in H per metre of depth; with
     `depth`, and axisymmetric, in H.
 
@@ -138,12 +136,12 @@ def energy_inductance(field: "Field", circuit: Mapping[str, float]) -> float:
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 
 
-def turn_length(field: "Field") -> float:
+def turn_length(field: SolvedField) -> float:
     """Of a turn, over r where it is a ring."""
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 
 
-def _ampere_turns(field: "Field", name: str) -> float:
+def _ampere_turns(field: SolvedField, name: str) -> float:
     inside = elements_of(field.mesh, name)
     return float(np.sum((area(field.mesh) * field.current_density)[inside]))
 
