@@ -171,7 +171,9 @@ def test_a_flip_gains_what_the_functional_loses(build):
     at = Setting(perturbed(build(), 5), 5)
     elements, gained = at.tri.elements, 0
     for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
-        gain = gain_of_flip(at.tri.position, elements.node, at.trial, e, k, elements.neighbour[e, k])
+        gain = gain_of_flip(
+            at.tri.position, elements.node, at.trial.value, at.trial.data, at.trial.laws, e, k, elements.neighbour[e, k]
+        )
         saved = [array.copy() for array in elements]
         before = functional(*at.arrays)
         flip_edge(elements, e, k)

@@ -226,12 +226,13 @@ def slide(position, star, constraints, trial, v, slope, floor):
 @kernel
 def descend_flips(position, elements, trial, floor):
     """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips)."""
+    node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
     gain, flips = 0.0, 0
-    for e in range(elements.node.shape[0]):
+    for e in range(node.shape[0]):
         for k in range(3):
             other = elements.neighbour[e, k]
             if other > e and elements.chain[e, k] < 0:
-                lowered = gain_of_flip(position, elements.node, trial, e, k, other)
+                lowered = gain_of_flip(position, node, value, data, laws, e, k, other)
                 if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
                     flip_edge(elements, e, k)
                     gain += lowered
@@ -240,19 +241,19 @@ def descend_flips(position, elements, trial, floor):
 
 
 @kernel
-def gain_of_flip(position, node, trial, e, k, other):
+def gain_of_flip(position, node, value, data, laws, e, k, other):
     """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
 
     The flux adds the same to both: the mean gradient of two elements is a matter of their outline.
     """
     p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
     s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
-    x, y, own = position[r, 0], position[r, 1], trial.value[r]
-    px, py, u = position[p, 0] - x, position[p, 1] - y, trial.value[p] - own
-    qx, qy, v = position[q, 0] - x, position[q, 1] - y, trial.value[q] - own
-    sx, sy, w = position[s, 0] - x, position[s, 1] - y, trial.value[s] - own
-    coefficient, load = 2.0 * trial.data[e, 0], trial.data[e, 1]
-    law, laws = trial.laws.number[e], trial.laws
+    x, y, own = position[r, 0], position[r, 1], value[r]
+    px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
+    qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
+    sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
+    coefficient, load = 2.0 * data[e, 0], data[e, 1]
+    law = laws.number[e]
     if law >= 0:
         coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
         before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
