@@ -25,7 +25,7 @@ def warmup() -> None:
     seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
     """
     mesh = MeshTri().refined(2)
-    brief = Schedule((Stage(2, 1, 0.3),), sweeps=1)
+    brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("flip", "fixed", "recycle"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
     relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])

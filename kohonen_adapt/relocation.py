@@ -259,8 +259,8 @@ def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
 
 def why_still(som: KohonenMap, schedule: Schedule) -> str:
     """The reason that no node moved."""
-    if not schedule.sweeps and not any(stage.epochs for stage in schedule.stages):
-        return "the schedule has no epochs and no sweeps"
+    if not schedule.rounds and not schedule.sweeps and not any(stage.epochs for stage in schedule.stages):
+        return "the schedule has no rounds, no epochs and no sweeps"
     if not som.can_move():
         return "every node is a corner or pinned"
     return "every move would have broken the quality rule"

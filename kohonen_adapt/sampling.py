@@ -56,7 +56,7 @@ class ElementDensity:
         self._log_at_corners = np.empty(self.elements.node.shape)
         average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
         self._sites = sites_of(triangulation)
-        self._order = along_curve(self.position[self.elements.node].mean(axis=1)).astype(np.int32)
+        self._order = along_curve(triangulation.centroids()).astype(np.int32)
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
@@ -101,7 +101,7 @@ class CallableDensity:
         self.function = function
         self.areas = triangulation.areas()
         self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
-        self._order = along_curve(self.position[self.elements.node].mean(axis=1)).astype(np.int32)
+        self._order = along_curve(triangulation.centroids()).astype(np.int32)
         values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
         if not self.largest > 0:
@@ -209,7 +209,9 @@ def along_curve(points: Floats) -> NDArray[np.int64]:
     The square that the curve fills is a little larger than need be, so that the lines that halve it again and again
     miss the nodes of regular meshes: rounding must not decide on which side of them a node lies.
     """
-    keys, low, high = np.empty(len(points), dtype=np.int64), points.min(axis=0), points.max(axis=0)
+    keys = np.empty(len(points), dtype=np.int64)
+    # column by column, which is many times faster
+    low, high = (np.array([bound(points[:, k]) for k in range(2)]) for bound in (np.min, np.max))
     size = max(np.max(high - low), np.finfo(float).tiny)
     hilbert_keys(points, low - MARGIN * size, (1.0 + 3.0 * MARGIN) * size, keys)
     return np.argsort(keys, kind="stable")

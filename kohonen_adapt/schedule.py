@@ -1,4 +1,4 @@
-"""How a map is trained: radii, epochs, learning rates and numbers of training points."""
+"""How a map is trained: rounds of transport, radii, epochs, learning rates and numbers of training points."""
 
 import math
 from collections.abc import Iterable
@@ -17,7 +17,9 @@ LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "fixed": (5, (0.3, 0.1)),
     "recycle": (2, 0.3),
 }
-WIDE = 8  # from this radius on nodes are to be carried far: more points, which pull as hard as the guard lets them
+# The widest radius at which points are presented one by one.
+NEAR = {"flip": 2, "fixed": 4, "recycle": 2}
+ROUNDLESS = 2  # radii, 2 and 4, for which there is no transport
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -83,12 +85,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Stages of training, one after the other, and how they end.
+    """Stages of training, one after the other, what comes before them, and how they end.
 
     Parameters
     ----------
     stages
-        The stages; none leaves every node where it is.
+        The stages; none, without rounds and sweeps, leaves every node where it is.
+    rounds
+        Rounds of transport before the stages: all nodes flow at once from where training points have too many winners
+        to where they have too few, as far as it is. Their points are counted, not presented.
     sweeps
         Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only): towards the circumcentres
         around each node (optimal Delaunay smoothing), or with ``topology="fixed"`` towards the barycentres.
@@ -104,6 +109,7 @@ class Schedule:
     """
 
     stages: tuple[Stage, ...]
+    rounds: int = field(default=0, kw_only=True)
     sweeps: int = field(default=0, kw_only=True)
     tolerance: float | None = field(default=None, kw_only=True)
     fresh: bool = field(default=True, kw_only=True)
@@ -117,8 +123,9 @@ class Schedule:
         wrong = [stage for stage in self.stages if not isinstance(stage, Stage)]
         if wrong:
             raise ValueError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
-        if not is_count(self.sweeps):
-            raise ValueError(f"sweeps must be an integer >= 0; got {self.sweeps!r}.")
+        for name in ("rounds", "sweeps"):
+            if not is_count(getattr(self, name)):
+                raise ValueError(f"{name} must be an integer >= 0; got {getattr(self, name)!r}.")
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):
             raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
 
@@ -150,26 +157,26 @@ class Schedule:
 
     @classmethod
     def default(cls, nnodes: int, *, radius: int | None = None, topology: str = "flip") -> "Schedule":
-        """The measured best: from wide and thin to narrow and dense, ending smoothly.
+        """The measured best: from far to near, ending smoothly.
 
         Parameters
         ----------
         nnodes
             Number of nodes of the mesh.
         radius
-            Start radius, halved down to 1; None takes the widest (`widest_radius`), or 1 where nodes are recycled.
-            `relocate` takes it from how far the mesh is from the density, because wide radii repeated without need
-            over-concentrate.
+            In how wide a neighbourhood nodes are to be exchanged, in edges; None takes the widest (`widest_radius`), or
+            1 where nodes are recycled. `relocate` takes it from how far the mesh is from the density. Wide
+            neighbourhoods exchange nodes by transport, one round for every halving of the radius down to 4; what is
+            left are stages.
         topology
             ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
-            ``"recycle"`` needs no wide radii, because nodes need not travel.
+            ``"recycle"`` needs no transport, because nodes need not travel.
 
         Notes
         -----
-        A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius, so nodes are carried far by
-        wide ones, which with ``c / R^2`` points per neuron cost little more than narrow ones (`wide_stage`). Radius 1,
-        whose node density lags behind that of the points, and the smoothing sweeps at the end, whose density runs ahead
-        of it, hold each other in check over many passes.
+        A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius; a round of transport takes
+        most of it away at once, however long it is. Radius 1, whose node density lags behind that of the points, and
+        the smoothing sweeps at the end, whose density runs ahead of it, hold each other in check over many passes.
         """
         if topology not in LOCAL:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
@@ -179,20 +186,11 @@ class Schedule:
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         widest = 1 if topology == "recycle" else widest_radius(nnodes)
         start = widest if radius is None else radius
-        wide = [wide_stage(nnodes, r) for r in halved(start) if r >= WIDE]
-        epochs = 3 if start >= 4 else 2
-        narrow = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in halved(start) if r < WIDE]
-        return cls((*wide, *narrow, Stage(1, *LOCAL[topology])), sweeps=SWEEPS[topology])
-
-
-def wide_stage(nnodes: int, radius: int) -> Stage:
-    """One epoch that pulls as hard as carries best: its rate times its points grow with the fourth root of the nodes.
-
-    In large meshes the guard refuses more of the hard pulls, so there are more points instead.
-    """
-    root = max(1, nnodes) ** 0.25
-    hard = min(1.5, max(1.0, 16.0 / root))
-    return Stage(radius, 1, hard / radius, points_per_neuron=min(2.0, 1.85 * root / hard / radius**2))
+        epochs = 3 if start >= NEAR[topology] else 2
+        near = halved(min(start, NEAR[topology]))
+        stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in near]
+        rounds = max(0, len(halved(start)) - ROUNDLESS)
+        return cls((*stages, Stage(1, *LOCAL[topology])), rounds=rounds, sweeps=SWEEPS[topology])
 
 
 def halved(radius: int) -> list[int]:

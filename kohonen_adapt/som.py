@@ -20,6 +20,7 @@ from .recycling import Recycled, recycle_nodes
 from .sampling import CallableDensity, Draw, ElementDensity, along_curve
 from .schedule import Schedule, Stage, check_training, is_count, is_number
 from .threads import even_cuts, shared
+from .transport import POINTS, Transport
 from .triangulation import Triangulation
 
 __all__ = ["KohonenMap"]
@@ -207,11 +208,13 @@ class KohonenMap:
         """
         self._flip()
         errors: list[float] = []
-        training = any(stage.epochs for stage in schedule.stages)
+        training = bool(schedule.rounds) or any(stage.epochs for stage in schedule.stages)
         if training:
             self._settle()
-        starts = self.triangulation.elements.node[:, 0] if starts is None else starts
-        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts.copy()):
+        starts = (self.triangulation.elements.node[:, 0] if starts is None else starts).copy()
+        if schedule.rounds:
+            self._carry(draw, schedule.rounds, rng, starts)
+        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts):
             error, steps = self._classroom.epoch(stage, rate, shown, slot, winners, rng)
             errors.append(error)
             self.search_steps.append(steps)
@@ -221,6 +224,18 @@ class KohonenMap:
         if training:
             self._settle()
         return tuple(errors)
+
+    def _carry(
+        self, draw: Callable[[int, np.random.Generator], Draw], rounds: int, rng: np.random.Generator, starts: Indices
+    ) -> None:
+        """Rounds of transport; `starts` learn where the winners of the elements' points are now."""
+        tri = self.triangulation
+        transport = Transport.of(tri, self.outline.constraints, self._floor, self._flip)
+        for _ in range(rounds):
+            shown = draw(ceil(POINTS * tri.nnodes), rng)
+            winners = self._classroom.search(shown, starts[shown.element])[0]
+            starts[shown.element] = winners
+            transport.carry(shown, winners)
 
     def _presentations(
         self,

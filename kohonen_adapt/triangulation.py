@@ -89,6 +89,11 @@ class Triangulation:
         a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
         return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
 
+    def centroids(self) -> NDArray[np.float64]:
+        """Centroid of every element, (m, 2)."""
+        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        return (a + b + c) / 3.0
+
     def to_mesh(self) -> MeshTri:
         """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
         t, node = self.mesh.t, np.sort(self.elements.node, axis=1).T

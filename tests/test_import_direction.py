@@ -17,7 +17,7 @@ TOWER = [
     *("polylines", "spans", "curves"),
     *("triangulation", "borders", "chains", "pairs", "outline", "sides", "layers", "locate", "density", "sampling"),
     *("ritz", "recycling", "tables", "functional", "carry"),
-    *("schedule", "epoch", "som"),
+    *("schedule", "transport", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),
     *("outputs", "result", "journal", "stopping", "improvement", "growth", "loop"),
 ]

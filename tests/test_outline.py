@@ -244,9 +244,11 @@ def test_corners_of_interfaces_jump_too():
 
 
 def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
+    stages = [ka.Stage(8, 1, 0.2, points_per_neuron=0.13), *(ka.Stage(radius, 3, 0.3) for radius in (4, 2, 1))]
     mesh = square(16).with_boundaries({"floor": lambda x: x[1] == 0.0, "top": lambda x: x[1] == 1.0})
     for topology in ("fixed", "flip"):
-        results = [ka.relocate(mesh, peak(mesh, 0.5, 0.0, 1e4), topology=topology, seed=seed) for seed in range(3)]
+        options = {"topology": topology, "schedule": ka.Schedule(stages)}
+        results = [ka.relocate(mesh, peak(mesh, 0.5, 0.0, 1e4), seed=seed, **options) for seed in range(3)]
         assert max(on_side(result, 1, 0.0) for result in results) > 17
         for result, name in product(results, ("floor", "top")):
             ends = result.p[:, result.facets[:, result.boundaries[name]]]

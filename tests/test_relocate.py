@@ -311,7 +311,7 @@ def test_an_account_of_what_it_took():
     assert done.message == ""
     still = trained_map(mesh, pull(mesh), schedule=Schedule(()), **options).relocation()
     assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
-    assert still.message == "the schedule has no epochs and no sweeps"
+    assert still.message == "the schedule has no rounds, no epochs and no sweeps"
     options["limits"] = Limits(pinned=range(49))
     assert (
         trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation().message

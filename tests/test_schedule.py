@@ -43,28 +43,34 @@ def test_neighbourhoods():
 
 
 @pytest.mark.parametrize(("nnodes", "widest"), [(4, 2), (100, 4), (833, 16), (3201, 32), (12545, 64)])
-def test_the_default_halves_the_radius_down_to_1(nnodes, widest):
+def test_the_default_has_a_round_for_every_halving_of_the_widest_radius_down_to_4(nnodes, widest):
     assert widest <= 0.6 * np.sqrt(nnodes) < 2 * widest or widest == 2
     schedule = Schedule.default(nnodes)
-    radii = [stage.radius for stage in schedule.stages]
-    assert radii == [2**k for k in range(widest.bit_length() - 1, -1, -1)]
+    assert schedule.rounds == max(0, np.log2(widest) - 2)
+    assert [stage.radius for stage in schedule.stages] == [2, 1]
     assert schedule.fresh
     assert schedule.sweeps > 0
 
 
 def test_the_default_starts_where_it_is_told():
-    assert [stage.radius for stage in Schedule.default(12545, radius=8).stages] == [8, 4, 2, 1]
+    rounds = [Schedule.default(12545, radius=radius).rounds for radius in (0, 1, 2, 4, 8, 16, 64)]
+    assert rounds == [0, 0, 0, 0, 1, 2, 4]
     assert [stage.radius for stage in Schedule.default(12545, radius=2).stages] == [2, 1]
     assert [stage.radius for stage in Schedule.default(12545, radius=0).stages] == [1]
+    assert [stage.radius for stage in Schedule.default(12545, radius=8, topology="fixed").stages] == [4, 2, 1]
 
 
 @pytest.mark.parametrize("nnodes", [1, 50, 1000, 10**6])
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
 def test_the_default_costs_no_more_per_node_at_wide_radii(nnodes, topology):
     for stage in Schedule.default(nnodes, topology=topology).stages:
         assert stage.points_per_neuron <= 2
-        assert stage.epochs * stage.points_per_neuron * stage.radius**2 <= max(10.0, 1.85 * nnodes**0.25)
+        assert stage.epochs * stage.points_per_neuron * stage.radius**2 <= 10.0
         assert max(stage.rates()) <= 0.3
+
+
+def test_recycling_carries_no_nodes_far():
+    assert Schedule.default(12545, topology="recycle").rounds == 0
 
 
 def test_a_fixed_topology_comes_down_to_radius_1():
@@ -99,6 +105,8 @@ def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
         (lambda: Stage(1, 1, 0.3, points_per_neuron=np.inf), r"points_per_neuron must be above zero; got inf\."),
         (lambda: Stage(1, 1, 0.3, points_per_neuron="a"), r"points_per_neuron must be above zero; got 'a'\."),
         (lambda: Stage(1, 1, 0.3, neighbourhood="box"), r"neighbourhood must be 'gaussian' or 'flat'; got 'box'\."),
+        (lambda: Schedule((), rounds=-1), r"rounds must be an integer >= 0; got -1\."),
+        (lambda: Schedule((), rounds=True), r"rounds must be an integer >= 0; got True\."),
         (lambda: Schedule((), sweeps=-1), r"sweeps must be an integer >= 0; got -1\."),
         (lambda: Schedule((), sweeps=1.5), r"sweeps must be an integer >= 0; got 1\.5\."),
         (lambda: Schedule((), tolerance=-1e-3), r"tolerance must be None or >= 0; got -0\.001\."),

@@ -124,6 +124,22 @@ def point_at(chains, c, parameter):
 
 
 @kernel
+def tangent_at(chains, c, parameter):
+    """The unit vector along the chain at a parameter."""
+    tx, ty = chains.place[c, 2], chains.place[c, 3]
+    if chains.flags[c, SHAPE] == ROUND:
+        angle = chains.place[c, CURVATURE] * parameter
+        sine, cosine = math.sin(angle), math.cos(angle)
+        return cosine * tx - sine * ty, sine * tx + cosine * ty
+    if chains.flags[c, SHAPE] == TABLED:
+        k = knot_before(chains, c, parameter)
+        _, _, tx, ty = on_span(chains.knot, k, span_share(chains.knot, k, parameter))
+        length = math.hypot(tx, ty)
+        return tx / length, ty / length
+    return tx, ty
+
+
+@kernel
 def nearest_parameter(chains, c, x, y, near):
     """The parameter of the point of chain c that nearest to (x, y); on a table from the parameter near on."""
     if chains.flags[c, SHAPE] == TABLED:
