@@ -1,5 +1,7 @@
 """From error indicators or wanted sizes to a density of nodes."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
@@ -104,7 +106,7 @@ def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
     return array
 
 
-def as_reals(array: NDArray, name: str) -> Floats:
+def as_reals(array: NDArray[Any], name: str) -> Floats:
     """An array as floats, refused where that would lose something."""
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} must be real numbers; got {array.dtype}.")

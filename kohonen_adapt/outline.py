@@ -144,7 +144,7 @@ class Outline:
         mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
         return mesh
 
-    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray:
+    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray[np.integer]:
         """The facets on the chains that carry a name; with their sides if it had them."""
         chain = triangulation.elements.chain
         e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))

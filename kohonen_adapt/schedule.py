@@ -224,7 +224,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def are_two_rates(rates: Iterable) -> bool:
+def are_two_rates(rates: Iterable[float]) -> bool:
     """Whether these are two numbers above 0 and at most 1."""
     rates = list(rates)
     return len(rates) == 2 and all(is_number(rate) and 0 < rate <= 1 for rate in rates)
