@@ -43,6 +43,13 @@ class Stage:
     ------
     ValueError
         If a value is out of its range.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> stage = ka.Stage(radius=2, epochs=3, learning_rate=(0.4, 0.1))
+    >>> stage.rates().round(3).tolist()
+    [0.4, 0.2, 0.1]
     """
 
     radius: int
@@ -101,6 +108,15 @@ class Schedule:
     ------
     ValueError
         If a value is out of its range or `stages` holds something else than stages.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> schedule = ka.Schedule((ka.Stage(2, 5, 0.3), ka.Stage(0, 10, (0.3, 0.02))), sweeps=4)
+    >>> sum(stage.epochs for stage in schedule.stages)
+    15
+    >>> [stage.radius for stage in ka.Schedule.paper().stages]
+    [2, 1, 0]
     """
 
     stages: tuple[Stage, ...]
@@ -134,6 +150,16 @@ class Schedule:
             Epochs at radius 2, 1 and 0.
         learning_rate
             Rate of the first and of the last epoch; it falls geometrically over all epochs together.
+
+        Returns
+        -------
+        Schedule
+            Without fresh points and without sweeps.
+
+        Raises
+        ------
+        ValueError
+            If `epochs` are not three integers >= 0, or `learning_rate` not two numbers in (0, 1].
         """
         if not isinstance(epochs, Iterable) or len(epochs) != 3 or not all(is_count(count) for count in epochs):
             raise ValueError(f"epochs must be three integers >= 0, for radius 2, 1 and 0; got {epochs!r}.")
@@ -163,6 +189,16 @@ class Schedule:
         topology
             ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
             ``"recycle"`` needs no wide radii, because nodes need not travel.
+
+        Returns
+        -------
+        Schedule
+            With fresh points in every epoch, and sweeps.
+
+        Raises
+        ------
+        ValueError
+            If the topology is unknown, or a number is not an integer >= 0.
 
         Notes
         -----
