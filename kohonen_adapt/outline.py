@@ -206,7 +206,8 @@ def cut_alike(
     paired = np.flatnonzero(pairs.partner >= 0)
     if np.any((curve >= 0) & (pairs.facet >= 0)):
         raise ValueError(
-            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles."
+            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
+            "none. Leave its curve out."
         )
     stops = pinned.copy()
     while True:

@@ -193,8 +193,9 @@ class KohonenMap:
         weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
         if weight.shape != (len(rows),):
             raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
-        if not np.all(np.isfinite(weight) & (weight >= 0)):
-            raise ValueError("weights must be finite and >= 0.")
+        bad = np.flatnonzero(~(np.isfinite(weight) & (weight >= 0)))
+        if len(bad):
+            raise ValueError(f"weights must be finite and >= 0; that of point {bad[0]} is {weight[bad[0]]}.")
         element = locator.find(rows)
         outside = np.flatnonzero(element < 0)
         if len(outside):

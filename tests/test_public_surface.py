@@ -1,18 +1,22 @@
 """What a user sees of the package: names that are listed, docstrings that say all, and no state that calls share."""
 
 import ast
+import copy
 import doctest
 import importlib
 import inspect
 import io
 import re
+import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
+from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Goal, Law
+from kohonen_adapt.magnetostatics import Goal, Law, Magnetostatics, Material
 
 PACKAGE = Path(ka.__file__).parent
 MODULES = [
@@ -146,3 +150,23 @@ def test_examples_run(name, tmp_path, monkeypatch):
     for example in doctest.DocTestFinder(recurse=False).find(CALLABLES[name], name, globs={}):
         runner.run(example, out=report.write)
     assert runner.failures == 0, report.getvalue()
+
+
+def shared_state():
+    """What the package's modules hold that can change, but for idle threads."""
+    return {
+        f"{module}.{name}": copy.copy(value)
+        for module in [module for module in sys.modules if module.startswith("kohonen_adapt")]
+        for name, value in vars(sys.modules[module]).items()
+        if isinstance(value, dict | list | set | bytearray)
+        and name not in ("_pools", "__builtins__", "__warningregistry__")
+    }
+
+
+def test_calls_leave_nothing_behind():
+    mesh = MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    problem = Magnetostatics({"air": Material(current_density=1e3)}, potential={"left": 0.0})
+    before = shared_state()
+    first = ka.adapt(mesh, problem, passes=2)
+    assert shared_state() == before and len(before) > 10
+    np.testing.assert_array_equal(ka.adapt(mesh, problem, passes=2).mesh.p, first.mesh.p)

@@ -114,8 +114,12 @@ def arkkio_torque(field: SolvedField, gap: Names, centre: ArrayLike = (0.0, 0.0)
     """
     _check_planar(field)
     mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), checked_point("centre", centre)
-    if not air_elements(field)[ring].all():
-        raise ValueError(f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element.")
+    solid = int(np.count_nonzero(~air_elements(field)[ring]))
+    if solid:
+        raise ValueError(
+            f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element; it is not in "
+            f"{solid} of {len(ring)}. Name a ring of air around the rotor."
+        )
     inner, outer = _radii(field, ring, middle, gap)
     # The middles of the sides integrate the products of two coordinates exactly.
     corner = mesh.p[:, mesh.t[:, ring]] - middle[:, None, None]

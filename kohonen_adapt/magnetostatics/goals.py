@@ -54,7 +54,7 @@ class Force:
     Examples
     --------
     >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, Force
+    >>> from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
     >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
@@ -154,7 +154,7 @@ class FluxLinkage:
     Examples
     --------
     >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, FluxLinkage
+    >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
     >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
