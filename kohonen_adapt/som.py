@@ -108,6 +108,10 @@ class KohonenMap:
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
 
+    def __repr__(self) -> str:
+        edges = "edges flip" if self._flips else "fixed edges"
+        return f"<KohonenMap of {self.triangulation.nnodes} neurons, {edges}>"
+
     @property
     def mesh(self) -> MeshTri:
         """The mesh as it is now, with every name it came with."""

@@ -22,7 +22,7 @@ __all__ = ["Field"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Field:
     """What `Magnetostatics.solve` returns: the field of a P1 potential, constant in every element.
 
@@ -51,6 +51,14 @@ class Field:
     symmetry: Symmetry = PLANAR
     depth: float | None = None
     newton: tuple[NewtonStep, ...] = ()
+
+    def __repr__(self) -> str:
+        per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
+        largest = np.max(np.hypot(*self.flux_density))
+        return (
+            f"<{type(self).__name__} on {self.mesh.p.shape[1]} nodes: |B| up to {largest:.4g} T, "
+            f"energy {self.energy:.4g} J{per_metre}>"
+        )
 
     @property
     def axisymmetric(self) -> bool:

@@ -15,7 +15,7 @@ __all__ = ["QuadraticField"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
     """A planar field that is linear in every element; what is given per element is its mean there.
 
