@@ -1,6 +1,7 @@
 """What a notebook shows of results, meshes and schedules."""
 
 import base64
+import json
 import re
 import struct
 import sys
@@ -107,16 +108,25 @@ def test_what_is_long_has_a_short_name(result):
     assert repr(ka.KohonenMap(result.mesh)) == "<KohonenMap of 289 neurons, edges flip>"
 
 
-def test_a_notebook_shows_all_of_it(tmp_path, monkeypatch):
-    """Run by a kernel of its own, as a person's; what comes out is in the cell."""
+TOUR = ROOT / "examples" / "tour.ipynb"
+
+
+def test_the_tour_holds_no_outputs():
+    cells = [cell for cell in json.loads(TOUR.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    assert cells and all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+
+
+def test_the_tour_runs_and_every_cell_shows_something(monkeypatch):
+    """By a kernel of its own, as a person's."""
     nbformat = pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel")
     client = pytest.importorskip("nbclient")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    code = (ROOT / "examples" / "own_problem.py").read_text(encoding="utf-8")
-    cells = [code, "result = main()", "result", "result.mesh", "ka.Schedule.paper()"]
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
-    client.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    shown = [cell["outputs"][-1]["data"] for cell in notebook["cells"][2:]]
-    assert "<table>" in shown[0]["text/html"] and "<svg" in shown[1]["image/svg+xml"]
-    assert "<table>" in shown[2]["text/html"]
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # the kernel has its own
+    notebook = nbformat.read(TOUR, as_version=4)
+    client.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(TOUR.parent)}}).execute()
+    shown = [cell["outputs"][-1]["data"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    mesh, result, field, figure, relocated, schedule = shown
+    assert mesh["image/svg+xml"] != relocated["image/svg+xml"]
+    assert "<table>" in result["text/html"] and "data:image/png" in result["text/html"]
+    assert "Field on 899 nodes" in field["text/plain"] and "image/png" in figure and "<table>" in schedule["text/html"]
