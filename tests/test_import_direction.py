@@ -77,7 +77,7 @@ def allowed_rooms(room):
 def test_imports_point_down(path):
     room = room_of(path)
     known = [*TOWER, *BESIDE, *TOP, *FRONT]
-    assert room in known, f"{room} has no floor: give it one here and in the README's 'how it is built'"
+    assert room in known, f"{room} has no floor: give it one here and in kohonen_adapt/README.md"
     wrong = imported_rooms(path) - set(allowed_rooms(room)) - ON_REQUEST.get(room, set())
     assert not wrong, f"{path.name} imports {sorted(wrong)}, which stand above it"
 
