@@ -16,6 +16,7 @@ __all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
+DRAWN = 200_000  # nodes; with more, whoever asked for a table would wait for its picture
 
 Columns = list[tuple[str, list[str]]]
 
@@ -135,15 +136,15 @@ class AdaptResult:
     def _repr_html_(self) -> str:
         """What a notebook shows: the table, and the meshes where there is matplotlib."""
         columns = chain.from_iterable(table_columns(self.history))
-        best = next(k for k, step in enumerate(self.history) if step.mesh is self.mesh)
-        return f"{_html_table(list(columns), marked=best)}\n<p>{escape(self.message)}</p>\n{_html_picture(self)}"
+        bold = [step.mesh is self.mesh for step in self.history]
+        return f"{_html_table(list(columns), bold)}\n<p>{escape(self.message)}</p>\n{_html_picture(self)}"
 
 
-def _html_table(columns: Columns, *, marked: int) -> str:
-    """A table in HTML, one row in bold; names are text in it, whatever they hold."""
+def _html_table(columns: Columns, bold: Sequence[bool]) -> str:
+    """A table in HTML, some rows in bold; names are text in it, whatever they hold."""
     titles = "".join(f"<th>{escape(title)}</th>" for title, _ in columns)
     rows = zip(*(cells for _, cells in columns), strict=True)
-    lines = [_html_row(cells, ' style="font-weight: bold"' * (k == marked)) for k, cells in enumerate(rows)]
+    lines = [_html_row(cells, ' style="font-weight: bold"' * mark) for cells, mark in zip(rows, bold, strict=True)]
     caption = "<caption>The result is the pass in bold.</caption>"
     return "\n".join([f"<table>{caption}<thead><tr>{titles}</tr></thead><tbody>", *lines, "</tbody></table>"])
 
@@ -154,6 +155,8 @@ def _html_row(cells: Sequence[str], style: str) -> str:
 
 def _html_picture(result: AdaptResult) -> str:
     """The meshes before and after as an image that the page itself holds; empty without matplotlib."""
+    if result.mesh.p.shape[1] > DRAWN:
+        return ""
     try:
         from .plotting.notebook import overview_png  # drawn only where somebody looks
     except ImportError:

@@ -78,6 +78,12 @@ def test_a_result_has_a_small_picture(result):
     assert 600 < width < 1000 and 200 < height < 400
 
 
+def test_a_mesh_that_takes_long_to_draw_is_not_drawn(result, monkeypatch):
+    monkeypatch.setattr("kohonen_adapt.result.DRAWN", 288)
+    page = Page(result._repr_html_())
+    assert page.images == [] and len(page.rows) == 4
+
+
 def test_without_matplotlib_the_table_remains(result, monkeypatch):
     for name in [name for name in sys.modules if name.startswith("kohonen_adapt.plotting")]:
         monkeypatch.delitem(sys.modules, name)

@@ -56,6 +56,13 @@ def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "magnet.vtu").stat().st_size > 0
 
 
+@pytest.mark.parametrize(
+    "code", [block for text in PAGES.values() for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)]
+)
+def test_every_piece_of_python_is_python(code):
+    compile(code, "README", "exec")
+
+
 def test_the_test_command_follows_its_marker():
     command = re.search(r"<!-- test command -->\n```bash\n(.*?)```", README, re.DOTALL)
     assert command and "pytest" in command[1]
