@@ -16,7 +16,7 @@ __all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
-DRAWN = 200_000  # nodes; with more, whoever asked for a table would wait for its picture
+DRAWN = 30_000  # nodes; with more, whoever asked for a table would wait for its picture
 
 Columns = list[tuple[str, list[str]]]
 
