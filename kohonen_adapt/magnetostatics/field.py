@@ -258,7 +258,8 @@ class Field:
         --------
         >>> import numpy as np, skfem
         >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
         >>> mesh = skfem.MeshTri().refined(4).with_defaults()
         >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
         >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
@@ -297,7 +298,8 @@ class Field:
         --------
         >>> import numpy as np, skfem
         >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
         >>> mesh = skfem.MeshTri().refined(4).with_defaults()
         >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
         >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
@@ -336,7 +338,8 @@ class Field:
         --------
         >>> import numpy as np, skfem
         >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
         >>> mesh = skfem.MeshTri().refined(4).with_defaults()
         >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
         >>> materials = {"coil": Material(current_density=1e3), "air": Material()}

@@ -153,7 +153,8 @@ def lorentz_force(field: SolvedField, coil: Names) -> Floats:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, lorentz_force
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}

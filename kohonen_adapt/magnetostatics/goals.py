@@ -55,7 +55,8 @@ class Force:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
@@ -112,7 +113,8 @@ class Torque:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
@@ -155,7 +157,8 @@ class FluxLinkage:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
@@ -199,7 +202,8 @@ class StoredEnergy:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, StoredEnergy
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}

@@ -91,7 +91,8 @@ def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
     --------
     >>> import numpy as np, skfem
     >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, circuit_current
-    >>> inside = lambda x: np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
     >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
