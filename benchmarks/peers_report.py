@@ -1,4 +1,4 @@
-"""The tables of the comparison with peers, as the README shows them: errors, seconds, qualities, names and numbers."""
+"""The tables of the comparison with peers, as README.md shows them: errors, seconds, qualities, names and numbers."""
 
 from collections.abc import Iterator, Sequence
 

@@ -5,7 +5,7 @@ the force that is integrated from the largest to the smallest gap must be the di
 by the field in the air around the plunger and the other by the whole field.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -92,4 +92,6 @@ def main(folder="."):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
+    main(parser.parse_args().out)

@@ -1,6 +1,6 @@
 """Laplace's equation on the L-shape: the exact solution is known, so the error itself is seen to fall."""
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -99,4 +99,6 @@ def main(folder="."):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
+    main(parser.parse_args().out)

@@ -1,6 +1,6 @@
 """A permanent magnet in an iron core with an air gap: adapt its Gmsh mesh, print a table, write files and a figure."""
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -66,4 +66,6 @@ def main(folder="."):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
+    main(parser.parse_args().out)

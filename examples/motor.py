@@ -7,7 +7,7 @@ rotor angles theta, added up over the slots (lambda: flux linkage). The one is t
 by the potential in the slots.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -158,4 +158,6 @@ def main(folder="."):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
+    main(parser.parse_args().out)

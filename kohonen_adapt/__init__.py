@@ -44,3 +44,8 @@ __all__ = [
 ]
 
 __version__ = "0.3.0"
+
+
+def __dir__() -> list[str]:
+    """What is for users, without the rooms it comes from."""
+    return [*__all__, "__version__"]

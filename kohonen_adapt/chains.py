@@ -117,7 +117,9 @@ def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
         twice = on & (found >= 0)
         if twice.any():
             other = names[found[np.flatnonzero(twice)[0]]]
-            raise ValueError(f"boundaries {other!r} and {name!r} share facets, so they cannot both have a curve.")
+            raise ValueError(
+                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a curve; leave one out."
+            )
         found[on] = number
     return found
 
@@ -256,7 +258,7 @@ def check_near(nodes: Floats, curve: Curve, name: str) -> None:
     if off > NEAR * size:
         raise ValueError(
             f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size "
-            f"{size:.6g}; one is {off:.6g} away."
+            f"{size:.6g}; one is {off:.6g} away. Give the curve that the mesh was made with."
         )
 
 
@@ -281,7 +283,10 @@ def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
             points[-1] = points[0]
         steps = np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1))
         if not np.all(steps > 0.0):
-            raise ValueError(f"project of the curve of boundary {name!r} must tell its points apart; it has a corner.")
+            raise ValueError(
+                f"project of the curve of boundary {name!r} must tell its points apart; it has a corner. "
+                "Name what is on either side of it apart."
+            )
         parameter = np.append(0.0, np.cumsum(steps))
         spline = CubicSpline(parameter, points, bc_type="periodic" if closed else "not-a-knot")
         middle = spline(0.5 * (parameter[1:] + parameter[:-1]))

@@ -34,6 +34,12 @@ class Line:
     ------
     ValueError
         If they are not two different points with finite coordinates.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> ka.Line((0.0, 0.0), (1.0, 0.0)).project([[0.3], [0.2]]).tolist()
+    [[0.3], [0.0]]
     """
 
     start: tuple[float, float]
@@ -84,6 +90,12 @@ class Arc:
     ------
     ValueError
         If the centre is not finite, or the radius not a positive number.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> ka.Arc(centre=(0.0, 0.0), radius=1.0).project([[2.0], [0.0]]).tolist()
+    [[1.0], [0.0]]
     """
 
     centre: tuple[float, float]
@@ -146,6 +158,14 @@ class Spline:
     ------
     ValueError
         If there are too few points, one is not finite, or one is where the next is.
+
+    Examples
+    --------
+    >>> import numpy as np, kohonen_adapt as ka
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    >>> circle = ka.Spline([np.cos(angle), np.sin(angle)], closed=True)
+    >>> np.hypot(*circle.project([[2.0], [1.0]])).round(6).tolist()
+    [1.0]
     """
 
     def __init__(self, points: ArrayLike, *, closed: bool = False) -> None:
@@ -159,6 +179,11 @@ class Spline:
         ----------
         pieces
             At least one: its points (2, n) and whether it is closed.
+
+        Returns
+        -------
+        Spline
+            Which projects to the nearest of its pieces.
 
         Raises
         ------
@@ -183,6 +208,11 @@ class Spline:
             The mesh.
         name
             One of its boundaries.
+
+        Returns
+        -------
+        Spline
+            For `curves` of `kohonen_adapt.relocate` and `kohonen_adapt.adapt`.
 
         Raises
         ------

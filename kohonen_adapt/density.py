@@ -1,5 +1,7 @@
 """From error indicators or wanted sizes to a density of nodes."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
@@ -48,6 +50,14 @@ def density_from_indicators(
     d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``. At the optimum for the energy norm all indicators are
     equal (equidistribution). Indicators are floored at a thousandth of their median, so that no region is emptied on
     the strength of a small number; all zero gives a constant.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 8 triangles of one area, 9 nodes
+    >>> density = ka.density_from_indicators(mesh, [1, 1, 1, 1, 1, 1, 1, 3])
+    >>> round(float(density[7] / density[0]), 9), round(float(density.mean()), 9)
+    (3.0, 9.0)
     """
     check_mesh(mesh)
     values = per_element(mesh, indicators, "indicators")
@@ -84,6 +94,13 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> NDArray[np.float64]:
     ------
     ValueError
         If the sizes have another shape or are not positive and finite.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)
+    >>> ka.density_from_sizes(mesh, np.full(8, 0.1)).round(2)[0]  # equilateral triangles with edges of 0.1
+    np.float64(115.47)
     """
     check_mesh(mesh)
     lengths = per_element(mesh, sizes, "sizes")
@@ -104,7 +121,7 @@ def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
     return array
 
 
-def as_reals(array: NDArray, name: str) -> Floats:
+def as_reals(array: NDArray[Any], name: str) -> Floats:
     """An array as floats, refused where that would lose something."""
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} must be real numbers; got {array.dtype}.")

@@ -59,7 +59,7 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
     for name, number in wanted.items():
         rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
         if not len(rows):
-            raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers.")
+            raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers; leave it out.")
         for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
             bands += bands_of(triangulation, constraints, name, number, inside)
             triangulation.elements.layered[inside] = True
@@ -109,7 +109,9 @@ def bands_of(
     """
     sides = list(facing_sides(triangulation, constraints, inside))
     if not sides:
-        raise ValueError(f"subdomain {name!r} has no two sides that face each other.")
+        raise ValueError(
+            f"subdomain {name!r} must be thin to keep layers; it has no two sides that face each other. Leave it out."
+        )
     node = triangulation.elements.node[inside[triangulation.elements.region]]
     pairs = node[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return [Band(name, number, pairs, both) for both in sides]

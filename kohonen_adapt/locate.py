@@ -71,6 +71,14 @@ def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:
     ------
     ValueError
         If `x` is not of shape (2, n), or the mesh is not valid.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(2)
+    >>> found = ka.find_elements(mesh, [[0.3, 2.0], [0.4, 0.0]])
+    >>> (found >= 0).tolist()  # the second point is outside: -1
+    [True, False]
     """
     return Locator(Triangulation.of(mesh)).find(as_rows(x))
 
@@ -104,6 +112,13 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> NDArray[np.fl
     >>> mesh = skfem.MeshTri().refined(2)
     >>> ka.interpolate(mesh, 2 * mesh.p[0], np.array([[0.3, 2.0], [0.4, 0.0]])).round(12)
     array([0.6, nan])
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(2)
+    >>> ka.interpolate(mesh, mesh.p[0] + mesh.p[1], [[0.3, 2.0], [0.4, 0.0]]).round(9).tolist()
+    [0.7, nan]
     """
     triangulation = Triangulation.of(mesh)
     values = np.asarray(values)

@@ -126,6 +126,19 @@ def adapt(
     Exception
         Whatever the problem or an output raises on the input mesh, Ctrl-C included. Later that ends the loop, with the
         status ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+    >>> mesh = skfem.MeshTri().refined(4).with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    >>> mesh = mesh.with_boundaries({"outer": lambda x: x[0] < 2.0})
+    >>> materials = {"coil": Material(current_density=1e6), "air": Material()}
+    >>> result = ka.adapt(mesh, Magnetostatics(materials, potential={"outer": 0.0}), passes=2)
+    >>> result.estimate < 0.9 * result.history[0].estimate
+    True
+    >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
+    (True, ['outer'], 'max_passes')
     """
     topology = _TOPOLOGY if topology is None else topology
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned

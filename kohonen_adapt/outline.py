@@ -144,7 +144,7 @@ class Outline:
         mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
         return mesh
 
-    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray:
+    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray[np.integer]:
         """The facets on the chains that carry a name; with their sides if it had them."""
         chain = triangulation.elements.chain
         e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
@@ -206,7 +206,8 @@ def cut_alike(
     paired = np.flatnonzero(pairs.partner >= 0)
     if np.any((curve >= 0) & (pairs.facet >= 0)):
         raise ValueError(
-            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles."
+            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
+            "none. Leave its curve out."
         )
     stops = pinned.copy()
     while True:

@@ -107,7 +107,10 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
     for name in names:
         on = facets.sides[name] > 0
         if not on.any() or np.any(on & inside):
-            raise ValueError(f"periodic boundary {name!r} must lie on the outer boundary of the mesh, all of it.")
+            raise ValueError(
+                f"periodic boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
+                f"{np.count_nonzero(on & inside)} of its {np.count_nonzero(on)} facets are inside."
+            )
 
 
 def matched(mesh: MeshTri, facets: Facets, one: str, other: str) -> tuple[Floats, Indices, Indices]:

@@ -23,6 +23,11 @@ def warmup() -> None:
 
     Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` does that, which takes some
     seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> ka.warmup()  # doctest: +SKIP
     """
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)

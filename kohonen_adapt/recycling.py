@@ -1,6 +1,7 @@
 """Recycling: nodes that carry too little of the density are taken away and put where one carries too much."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,7 +214,7 @@ def room_for(position: Floats, elements: Elements) -> Room:
     return Room(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_))
 
 
-def padded(array: NDArray, rows: int, value: float) -> NDArray:
+def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
     """A copy with rows of a value added."""
     longer = np.full((rows, *array.shape[1:]), value, dtype=array.dtype)
     longer[: len(array)] = array

@@ -1,8 +1,10 @@
-"""What the loop gives back: status, passes, the result and its table."""
+"""What the loop gives back: status, passes, the result, its table and how a notebook shows it."""
 
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
+from html import escape
 from itertools import chain, pairwise
 from typing import Any
 
@@ -10,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-__all__ = ["AdaptResult", "Pass", "Status"]
+__all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
+DRAWN = 30_000  # nodes; with more, whoever asked for a table would wait for its picture
 
 Columns = list[tuple[str, list[str]]]
 
@@ -34,7 +37,7 @@ class Status(StrEnum):
     FAILED = auto()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pass:
     """The mesh after ``number`` relocations, solved and estimated; number 0 is the input.
 
@@ -83,10 +86,14 @@ class Pass:
     splits: int = 0
     outputs: dict[str, float] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        nodes, least = self.mesh.p.shape[1], self.min_quality
+        return f"<Pass {self.number}: estimate {self.estimate:.4g}, {nodes} nodes, min quality {least:.2f}>"
+
 
 @dataclass(frozen=True, eq=False)
 class AdaptResult:
-    """The best pass of a loop and how the loop got there; ``print(result)`` is a table.
+    """The best pass of a loop and how the loop got there; ``print(result)`` and a notebook show a table.
 
     Attributes
     ----------
@@ -122,12 +129,43 @@ class AdaptResult:
 
     def __str__(self) -> str:
         marks = ["", *("  <- result" if step.mesh is self.mesh else "" for step in self.history)]
-        blocks = _blocks(_columns(self.history), width=WIDTH - max(map(len, marks)))
+        blocks = _blocks(table_columns(self.history), width=WIDTH - max(map(len, marks)))
         rows = ([line + mark for line, mark in zip(block, marks, strict=True)] for block in blocks)
         return "\n".join([*chain.from_iterable(rows), self.message])
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the table, and the meshes where there is matplotlib."""
+        columns = chain.from_iterable(table_columns(self.history))
+        bold = [step.mesh is self.mesh for step in self.history]
+        return f"{_html_table(list(columns), bold)}\n<p>{escape(self.message)}</p>\n{_html_picture(self)}"
 
-def _columns(history: tuple[Pass, ...]) -> list[Columns]:
+
+def _html_table(columns: Columns, bold: Sequence[bool]) -> str:
+    """A table in HTML, some rows in bold; names are text in it, whatever they hold."""
+    titles = "".join(f"<th>{escape(title)}</th>" for title, _ in columns)
+    rows = zip(*(cells for _, cells in columns), strict=True)
+    lines = [_html_row(cells, ' style="font-weight: bold"' * mark) for cells, mark in zip(rows, bold, strict=True)]
+    caption = "<caption>The result is the pass in bold.</caption>"
+    return "\n".join([f"<table>{caption}<thead><tr>{titles}</tr></thead><tbody>", *lines, "</tbody></table>"])
+
+
+def _html_row(cells: Sequence[str], style: str) -> str:
+    return f"<tr{style}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+
+
+def _html_picture(result: AdaptResult) -> str:
+    """The meshes before and after as an image that the page itself holds; empty without matplotlib."""
+    if result.mesh.p.shape[1] > DRAWN:
+        return ""
+    try:
+        from .plotting.notebook import overview_png  # drawn only where somebody looks
+    except ImportError:
+        return ""
+    content = b64encode(overview_png(result)).decode("ascii")
+    return f'<img alt="Mesh before and after, estimate over the passes" src="data:image/png;base64,{content}">'
+
+
+def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
     solved = {
         "nodes": [str(step.mesh.p.shape[1]) for step in history],

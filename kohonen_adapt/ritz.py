@@ -56,6 +56,15 @@ class Ritz:
     ValueError
         If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
         entry in a table, or a law lacks a method.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(3)
+    >>> rim = np.isin(np.arange(81), mesh.boundary_nodes())
+    >>> ritz = ka.Ritz(values=np.zeros(81), fixed=rim, coefficient=1.0, source=1.0)  # of -div grad u = 1
+    >>> int(np.count_nonzero(ritz.fixed))
+    32
     """
 
     values: ArrayLike

@@ -155,7 +155,9 @@ class CallableDensity:
         return without_zeros(values, self.largest).mean(axis=0) ** 2
 
 
-def density_of(triangulation: Triangulation, density: ArrayLike | Callable) -> ElementDensity | CallableDensity:
+def density_of(
+    triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike]
+) -> ElementDensity | CallableDensity:
     """A user's density, checked, for the mesh of a triangulation.
 
     Raises

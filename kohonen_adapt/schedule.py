@@ -45,6 +45,13 @@ class Stage:
     ------
     ValueError
         If a value is out of its range.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> stage = ka.Stage(radius=2, epochs=3, learning_rate=(0.4, 0.1))
+    >>> stage.rates().round(3).tolist()
+    [0.4, 0.2, 0.1]
     """
 
     radius: int
@@ -74,6 +81,11 @@ class Stage:
         """Learning rate of each epoch, (epochs,)."""
         first, last = self._ends()
         return np.geomspace(first, last, self.epochs)
+
+    def _html_row(self) -> str:
+        rate = " to ".join(dict.fromkeys(f"{end:.3g}" for end in self._ends()))
+        cells = (self.radius, self.epochs, rate, f"{self.points_per_neuron:.3g}", self.neighbourhood)
+        return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
     def strength(self) -> NDArray[np.float64]:
         """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
@@ -106,6 +118,15 @@ class Schedule:
     ------
     ValueError
         If a value is out of its range or `stages` holds something else than stages.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> schedule = ka.Schedule((ka.Stage(2, 5, 0.3), ka.Stage(0, 10, (0.3, 0.02))), sweeps=4)
+    >>> sum(stage.epochs for stage in schedule.stages)
+    15
+    >>> [stage.radius for stage in ka.Schedule.paper().stages]
+    [2, 1, 0]
     """
 
     stages: tuple[Stage, ...]
@@ -129,6 +150,17 @@ class Schedule:
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):
             raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table of the stages, and what holds for all of them."""
+        titles = "".join(
+            f"<th>{title}</th>" for title in ("radius", "epochs", "rate", "points per neuron", "neighbourhood")
+        )
+        rows = "".join(stage._html_row() for stage in self.stages)
+        said = f"{self.rounds} rounds of transport before them, " if self.rounds else ""
+        said += f"{self.sweeps} sweeps after them" + ("" if self.fresh else ", one set of points")
+        said += "" if self.tolerance is None else f", until a mean distance of {self.tolerance:g}"
+        return f"<table><thead><tr>{titles}</tr></thead><tbody>{rows}</tbody></table><p>Stages of training; {said}.</p>"
+
     @classmethod
     def paper(
         cls, epochs: tuple[int, int, int] = (3, 10, 5), learning_rate: tuple[float, float] = (0.3, 0.02)
@@ -141,6 +173,16 @@ class Schedule:
             Epochs at radius 2, 1 and 0.
         learning_rate
             Rate of the first and of the last epoch; it falls geometrically over all epochs together.
+
+        Returns
+        -------
+        Schedule
+            Without fresh points and without sweeps.
+
+        Raises
+        ------
+        ValueError
+            If `epochs` are not three integers >= 0, or `learning_rate` not two numbers in (0, 1].
         """
         if not isinstance(epochs, Iterable) or len(epochs) != 3 or not all(is_count(count) for count in epochs):
             raise ValueError(f"epochs must be three integers >= 0, for radius 2, 1 and 0; got {epochs!r}.")
@@ -171,6 +213,16 @@ class Schedule:
         topology
             ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
             ``"recycle"`` needs no transport, because nodes need not travel.
+
+        Returns
+        -------
+        Schedule
+            With fresh points in every epoch, and sweeps.
+
+        Raises
+        ------
+        ValueError
+            If the topology is unknown, or a number is not an integer >= 0.
 
         Notes
         -----
@@ -222,7 +274,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def are_two_rates(rates: Iterable) -> bool:
+def are_two_rates(rates: Iterable[float]) -> bool:
     """Whether these are two numbers above 0 and at most 1."""
     rates = list(rates)
     return len(rates) == 2 and all(is_number(rate) and 0 < rate <= 1 for rate in rates)

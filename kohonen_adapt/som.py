@@ -74,6 +74,17 @@ class KohonenMap:
     References
     ----------
     D. A. Lowther and W. Mai, "On Automatic Mesh Generation using Kohonen Maps", IEEE Trans. Magn.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> points = np.random.default_rng(0).random((2, 500)) ** 2  # many of them near the origin
+    >>> som = ka.KohonenMap(skfem.MeshTri().refined(4))
+    >>> errors = som.train(points, ka.Schedule.paper())
+    >>> len(errors), errors[-1] < errors[0]
+    (18, True)
+    >>> som.mesh.p.shape
+    (2, 289)
     """
 
     def __init__(
@@ -97,6 +108,10 @@ class KohonenMap:
         self.search_steps: list[float] = []
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
+
+    def __repr__(self) -> str:
+        edges = "edges flip" if self._flips else "fixed edges"
+        return f"<KohonenMap of {self.triangulation.nnodes} neurons, {edges}>"
 
     @property
     def mesh(self) -> MeshTri:
@@ -148,6 +163,16 @@ class KohonenMap:
         every epoch (a callable), about 20 per neuron, and a rate that falls to 0.01; nodes travel slowly without
         neighbours, so begin near the density (`relocate`) or allow hundreds of epochs. ``python -m benchmarks
         magnification`` measures it.
+
+        Examples
+        --------
+        >>> import skfem, kohonen_adapt as ka
+        >>> som = ka.KohonenMap(skfem.MeshTri().refined(4))
+        >>> def drawn(number, rng):
+        ...     return rng.random((2, number)) ** 2, None
+        >>> errors = som.train(drawn, ka.Schedule((ka.Stage(2, 3, 0.3), ka.Stage(0, 2, (0.3, 0.05)))))
+        >>> len(errors)  # one per epoch
+        5
         """
         check_training(schedule, seed)
         schedule = self._schedule_without_sweeps(schedule)
@@ -173,8 +198,9 @@ class KohonenMap:
         weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
         if weight.shape != (len(rows),):
             raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
-        if not np.all(np.isfinite(weight) & (weight >= 0)):
-            raise ValueError("weights must be finite and >= 0.")
+        bad = np.flatnonzero(~(np.isfinite(weight) & (weight >= 0)))
+        if len(bad):
+            raise ValueError(f"weights must be finite and >= 0; that of point {bad[0]} is {weight[bad[0]]}.")
         element = locator.find(rows)
         outside = np.flatnonzero(element < 0)
         if len(outside):
@@ -202,9 +228,24 @@ class KohonenMap:
         rng: np.random.Generator,
         starts: Indices | None = None,
     ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh that they are drawn from are known; returns the epochs' errors.
+        """Train with points whose elements in the mesh that they are drawn from are known.
 
-        `starts` has a node for each of those elements, near it and in its region; None if the mesh still has them.
+        Parameters
+        ----------
+        draw
+            Called with a number of points and a generator.
+        schedule
+            Its sweeps are left to `smooth`.
+        rng
+            Decides the order of the points, too.
+        starts
+            A node for each element of the mesh that points are drawn from, near it and in its region; None if that is
+            the mesh as it is now.
+
+        Returns
+        -------
+        tuple of float
+            Quantisation error of every epoch, as of `train`.
         """
         self._flip()
         errors: list[float] = []
@@ -263,14 +304,37 @@ class KohonenMap:
                     yield stage, rate, kept, np.arange(len(winners)), winners
 
     def recycle(self, density: ElementDensity | CallableDensity, target: int, pairs: bool) -> Recycled:
-        """Put nodes where the density wants more, up to `target` in all, and in `pairs` take others away elsewhere."""
+        """Put nodes where the density wants more, and take others away elsewhere.
+
+        Parameters
+        ----------
+        density
+            Wanted nodes per area.
+        target
+            How many nodes there shall be; at least as many as there are.
+        pairs
+            Whether nodes are taken away where there are too many; else only missing ones are added.
+
+        Returns
+        -------
+        Recycled
+            Which nodes are old, and what was done.
+        """
         self._settle()
         done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target, pairs)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
         return done
 
     def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
-        """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres."""
+        """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres.
+
+        Parameters
+        ----------
+        density
+            Wanted nodes per area.
+        sweeps
+            How many.
+        """
         for number in range(sweeps):
             if number % density.lasting == 0:
                 weight = density.squares(self.triangulation)

@@ -49,6 +49,12 @@ def quality(mesh: MeshTri) -> Floats:
     -------
     ndarray (nelements,)
         Values from 0 to 1.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> ka.quality(skfem.MeshTri()).round(3).tolist()  # half a square is 0.866
+    [0.866, 0.866]
     """
     corners = mesh.p[:, mesh.t]
     edges = corners - np.roll(corners, 1, axis=1)

@@ -174,7 +174,8 @@ def check_areas(mesh: MeshTri) -> None:
     flat = np.flatnonzero(~(2.0 * area(mesh) > 1e-14 * longest))
     if len(flat):
         raise ValueError(
-            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}."
+            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
+            "Mesh again, or take them out."
         )
 
 

@@ -337,8 +337,8 @@ def test_training_points_in_a_hole():
     ("weights", "message"),
     [
         (np.ones(3), r"weights must have shape \(n,\) = \(4,\); got \(3,\)\."),
-        (-np.ones(4), r"weights must be finite and >= 0\."),
-        (np.full(4, np.nan), r"weights must be finite and >= 0\."),
+        (-np.ones(4), r"weights must be finite and >= 0; that of point 0 is -1\.0\."),
+        (np.full(4, np.nan), r"weights must be finite and >= 0; that of point 0 is nan\."),
     ],
 )
 def test_weights(weights, message):

@@ -1,6 +1,10 @@
 """The examples run as a reader would run them, and keep what they promise."""
 
+import ast
+import os
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
@@ -10,6 +14,7 @@ from mesh_files import gmsh, gmsh_session, needs_gmsh
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.cases import read_case
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.triangles import area
 
@@ -36,6 +41,12 @@ def l_shape(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def own_problem(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own_problem")
+    return folder, run("own_problem.py", folder)
+
+
+@pytest.fixture(scope="module")
 def motor(tmp_path_factory):
     folder = tmp_path_factory.mktemp("motor")
     return folder, *run("motor.py", folder)
@@ -45,6 +56,38 @@ def motor(tmp_path_factory):
 def actuator(tmp_path_factory):
     folder = tmp_path_factory.mktemp("actuator")
     return folder, *run("actuator.py", folder)
+
+
+SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py") if "__main__" in path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_says_what_it_shows_and_where_it_writes(name):
+    command = [sys.executable, str(EXAMPLES / name), "--help"]
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "COLUMNS": "200"}
+    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120).stdout
+    doc = ast.get_docstring(ast.parse((EXAMPLES / name).read_text(encoding="utf-8")))
+    assert doc.splitlines()[0] in said and "--out" in said
+
+
+@pytest.mark.parametrize("name", ["magnet", "actuator"])
+def test_a_case_is_what_its_script_is(request, name):
+    """The same mesh, bit for bit."""
+    after = request.getfixturevalue(name)[2] if name == "magnet" else request.getfixturevalue(name)[1][0]
+    case = read_case(EXAMPLES / f"{name}.toml")
+    again = ka.adapt(case.fitting_mesh(), case.problem, outputs=case.outputs, **case.adapt)
+    np.testing.assert_array_equal(again.mesh.p, after.mesh.p)
+    np.testing.assert_array_equal(again.mesh.t, after.mesh.t)
+
+
+def test_every_case_has_been_compared():
+    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {"magnet", "actuator"}
+
+
+def test_own_problem_has_a_smaller_estimate_at_the_same_nodes(own_problem):
+    after = own_problem[1]
+    assert after.estimate < 0.8 * after.history[0].estimate
+    assert after.mesh.p.shape == after.history[0].mesh.p.shape
 
 
 def test_magnet_has_a_smaller_error_at_the_same_nodes_and_the_same_geometry(magnet):
@@ -269,7 +312,7 @@ def test_actuator_saturates_and_has_a_plausible_field(actuator):
 
 @pytest.mark.parametrize(
     ("example", "name"),
-    [(name, name) for name in ("magnet", "l_shape", "motor", "actuator")] + [("motor", "motor_torque")],
+    [(name, name) for name in ("magnet", "l_shape", "own_problem", "motor", "actuator")] + [("motor", "motor_torque")],
 )
 def test_pictures_are_pictures(request, example, name):
     folder = request.getfixturevalue(example)[0]

@@ -397,7 +397,8 @@ def test_lorentz_needs_plain_currents():
 
 def test_arkkio_needs_a_ring_of_air():
     refused(
-        "the ring 'core' must be air (permeability 1, no current, no remanence) in every element.",
+        "the ring 'core' must be air (permeability 1, no current, no remanence) in every element; it is not in "
+        "100 of 3200. Name a ring of air around the rotor.",
         arkkio_torque,
         FIELD,
         "core",

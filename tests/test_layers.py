@@ -317,7 +317,9 @@ def test_bad_layers_are_refused(layers, message):
 
 def test_a_subdomain_without_two_sides_is_refused():
     for name in ("core", "disc", "wedge"):
-        with pytest.raises(ValueError, match=f"^subdomain '{name}' has no two sides that face each other.$"):
+        with pytest.raises(
+            ValueError, match=f"^subdomain '{name}' must be thin .* no two sides that face each other. Leave it out.$"
+        ):
             KohonenMap(SIDELESS[name](), layers={name: 1})
 
 
@@ -336,7 +338,9 @@ SIDELESS = {"core": lambda: inset(8), "disc": disc, "wedge": wedge}
 
 def test_an_empty_subdomain_is_refused():
     mesh = poles().with_subdomains({"nothing": np.array([], dtype=np.int64)})
-    with pytest.raises(ValueError, match=r"^subdomain 'nothing' has no elements, so it can have no layers.$"):
+    with pytest.raises(
+        ValueError, match=r"^subdomain 'nothing' has no elements, so it can have no layers; leave it out.$"
+    ):
         KohonenMap(mesh, layers={"nothing": 1})
 
 

@@ -1,5 +1,6 @@
-"""The README does what it says: its example runs as it stands, and the test command is where CI looks for it."""
+"""The READMEs do what they say: examples run, cases fit their meshes, names are there, and one page is one page."""
 
+import importlib
 import re
 import shutil
 import tomllib
@@ -7,16 +8,38 @@ from pathlib import Path
 
 import pytest
 
+import kohonen_adapt as ka
+from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of
+from kohonen_adapt.cases.materials import LAWS
+from kohonen_adapt.cases.quantities import QUANTITIES
+from kohonen_adapt.cases.settings import ADAPT, PROBLEM
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {
+    page: (ROOT / page).read_text(encoding="utf-8")
+    for page in ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
+}
+README = PAGES["README.md"]
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)]
 
 
-def test_the_case_fits_its_mesh():
-    (case,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
-    assert case_of(tomllib.loads(case), ROOT).fitting_mesh().p.shape == (2, 899)
+def test_the_front_page_is_one_page():
+    assert README.count("\n") <= 160
+
+
+@pytest.mark.parametrize(("page", "case"), CASES)
+def test_every_case_fits_its_mesh(page, case):
+    given = tomllib.loads(case)
+    mesh = case_of(given, (ROOT / page).parent).fitting_mesh()
+    assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692}[Path(given["mesh"]).name]
+
+
+def test_every_key_of_a_case_is_explained():
+    said = set(re.findall(r"\w+", PAGES["examples/README.md"].partition("## From the command line")[2]))
+    arguments = {key for _, kinds, _ in QUANTITIES.values() for key in kinds}
+    assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *LAWS, *QUANTITIES, *arguments} <= said
 
 
 def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):
@@ -33,11 +56,57 @@ def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "magnet.vtu").stat().st_size > 0
 
 
+@pytest.mark.parametrize(
+    "code", [block for text in PAGES.values() for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)]
+)
+def test_every_piece_of_python_is_python(code):
+    compile(code, "README", "exec")
+
+
 def test_the_test_command_follows_its_marker():
     command = re.search(r"<!-- test command -->\n```bash\n(.*?)```", README, re.DOTALL)
     assert command and "pytest" in command[1]
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"(?:examples|benchmarks|\.ci)/[\w./]*\w", README))))
-def test_every_file_it_names_is_there(path):
-    assert (ROOT / path).exists() or path == "examples/"
+PATHS = re.compile(r"(?<![\w/])(?:examples|benchmarks|tests|kohonen_adapt|\.ci)/[\w./]*\w")
+LINKS = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize(
+    ("page", "path"), sorted({(page, path) for page, text in PAGES.items() for path in PATHS.findall(text)})
+)
+def test_every_file_it_names_is_there(page, path):
+    assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize(
+    ("page", "path"), sorted({(page, path) for page, text in PAGES.items() for path in LINKS.findall(text)})
+)
+def test_every_link_leads_somewhere(page, path):
+    assert ((ROOT / page).parent / path).exists()
+
+
+def names_after(prefix):
+    return sorted({name for text in PAGES.values() for name in re.findall(rf"\b{prefix}\.(\w+)", text)})
+
+
+@pytest.mark.parametrize("name", names_after("ka"))
+def test_every_name_of_the_package_is_there(name):
+    assert name in ka.__all__
+
+
+@pytest.mark.parametrize("name", names_after("field"))
+def test_every_property_of_a_field_is_there(name):
+    assert hasattr(magnetostatics.Field, name) or name in magnetostatics.Field.__dataclass_fields__
+
+
+@pytest.mark.parametrize("name", names_after("plotting"))
+def test_every_picture_is_there(name):
+    assert name in importlib.import_module("kohonen_adapt.plotting").__all__
+
+
+def test_every_room_is_in_the_table_of_how_it_is_built():
+    package = ROOT / "kohonen_adapt"
+    rooms = [path.name for path in package.glob("*.py") if not path.name.startswith("__")]
+    rooms += [f"{path.parent.name}/" for path in package.glob("*/__init__.py")]
+    assert [room for room in sorted(rooms) if f"`{room}`" not in PAGES["kohonen_adapt/README.md"]] == []

@@ -117,6 +117,11 @@ def read_case(path: Path) -> Case:
     path
         The file; paths in it are sought from its folder.
 
+    Returns
+    -------
+    Case
+        The settings.
+
     Raises
     ------
     ValueError
@@ -144,6 +149,11 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         What the TOML says.
     folder
         Where paths are sought from.
+
+    Returns
+    -------
+    Case
+        The settings.
 
     Raises
     ------

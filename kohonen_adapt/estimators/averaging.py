@@ -59,6 +59,18 @@ def recovery(
     ValueError
         For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
         `MeshTri`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.zeros(9)
+    >>> u[mesh.interior_nodes()] = 1 / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> eta = ka.estimators.recovery(mesh, u, np.ones(8), source=np.ones(8))
+    >>> eta.shape
+    (8,)
+    >>> bool(ka.estimators.recovery(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
+    True
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     corner = _corners(mesh, _regions(mesh, _data(discrete, region)))

@@ -65,6 +65,18 @@ def duality_gap(
     ValueError
         For arguments of the wrong shape or not finite, densities that are not finite or of the wrong shape, and a mesh
         that is broken or not a plain `MeshTri`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.zeros(9)
+    >>> u[mesh.interior_nodes()] = 1 / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> given = (mesh, u, np.ones(8))
+    >>> flux = ka.estimators.equilibrated_flux(*given, source=np.ones(8))
+    >>> eta = ka.estimators.duality_gap(mesh, u, flux, lambda b: b**2 / 2, lambda h: h**2 / 2)
+    >>> np.allclose(eta, ka.estimators.equilibrated(*given, source=np.ones(8)))  # of linear material
+    True
     """
     check_mesh(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]

@@ -65,6 +65,17 @@ def equilibrated(
         For arguments of the wrong shape, not finite or not positive, for a mesh that is broken or not a plain
         `MeshTri`, and for a potential that does not satisfy the P1 equations at a node where it should: also inside the
         mesh, where values may not be given, and where parts of the mesh hang together by a single node.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.zeros(9)
+    >>> u[mesh.interior_nodes()] = 1 / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> eta = ka.estimators.equilibrated(mesh, u, np.ones(8), source=np.ones(8))
+    >>> squared_error = 0.0351443 - 1 / 64  # int |grad u|^2 of the solution less that of u
+    >>> bool(squared_error <= np.sum(eta**2) <= 1.5 * squared_error)
+    True
     """
     discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     squared = np.sum(correction**2, axis=(0, 1)) + np.sum(np.sum(correction, axis=1) ** 2, axis=0)
@@ -103,6 +114,15 @@ def equilibrated_flux(
     ------
     ValueError
         As `equilibrated` does.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.zeros(9)
+    >>> u[mesh.interior_nodes()] = 1 / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> ka.estimators.equilibrated_flux(mesh, u, np.ones(8), source=np.ones(8)).shape
+    (2, 3, 8)
     """
     discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     return discrete.values[:, None] + correction

@@ -58,6 +58,18 @@ def residual(
     ValueError
         For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
         `MeshTri`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.zeros(9)
+    >>> u[mesh.interior_nodes()] = 1 / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> eta = ka.estimators.residual(mesh, u, np.ones(8), source=np.ones(8))
+    >>> eta.shape
+    (8,)
+    >>> bool(ka.estimators.residual(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
+    True
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.

@@ -53,6 +53,14 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
         If there is no such file.
     ValueError
         If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> ka.write_mesh("square.msh", skfem.MeshTri().refined(2))
+    >>> mesh = ka.read_mesh("square.msh", scale=1e-3)  # drawn in millimetres
+    >>> mesh.p.shape, float(mesh.p.max())
+    ((2, 25), 0.001)
     """
     path = Path(path)
     suffix = _suffix(path, "read_mesh", (*MSH_VERSION, ".vtu"))
@@ -130,6 +138,14 @@ def write_mesh(
         field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(2).with_boundaries({"left": lambda x: x[0] == 0.0})
+    >>> ka.write_mesh("square.msh", mesh, point_data={"height": mesh.p[1]}, cell_data={"quality": ka.quality(mesh)})
+    >>> list(ka.read_mesh("square.msh").boundaries)
+    ['left']
     """
     path = Path(path)
     suffix = _suffix(path, "write_mesh", (*MSH_VERSION, ".vtu"))

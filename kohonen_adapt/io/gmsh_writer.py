@@ -7,7 +7,7 @@ meshio writes one group per element, and breaks a file that has an entity withou
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def _layer(dimension: int, nodes: Ints, sets: Sets, *, tag: int, number: int) ->
     return Layer(dimension, nodes, number + np.arange(len(nodes)), entity, [tag + each for each in members], names)
 
 
-def _write_rows(stream: TextIO, row: str, table: NDArray) -> None:
+def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:
     """One line per row of `table`; %r writes a float with as many digits as give it back bit for bit."""
     for start in range(0, len(table), CHUNK):
         part = table[start : start + CHUNK]

@@ -46,7 +46,7 @@ class Fan(NamedTuple):
     values: np.ndarray  # (4,) at centre and tip of the right spoke, then of the left one
 
 
-def fan_of(width):
+def fan_of(width: int) -> Fan:
     """Working space for fans of up to `width` elements."""
     element, corner = np.zeros((2, width), dtype=np.int32)
     jump, mean, tilt, load = np.zeros((4, width + 2))

@@ -42,6 +42,14 @@ class Table(Continued):
     ValueError
         For other shapes, one point alone, points that are not finite, negative or do not increase, and for magnitudes
         that are those of gauss or oersted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Table
+    >>> law = Table([[1.0, 100.0], [1.5, 700.0], [1.8, 8000.0], [2.1, 60000.0]])  # B in T, H in A/m
+    >>> law.field_strength(np.array([0.0, 1.5])).round(6).tolist()
+    [0.0, 700.0]
     """
 
     points: tuple[tuple[float, float], ...]
@@ -107,6 +115,13 @@ def read_bh(path: str | Path) -> Table:
         For a line that does not hold two numbers, and for points that `Table` refuses.
     OSError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from kohonen_adapt.magnetostatics import Material, read_bh
+    >>> _ = Path("steel.csv").write_text("B, H\\n1.0, 100\\n1.5, 700\\n1.8, 8000\\n2.1, 60000\\n")
+    >>> steel = Material(bh=read_bh("steel.csv"))
     """
     text = Path(path).read_text(encoding="utf-8-sig")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]

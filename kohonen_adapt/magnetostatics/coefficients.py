@@ -157,7 +157,9 @@ def _evaluated(name: str, given: Vector, x: Floats) -> Floats:
 def _area_of(mesh: MeshTri, name: str) -> float:
     total = float(np.sum(area(mesh)[mesh.subdomains[name]]))
     if total <= 0.0:
-        raise ValueError(f"the coil {name!r} has no area in the mesh, so its ampere_turns have no place.")
+        raise ValueError(
+            f"the coil {name!r} has no area in the mesh, so its ampere_turns have no place; mesh it or leave it out."
+        )
     return total
 
 

@@ -22,7 +22,7 @@ __all__ = ["Field"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Field:
     """What `Magnetostatics.solve` returns: the field of a P1 potential, constant in every element.
 
@@ -51,6 +51,14 @@ class Field:
     symmetry: Symmetry = PLANAR
     depth: float | None = None
     newton: tuple[NewtonStep, ...] = ()
+
+    def __repr__(self) -> str:
+        per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
+        largest = np.max(np.hypot(*self.flux_density))
+        return (
+            f"<{type(self).__name__} on {self.mesh.p.shape[1]} nodes: |B| up to {largest:.4g} T, "
+            f"energy {self.energy:.4g} J{per_metre}>"
+        )
 
     @property
     def axisymmetric(self) -> bool:
@@ -92,7 +100,18 @@ class Field:
         return self._reluctivities[1]
 
     def change_of_strength(self, change: Floats) -> Floats:
-        """How H changes with a small change of B, (2, nelements) each: differential along B, secant across it."""
+        """How H changes with a small change of B: differential along B, secant across it.
+
+        Parameters
+        ----------
+        change : (2, nelements)
+            Of B, in T.
+
+        Returns
+        -------
+        ndarray (2, nelements)
+            Of H, in A/m.
+        """
         size = np.hypot(*self.flux_density)
         along = self.flux_density / np.where(size > 0.0, size, 1.0)
         secant, differential = self._reluctivities
@@ -167,6 +186,22 @@ class Field:
         -------
         ndarray (2, n)
             In T; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (2, n).
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+        >>> problem = Magnetostatics({"air": Material()}, potential={"left": 0.0, "right": 1.0})
+        >>> field = problem.solve(mesh)
+        >>> line = np.linspace([0.1, 0.5], [0.9, 0.5], 5, axis=1)
+        >>> np.allclose(field.flux_density_at(line), [[0.0], [-1.0]])
+        True
         """
         points = np.asarray(x, dtype=float)
         element = find_elements(self.mesh, points)
@@ -188,6 +223,11 @@ class Field:
         -------
         ndarray (n,)
             In Wb/m; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (2, n).
         """
         return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
 
@@ -213,6 +253,19 @@ class Field:
         ------
         ValueError
             For unknown names, and turns that are no finite number or 0.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> round(field.flux_linkage("coil", turns=100), 1)  # 100 times the mean of A = x, in Wb/m
+        50.0
         """
         return coil_linkage(self, coil, turns)
 
@@ -240,6 +293,19 @@ class Field:
         ValueError
             If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
             along lines of several directions, or names are unknown.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> round(float(field.force("coil")[0]), 1)  # 1000 A/m^2 times 0.25 m^2 times 1 T, in N/m
+        250.0
         """
         return eggshell_force(self, body)
 
@@ -267,5 +333,18 @@ class Field:
             For an axisymmetric field, and as for `force`; but the body may lie on the outer boundary on two such sides,
             which must have their nodes at the same radii, and on circles about the centre (a bore), where a constant
             potential makes no torque.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> abs(field.torque("coil", centre=(0.5, 0.5))) < 0.1  # N m/m
+        True
         """
         return eggshell_torque(self, body, centre)

@@ -114,8 +114,12 @@ def arkkio_torque(field: SolvedField, gap: Names, centre: ArrayLike = (0.0, 0.0)
     """
     _check_planar(field)
     mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), checked_point("centre", centre)
-    if not air_elements(field)[ring].all():
-        raise ValueError(f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element.")
+    solid = int(np.count_nonzero(~air_elements(field)[ring]))
+    if solid:
+        raise ValueError(
+            f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element; it is not in "
+            f"{solid} of {len(ring)}. Name a ring of air around the rotor."
+        )
     inner, outer = _radii(field, ring, middle, gap)
     # The middles of the sides integrate the products of two coordinates exactly.
     corner = mesh.p[:, mesh.t[:, ring]] - middle[:, None, None]
@@ -144,14 +148,44 @@ def lorentz_force(field: SolvedField, coil: Names) -> Floats:
     ------
     ValueError
         If the coil carries no current, or is magnetic: then the force is not that on the currents alone.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, lorentz_force
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+    >>> lorentz_force(field, "coil").round(1).tolist()[0]  # 1000 A/m^2 times 0.25 m^2 times 1 T, in N/m
+    250.0
     """
     return _along_axis(field, np.sum(_current_force(field, coil), axis=1))
 
 
 def lorentz_torque(field: SolvedField, coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    """Torque on the currents of a coil about a centre in m, ``int (x - centre) x (J x B)``.
+    """Torque on the currents of a coil about a centre, ``int (x - centre) x (J x B)``.
 
-    Of a planar field, in N m per metre of depth, with `depth` in N m, counter-clockwise; see `lorentz_force`.
+    Parameters
+    ----------
+    field
+        A planar field.
+    coil
+        As of `lorentz_force`.
+    centre : (2,)
+        In m.
+
+    Returns
+    -------
+    float
+        In N m per metre of depth, with `depth` in N m; counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If the field is axisymmetric, and as for `lorentz_force`.
     """
     _check_planar(field)
     return _moment(field, _current_force(field, coil), checked_point("centre", centre))

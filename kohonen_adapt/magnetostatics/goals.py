@@ -50,6 +50,20 @@ class Force:
     ValueError
         For a direction that is none; at a field as `Field.force`, and where the force has no component along it: across
         a mirror plane that cuts the body, and across an axis.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = Force("coil", (1.0, 0.0))
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
     """
 
     body: Names
@@ -94,6 +108,20 @@ class Torque:
     ------
     ValueError
         For a centre that is none; at a field as `Field.torque`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = Torque("coil", centre=(0.5, 0.5))
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
     """
 
     body: Names
@@ -124,6 +152,20 @@ class FluxLinkage:
     ------
     ValueError
         If it is no such mapping; at a field as `Field.flux_linkage`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = FluxLinkage({"coil": 100})
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
     """
 
     circuit: Mapping[str, float]
@@ -155,6 +197,20 @@ class StoredEnergy:
     ------
     ValueError
         At a field that lacks the names; for the derivative of the energy of all.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, StoredEnergy
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = StoredEnergy("coil")
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
     """
 
     part: Names

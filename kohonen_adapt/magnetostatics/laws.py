@@ -90,6 +90,14 @@ class Brauer(Continued):
     ------
     ValueError
         For other numbers, and where the material would not even at B = 0 be more permeable than vacuum.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Brauer
+    >>> law = Brauer(k1=50.0, k2=10.0, k3=1.5)
+    >>> law.field_strength(np.array([0.0, 1.0, 2.0])).round().tolist()  # at 0, 1 and 2 T, in A/m
+    [0.0, 95.0, 8169.0]
     """
 
     k1: float
@@ -134,6 +142,14 @@ class Froehlich(Continued):
     ------
     ValueError
         For other numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Froehlich
+    >>> law = Froehlich(permeability=2000.0, saturation=2.0)
+    >>> law.field_strength(np.array([0.0, 1.0, 2.0])).round().tolist()  # at 0, 1 and 2 T, in A/m
+    [0.0, 796.0, 70380.0]
     """
 
     permeability: float
@@ -172,6 +188,14 @@ class Arctan:
     ------
     ValueError
         For other numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Arctan
+    >>> law = Arctan(permeability=2000.0, saturation=2.0)
+    >>> law.field_strength(np.array([0.0, 1.0, 2.0])).round().tolist()  # at 0, 1 and 2 T, in A/m
+    [0.0, 506.0, 22660.0]
     """
 
     permeability: float

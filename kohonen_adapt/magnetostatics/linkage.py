@@ -86,6 +86,19 @@ def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
     ValueError
         If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
         carry.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, circuit_current
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+    >>> round(circuit_current(field, {"coil": 10}), 6)  # 250 A in ten turns
+    25.0
     """
     currents = {name: _ampere_turns(field, name) / turns for name, turns in checked_circuit(circuit).items()}
     values = np.array(list(currents.values()))
@@ -121,17 +134,57 @@ def apparent_inductance(field: SolvedField, circuit: Mapping[str, float]) -> flo
     ------
     ValueError
         See `circuit_current`.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
+    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
+    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
+    True
     """
     current = circuit_current(field, circuit)
     return sum(coil_linkage(field, name, turns) for name, turns in circuit.items()) / current
 
 
 def energy_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
-    """``2 W / I^2`` of a circuit with the stored energy W, in H per metre of depth; with
-    `depth`, and axisymmetric, in H.
+    """``2 W / I^2`` of a circuit with the stored energy W of the whole field.
 
-    That of the whole field, so no other circuit may carry a current and no magnet be there; linear material. With A = 0
-    around it is `apparent_inductance` to rounding. See there for the arguments.
+    So no other circuit may carry a current and no magnet be there; linear material. With A = 0 around it is
+    `apparent_inductance` to rounding.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns; see `circuit_current`.
+
+    Returns
+    -------
+    float
+        In H per metre of depth; with `depth`, and axisymmetric, in H.
+
+    Raises
+    ------
+    ValueError
+        See `circuit_current`.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
+    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
+    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
+    True
     """
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 

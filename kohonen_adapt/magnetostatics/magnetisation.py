@@ -24,6 +24,14 @@ def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Cal
     -------
     callable
         Of x (2, n) in metres, giving (2, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Material, radial
+    >>> magnet = Material(permeability=1.05, remanence=radial(1.2))
+    >>> radial(1.2)(np.array([[0.0], [0.5]])).round(9).tolist()
+    [[0.0], [1.2]]
     """
 
     def direction(x: Floats) -> Floats:
@@ -52,6 +60,14 @@ def halbach(
     -------
     callable
         Of x (2, n) in metres, giving (2, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Material, halbach
+    >>> ring = Material(permeability=1.05, remanence=halbach(1.2, 2))
+    >>> halbach(1.2, 2)(np.array([[0.5], [0.0]])).round(9).tolist()
+    [[1.2], [0.0]]
     """
 
     def direction(x: Floats) -> Floats:

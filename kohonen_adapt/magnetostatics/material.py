@@ -42,6 +42,14 @@ class Material:
     ValueError
         For a permeability that is not positive, a vector without two components, and anything not finite; for a curve
         with a permeability besides, and a coercivity with a remanence besides; for curves that `Table` refuses.
+
+    Examples
+    --------
+    >>> from kohonen_adapt.magnetostatics import Brauer, Material
+    >>> air, coil, iron = Material(), Material(current_density=2e6), Material(permeability=1000.0)
+    >>> magnet = Material(permeability=1.05, remanence=(0.0, 1.2))
+    >>> steel = Material(bh=Brauer(k1=50.0, k2=10.0, k3=1.5))
+    >>> sheet = Material(bh=[[1.0, 100.0], [1.5, 700.0], [1.8, 8000.0], [2.1, 60000.0]])  # B in T, H in A/m
     """
 
     permeability: float = 1.0

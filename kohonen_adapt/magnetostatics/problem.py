@@ -81,6 +81,18 @@ class Magnetostatics:
         For arguments of another kind; by `solve` and `indicators` for names that the mesh lacks, elements without or
         with two materials, boundary conditions that do not fit the mesh or one another, and parts of the mesh where
         the potential is fixed nowhere.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+    >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    >>> problem = Magnetostatics({"air": Material()}, potential={"left": 0.0, "right": 1.0})
+    >>> field = problem.solve(mesh)
+    >>> np.allclose(field.flux_density, [[0.0], [-1.0]])  # A = x, so B = -1 T along y
+    True
+    >>> round(field.energy)  # B^2 / (2 mu0), in J per metre of depth
+    397887
     """
 
     materials: Mapping[str, Material]
@@ -324,6 +336,20 @@ class Magnetostatics:
         ------
         ValueError
             If there is no goal, or as it does itself.
+
+        Examples
+        --------
+        >>> import skfem
+        >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> fixed = {"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0}
+        >>> problem = Magnetostatics(materials, potential=fixed, goal=FluxLinkage({"coil": 100}))
+        >>> field, finer = problem.solve(mesh), problem.solve(mesh.refined(3))
+        >>> error = finer.flux_linkage("coil", 100) - field.flux_linkage("coil", 100)
+        >>> 0.5 < problem.goal_error(field) / error < 2.0
+        True
         """
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")

@@ -15,12 +15,14 @@ __all__ = ["QuadraticField"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
     """A planar field that is linear in every element; what is given per element is its mean there.
 
     Parameters
     ----------
+    mesh, potential, coefficients, symmetry, depth, newton
+        As of a `Field`; the potential at the nodes is the first part of `values`.
     problem
         The functional that it minimises.
     values : (nnodes + nfacets,)
@@ -71,7 +73,23 @@ class QuadraticField(Field):
         return float(np.sum(self.problem.weights.ravel() * secant * density**2))
 
     def potential_at(self, x: ArrayLike) -> Floats:
-        """Potential at points (2, n) in metres: (n,) in Wb/m; nan outside the mesh."""
+        """Potential at points, quadratic in every element.
+
+        Parameters
+        ----------
+        x : (2, n)
+            Points in metres.
+
+        Returns
+        -------
+        ndarray (n,)
+            In Wb/m; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (2, n).
+        """
         points = np.asarray(x, dtype=float)
         element = find_elements(self.mesh, points)
         corner = self.mesh.p[:, self.mesh.t[:, element]]

@@ -47,8 +47,12 @@ def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry, order: int = 1) -
     """
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
-    if facets.size == 0 or np.any(mesh.f2t[1, facets] >= 0):
-        raise ValueError(f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it.")
+    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
+    if facets.size == 0 or inside:
+        raise ValueError(
+            f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
+            f"{inside} of its {facets.size} facets are inside."
+        )
     start, end = mesh.facets[:, facets]
     (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
     weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))

@@ -112,6 +112,15 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
         The mesh.
     unit
         Unit of the axes, "m", "mm" or "".
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_mesh
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> draw_mesh(figure.add_subplot(), mesh, unit="mm")
+    >>> figure.savefig("mesh.png")
     """
     # Thinner lines on finer meshes, down to where they would vanish.
     width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
@@ -143,6 +152,16 @@ def draw_indicators(
     -------
     PolyCollection
         For ``figure.colorbar``.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_indicators
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> colours = draw_indicators(figure.add_subplot(), mesh, np.linspace(0.1, 1.0, 128))
+    >>> bar = figure.colorbar(colours, label="indicator")
+    >>> figure.savefig("indicators.png")
     """
     values = _per(mesh.t.shape[1], indicators, "indicators", "nelements")
     colours = colormaps["viridis"]
@@ -177,6 +196,16 @@ def draw_field_lines(
     -------
     PolyCollection
         For ``figure.colorbar``.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_field_lines
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> colours = draw_field_lines(figure.add_subplot(), mesh, mesh.p[0], np.ones(128), lines=10)
+    >>> bar = figure.colorbar(colours, label="|B| (T)")
+    >>> figure.savefig("lines.png")
     """
     potential = _per(mesh.p.shape[1], potential, "potential", "nnodes")
     magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
@@ -224,7 +253,18 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:
-    """One logarithmic scale for several arrays of indicators: three decades below the largest of them."""
+    """One logarithmic scale for several arrays of indicators: three decades below the largest of them.
+
+    Parameters
+    ----------
+    indicators
+        Any number of arrays.
+
+    Returns
+    -------
+    Normalize
+        For ``draw_indicators(..., norm=)``.
+    """
     largest = max((float(np.max(values)) for values in indicators), default=0.0)
     return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
 

@@ -28,6 +28,12 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
     -------
     Axes
         ``ax.figure.savefig(path)`` saves the figure.
+
+    Examples
+    --------
+    >>> from kohonen_adapt.magnetostatics import Brauer
+    >>> from kohonen_adapt.plotting import plot_bh
+    >>> plot_bh(Brauer(k1=50.0, k2=10.0, k3=1.5)).figure.savefig("brauer.png")
     """
     axes = Figure(figsize=(6.4, 4.4), dpi=160, layout="constrained").subplots() if ax is None else ax
     b = np.linspace(0.0, 4.0, 4001)

@@ -78,6 +78,12 @@ def plot_outlines(
     >>> from kohonen_adapt.plotting import plot_outlines
     >>> axes = plot_outlines(skfem.MeshTri().refined(3), unit="")
     >>> axes.figure.savefig("outlines.png")  # doctest: +SKIP
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.plotting import plot_outlines
+    >>> plot_outlines(skfem.MeshTri.init_circle(3)).figure.savefig("outlines.png")
     """
     som = KohonenMap(mesh, pinned=pinned, curves=curves, periodic=periodic)
     triangulation, outline = som.triangulation, som.outline

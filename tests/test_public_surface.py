@@ -1,0 +1,172 @@
+"""What a user sees of the package: names that are listed, docstrings that say all, and no state that calls share."""
+
+import ast
+import copy
+import doctest
+import importlib
+import inspect
+import io
+import re
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Goal, Law, Magnetostatics, Material
+
+PACKAGE = Path(ka.__file__).parent
+MODULES = [
+    importlib.import_module(name)
+    for name in (
+        "kohonen_adapt",
+        "kohonen_adapt.estimators",
+        "kohonen_adapt.magnetostatics",
+        "kohonen_adapt.plotting",
+        "kohonen_adapt.cases",
+    )
+]
+# People implement these, and do not call them: what a method does is said there, for all classes that have it.
+PROTOCOLS = [ka.Problem, Goal, Law]
+AS_THEIRS = {key for protocol in PROTOCOLS for key in vars(protocol)}
+
+
+def public_callables():
+    """Every public function, class and method under its full name."""
+    for module in MODULES:
+        for name in module.__all__:
+            thing = getattr(module, name)
+            if callable(thing) and thing not in [*PROTOCOLS, ka.Status]:
+                yield f"{module.__name__}.{name}", thing
+                if inspect.isclass(thing):
+                    yield from ((f"{module.__name__}.{name}.{key}", method) for key, method in own_methods(thing))
+
+
+def sections_of(thing):
+    """The sections of a NumPy docstring by their titles; what stands before them is ''."""
+    parts = re.split(r"^([A-Z][\w ]+)\n-{3,}$", inspect.getdoc(thing) or "", flags=re.MULTILINE)
+    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def is_as_a_protocol_says(name, method):
+    return name in AS_THEIRS and set(sections_of(method)) == {""}
+
+
+def own_methods(kind):
+    for key, value in vars(kind).items():
+        method = value.__func__ if isinstance(value, classmethod | staticmethod) else value
+        if not key.startswith("_") and inspect.isfunction(method) and not is_as_a_protocol_says(key, method):
+            yield key, method
+
+
+CALLABLES = dict(public_callables())
+every_callable = pytest.mark.parametrize("name", CALLABLES)
+
+
+def names_in(section):
+    """What the unindented lines of a section are about."""
+    heads = [line.split(":")[0] for line in section.splitlines() if line and not line.startswith(" ")]
+    return {name.strip() for head in heads for name in head.split(",")}
+
+
+def parameters_of(thing):
+    return set(inspect.signature(thing).parameters) - {"self", "cls"}
+
+
+def raises(thing):
+    return any(isinstance(node, ast.Raise) for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(thing)))))
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
+def test_names_are_listed_once_in_order_and_are_there(module):
+    names = module.__all__
+    assert names == sorted(set(names))
+    assert all(hasattr(module, name) for name in names)
+
+
+def test_the_front_lists_what_it_imports_and_shows_nothing_else():
+    tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    imported = [alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names]
+    assert sorted(imported) == ka.__all__
+    assert dir(ka) == sorted([*ka.__all__, "__version__"])
+
+
+@every_callable
+def test_every_parameter_is_documented_and_no_other(name):
+    thing = CALLABLES[name]
+    sections, wanted = sections_of(thing), parameters_of(thing)
+    documented = names_in(sections.get("Parameters", ""))
+    if inspect.isclass(thing):  # a class for results tells its attributes
+        documented |= names_in(sections.get("Attributes", "")) & wanted
+    assert sections[""] and documented == wanted
+
+
+@every_callable
+def test_what_comes_back_is_documented_where_something_goes_in(name):
+    thing = CALLABLES[name]
+    if inspect.isclass(thing) or not parameters_of(thing):
+        return
+    nothing = inspect.signature(thing).return_annotation in (None, "None")
+    assert nothing != ("Returns" in sections_of(thing))
+
+
+@every_callable
+def test_what_it_raises_is_documented(name):
+    assert "Raises" in sections_of(CALLABLES[name]) or not raises(CALLABLES[name])
+
+
+def test_what_people_start_with_has_an_example():
+    without = {name.rpartition(".")[2] for name, thing in CALLABLES.items() if "Examples" not in sections_of(thing)}
+    assert (
+        without
+        & {
+            *("adapt", "relocate", "polish", "KohonenMap", "Schedule", "Stage", "Ritz", "Arc", "Line", "Spline"),
+            *("density_from_indicators", "density_from_sizes", "interpolate", "find_elements", "quality"),
+            *(
+                "read_mesh",
+                "write_mesh",
+                "Magnetostatics",
+                "Material",
+                "Brauer",
+                "Froehlich",
+                "Arctan",
+                "Table",
+                "read_bh",
+            ),
+            *("force", "torque", "flux_linkage", "lorentz_force", "apparent_inductance", *ka.estimators.__all__),
+            *("draw_mesh", "draw_indicators", "draw_field_lines", "plot_bh", "plot_outlines"),
+        }
+        == set()
+    )
+
+
+@every_callable
+def test_examples_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write files
+    report, runner = io.StringIO(), doctest.DocTestRunner()
+    for example in doctest.DocTestFinder(recurse=False).find(CALLABLES[name], name, globs={}):
+        runner.run(example, out=report.write)
+    assert runner.failures == 0, report.getvalue()
+
+
+def shared_state():
+    """What the package's modules hold that can change, but for idle threads."""
+    return {
+        f"{module}.{name}": copy.copy(value)
+        for module in [module for module in sys.modules if module.startswith("kohonen_adapt")]
+        for name, value in vars(sys.modules[module]).items()
+        if isinstance(value, dict | list | set | bytearray)
+        and name not in ("_pools", "__builtins__", "__warningregistry__")
+    }
+
+
+def test_calls_leave_nothing_behind():
+    mesh = MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    problem = Magnetostatics({"air": Material(current_density=1e3)}, potential={"left": 0.0})
+    before = shared_state()
+    first = ka.adapt(mesh, problem, passes=2)
+    assert shared_state() == before and len(before) > 10
+    np.testing.assert_array_equal(ka.adapt(mesh, problem, passes=2).mesh.p, first.mesh.p)
