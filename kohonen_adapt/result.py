@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-__all__ = ["AdaptResult", "Pass", "Status"]
+__all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
@@ -122,12 +122,12 @@ class AdaptResult:
 
     def __str__(self) -> str:
         marks = ["", *("  <- result" if step.mesh is self.mesh else "" for step in self.history)]
-        blocks = _blocks(_columns(self.history), width=WIDTH - max(map(len, marks)))
+        blocks = _blocks(table_columns(self.history), width=WIDTH - max(map(len, marks)))
         rows = ([line + mark for line, mark in zip(block, marks, strict=True)] for block in blocks)
         return "\n".join([*chain.from_iterable(rows), self.message])
 
 
-def _columns(history: tuple[Pass, ...]) -> list[Columns]:
+def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
     solved = {
         "nodes": [str(step.mesh.p.shape[1]) for step in history],

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from ..result import AdaptResult, Pass
+from ..showing import DECADES, in_unit, level_of_share, one_per, outlined_facets
 from ..triangles import area
-from ..triangulation import codes_of_names
-from .lengths import in_unit, set_axes
+from .lengths import set_axes
 
 __all__ = [
     "adaptation_figure",
@@ -28,9 +28,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-
-DECADES = 3
-"""How far below the largest indicator the colours reach."""
 
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
@@ -115,7 +112,7 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     """
     # Thinner lines on finer meshes, down to where they would vanish.
     width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
-    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), _outline(mesh))
+    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), outlined_facets(mesh))
     _draw_facets(axes, mesh, inner, unit, "0.4", width)
     _draw_outline(axes, mesh, unit, "black")
     set_axes(axes, mesh, unit)
@@ -144,7 +141,7 @@ def draw_indicators(
     PolyCollection
         For ``figure.colorbar``.
     """
-    values = _per(mesh.t.shape[1], indicators, "indicators", "nelements")
+    values = one_per(mesh.t.shape[1], indicators, "indicators", "nelements")
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
@@ -178,9 +175,9 @@ def draw_field_lines(
     PolyCollection
         For ``figure.colorbar``.
     """
-    potential = _per(mesh.p.shape[1], potential, "potential", "nnodes")
-    magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
-    norm = Normalize(0.0, _level_of_share(magnitude, area(mesh), 0.99))
+    potential = one_per(mesh.p.shape[1], potential, "potential", "nnodes")
+    magnitude = one_per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
+    norm = Normalize(0.0, level_of_share(magnitude, area(mesh), 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
     x, y = in_unit(unit) * mesh.p
     low, high = potential.min(), potential.max()
@@ -210,9 +207,8 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     number = [step.number for step in history]
     axes.plot(number, scale * [step.estimate for step in history], "o-", color=BLUE, label="estimate")
     if errors is not None:
-        axes.plot(
-            number, scale * _per(len(history), errors, "errors", "passes"), "s--", color=VERMILION, label="exact error"
-        )
+        exact = scale * one_per(len(history), errors, "errors", "passes")
+        axes.plot(number, exact, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.p.shape[1] for step in history})
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
@@ -245,26 +241,4 @@ def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: s
 
 
 def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
-    _draw_facets(axes, mesh, _outline(mesh), unit, colour, OUTLINE)
-
-
-def _outline(mesh: MeshTri) -> NDArray[np.integer]:
-    """Facets on the rim and between elements of different subdomain names."""
-    sets = [(np.asarray(elements), 0) for elements in (mesh.subdomains or {}).values()]
-    codes = codes_of_names(sets, mesh.t.shape[1])
-    one, other = mesh.f2t
-    return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
-
-
-def _level_of_share(values: Floats, weights: Floats, share: float) -> float:
-    """The value that this share of the weights does not exceed."""
-    order = np.argsort(values)
-    running = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(running, share * running[-1])])
-
-
-def _per(count: int, values: ArrayLike, name: str, counted: str) -> Floats:
-    array = np.asarray(values, dtype=float)
-    if array.shape != (count,):
-        raise ValueError(f"{name} must have shape ({counted},) = ({count},); got {array.shape}.")
-    return array
+    _draw_facets(axes, mesh, outlined_facets(mesh), unit, colour, OUTLINE)

@@ -13,9 +13,10 @@ from skfem import MeshTri
 from ..chains import Curve
 from ..kernels.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
 from ..outline import Outline
+from ..showing import in_unit
 from ..som import KohonenMap
 from ..triangulation import Triangulation
-from .lengths import in_unit, set_axes
+from .lengths import set_axes
 
 __all__ = ["plot_outlines"]
 

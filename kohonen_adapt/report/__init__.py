@@ -1,0 +1,5 @@
+"""A report of an adaptation: one HTML file that needs nothing else, with an interactive view of the meshes."""
+
+from .writing import write_report
+
+__all__ = ["write_report"]
