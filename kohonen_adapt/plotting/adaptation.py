@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
@@ -36,6 +37,9 @@ PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pal
 
 OUTLINE = 0.9
 """Width of the lines around regions, points."""
+
+LONGEST = 50_000
+"""Facets in one line."""
 
 
 def adaptation_figure(
@@ -236,8 +240,11 @@ def _draw_elements(
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
-    segments = in_unit(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
-    axes.add_collection(LineCollection(segments, colors=colour, linewidths=width, capstyle="round", rasterized=True))
+    """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
+    for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
+        ends = in_unit(unit) * mesh.p[:, mesh.facets[:, part]]
+        x, y = np.concatenate([ends, np.full((2, 1, len(part)), np.nan)], axis=1).transpose(0, 2, 1).reshape(2, -1)
+        axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
 
 
 def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:

@@ -17,6 +17,8 @@ from .packing import packed
 __all__ = ["FieldOf", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
+"""What gives the values of a field from the solution that a problem returned."""
+
 Floats = NDArray[np.float64]
 Results = Sequence[AdaptResult]
 
