@@ -157,6 +157,7 @@ def test_the_table_has_every_column_that_print_shows(page):
 def test_the_summary_says_how_it_ended_and_what_it_gained(page):
     said = page.text_of("p")
     assert f"1 relocation was made. Done with {HOSTILE}." in said
+    said = [sentence.replace("\u00a0", " ") for sentence in said]
     assert (
         "The error estimate went from 50 % to 25 % of the energy norm: the estimate is 50 % of what it was, "
         "with 81 nodes." in said

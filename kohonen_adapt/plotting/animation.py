@@ -150,10 +150,11 @@ def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
     axes, writer = figure.subplots(), PillowWriter(fps=1.0 / seconds)  # type: ignore[arg-type]  # a fraction will do
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.gif"
-        with writer.saving(figure, film, DOTS):
-            for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
-                _draw(axes, mesh, title, unit)
-                writer.grab_frame()
+        writer.setup(figure, film, DOTS)
+        for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
+            _draw(axes, mesh, title, unit)
+            writer.grab_frame()
+        writer.finish()
         return film.read_bytes()
 
 

@@ -1,6 +1,7 @@
 """A picture of estimates over numbers of nodes, with the slope that refinement would follow at best."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -53,17 +54,24 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     for word, (nodes, errors), (colour, marker) in zip(histories, drawn, STYLES, strict=False):
         axes.plot(nodes, errors, marker, linestyle="-", color=colour, label=word, zorder=3)
     needed = _draw_slopes(axes, *drawn[0], slope)
-    axes.set(xscale="log", yscale="log", xlim=_ends(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
+    axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
+    axes.set(xlim=_ends(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
     axes.set(xlabel="nodes N", ylabel="energy error (% of the energy norm)" if percent else "energy error")
     axes.set_title("Estimate over nodes")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(ScalarFormatter())
-        axis.set_minor_formatter(NullFormatter())
+    _number_axes(axes)
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.legend(loc="upper right", fontsize="small")
     return axes
+
+
+def _number_axes(axes: Axes) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade."""
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(ScalarFormatter())
+            axis.set_minor_formatter(NullFormatter())
 
 
 def _points(history: Sequence[Pass], percent: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -89,25 +97,26 @@ def _draw_slopes(axes: Axes, nodes: np.ndarray, errors: np.ndarray, slope: float
     ndarray
         The nodes that the first line needs for the error of the best pass, or none.
     """
-    if np.isnan(errors).all():
+    known = np.flatnonzero(errors > 0.0)
+    if not known.size:
         return np.empty(0)
-    best = int(np.nanargmin(errors * nodes**-slope))
-    for k, style, label in ((0, (0, (5, 3)), "first pass"), (best, "dotted", "best pass")):
-        if k == 0 or best != 0:
-            text = f"$N^{{{slope:g}}}$ through the {label}"
-            through = (nodes[k], errors[k])
-            line = Line2D(*_along(through, slope), color="0.45", linestyle=style, label=text, zorder=1)
-            axes.add_artist(line)  # not add_line: the scale of the axes is that of the passes
-    if best == 0 or nodes[best] != nodes[0]:
+    first, best = int(known[0]), int(known[np.argmin(errors[known] * nodes[known] ** -slope)])
+    _draw_slope(axes, (nodes[first], errors[first]), slope, (0, (5, 3)), "first pass")
+    if best == first:
         return np.empty(0)
-    needed = nodes[0] * (errors[best] / errors[0]) ** (1.0 / slope)
+    _draw_slope(axes, (nodes[best], errors[best]), slope, "dotted", "best pass")
+    if nodes[best] != nodes[first]:
+        return np.empty(0)
+    needed = nodes[first] * (errors[best] / errors[first]) ** (1.0 / slope)
     axes.plot([nodes[best], needed], [errors[best]] * 2, color="0.45", linewidth=0.8, zorder=1)
     label = f"the error of the best at $N^{{{slope:g}}}$: {needed:.4g} nodes"
     axes.plot(needed, errors[best], "o", color="0.3", markerfacecolor="white", label=label, zorder=3)
     return np.array([needed])
 
 
-def _along(through: tuple[float, float], slope: float) -> tuple[np.ndarray, np.ndarray]:
-    """Two points, far on either side, of the line through a point."""
+def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: Any, where: str) -> None:
+    """A line through a point that is longer than the axes; it does not change their scale, as `add_line` would."""
     factors = np.array([1e-6, 1e6])
-    return through[0] * factors, through[1] * factors**slope
+    x, y = through[0] * factors, through[1] * factors**slope
+    label = f"$N^{{{slope:g}}}$ through the {where}"
+    axes.add_artist(Line2D(x, y, color="0.45", linestyle=style, label=label, zorder=1))

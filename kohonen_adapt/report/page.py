@@ -132,7 +132,7 @@ def _picture(caption: str, content: bytes) -> str:
         raise ValueError(f"pictures must be PNG or GIF files; '{caption}' begins with {content[:8]!r}.")
     source = f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
     text = escape(caption)
-    image = f'<img src="{source}" alt="{text}" loading="lazy" decoding="async">'
+    image = f'<img src="{source}" alt="{text}">'
     return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 

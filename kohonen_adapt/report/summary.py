@@ -43,14 +43,14 @@ def _in_percent(*steps: Pass) -> bool:
 def _error(step: Pass, other: Pass) -> str:
     """The estimate, in per cent of the energy norm if the other pass has one too."""
     if step.energy_norm and other.energy_norm:
-        return f"{100.0 * step.estimate / step.energy_norm:.3g} %"
+        return f"{100.0 * step.estimate / step.energy_norm:.3g}\u00a0%"
     return f"{step.estimate:.4g}"
 
 
 def _share(first: Pass, last: Pass) -> str:
     if last is first or not first.estimate:
         return ""
-    return f": the estimate is {100.0 * last.estimate / first.estimate:.3g} % of what it was"
+    return f": the estimate is {100.0 * last.estimate / first.estimate:.3g}\u00a0% of what it was"
 
 
 def _from_to(first: int, last: int) -> str:
@@ -59,7 +59,7 @@ def _from_to(first: int, last: int) -> str:
 
 def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
-    change = f", by {100.0 * (after - before) / abs(before):+.3g} %" if before else ""
+    change = f", by {100.0 * (after - before) / abs(before):+.3g}\u00a0%" if before else ""
     return f"{name} went from {before:.5g} to {after:.5g}{change}." if last is not first else f"{name} is {after:.5g}."
 
 

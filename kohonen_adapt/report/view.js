@@ -214,7 +214,7 @@ class Layer {
     });
   }
 
-  // Contours: black where the nearest level is less than a pixel away.
+  // Contours: where the nearest level is less than a pixel away.
   drawLines(k, field) {
     const planes = this.planesOf(k), step = (field.high - field.low) / (LINES + 1);
     if (!(step > 0)) return;
@@ -223,13 +223,12 @@ class Layer {
       const level = (planes[3 * e] + gx * x + gy * y - field.low) / step, nearest = Math.round(level);
       if (nearest < 1 || nearest > LINES) return;
       const pixels = Math.abs(level - nearest) * step * this.zoom / Math.hypot(gx, gy);
-      if (pixels < 1.2) this.darken(p, Math.min(1, 1.4 - pixels) * 0.85);
+      if (pixels < 1.2) this.contrast(p, Math.min(1, 1.4 - pixels) * 0.85);
     });
   }
 
   darken(p, share) {
     const pixel = this.pixels[p], rest = 1 - share;
-    if (pixel === 0) return;
     this.pixels[p] = (0xff000000 | (pixel >> 16 & 255) * rest << 16 | (pixel >> 8 & 255) * rest << 8 | (pixel & 255) * rest) >>> 0;
   }
 
@@ -238,10 +237,13 @@ class Layer {
     this.pixels[p] = (0xff000000 | mixed(16) << 16 | mixed(8) << 8 | mixed(0)) >>> 0;
   }
 
-  // A share of an edge on a pixel: dark on light colours, light on dark ones.
   touch(column, row, share) {
-    if (column < this.begin || column >= this.end) return;
-    const p = row * this.canvas.width + column, pixel = this.pixels[p];
+    if (column >= this.begin && column < this.end) this.contrast(row * this.canvas.width + column, share);
+  }
+
+  // A share of a line on a pixel: dark on light colours, light on dark ones.
+  contrast(p, share) {
+    const pixel = this.pixels[p];
     if (pixel === 0) return;
     const bright = 3 * (pixel & 255) + 6 * (pixel >> 8 & 255) + (pixel >> 16 & 255);
     if (bright > 1000) this.darken(p, share);
@@ -290,13 +292,12 @@ class Layer {
       context.moveTo(across[outline[k]], down[outline[k]]);
       context.lineTo(across[outline[k + 1]], down[outline[k + 1]]);
     }
-    context.lineWidth = 1.5 * density();
     context.lineCap = "round";
-    context.strokeStyle = "#14181d";
-    context.stroke();
-    context.lineWidth = 0.6 * density();
-    context.strokeStyle = "#ffffff";
-    context.stroke();
+    for (const [width, colour] of [[3.2, "rgba(255, 255, 255, 0.6)"], [1.6, "#14181d"]]) {
+      context.lineWidth = width * density();
+      context.strokeStyle = colour;
+      context.stroke();
+    }
   }
 
   valueAt(k, field, column, row) {
@@ -380,6 +381,8 @@ class View {
     this.drawParts([[0, at], [at, width]]);
     this.compose();
     this.showScale();
+    // One finger scrolls the page past the whole mesh, and moves within it.
+    this.canvas.style.touchAction = this.camera.zoom > 1.01 * this.fitted ? "none" : "pan-y";
     this.canvas.dataset.milliseconds = (performance.now() - start).toFixed(1);
     this.canvas.dataset.draws = Number(this.canvas.dataset.draws || 0) + 1;
   }
