@@ -17,6 +17,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.report import write_report
+from kohonen_adapt.report.packing import packed
 from kohonen_adapt.report.page import filled_page
 from kohonen_adapt.report.reproduction import without_folders
 from kohonen_adapt.result import Status
@@ -116,16 +117,26 @@ def html_with(text, result):
 
 
 def test_meshes_and_fields_come_back_as_they_went_in(page):
-    for packed, result in zip(page.data["meshes"], before_and_after(), strict=True):
-        p = np.array([unpacked(packed["x"]), unpacked(packed["y"])]) + np.array(packed["centre"])[:, None]
+    for mesh, result in zip(page.data["meshes"], before_and_after(), strict=True):
+        p = np.array([unpacked(mesh["x"]), unpacked(mesh["y"])]) + np.array(mesh["centre"])[:, None]
         assert_allclose(p, result.mesh.p, atol=1e-7)
-        assert_array_equal(unpacked(packed["t"]).reshape(3, -1), result.mesh.t)
-        values = dict(zip([field["label"] for field in page.data["fields"]], packed["values"], strict=True))
+        assert_array_equal(unpacked(mesh["t"]).reshape(3, -1), result.mesh.t)
+        values = dict(zip([field["label"] for field in page.data["fields"]], mesh["values"], strict=True))
         assert_allclose(unpacked(values[f"x (m) {HOSTILE}"]), result.mesh.p[0], atol=1e-7)
-        assert_allclose(unpacked(values["error indicator of an element"]), result.indicators, rtol=1e-6)
+        assert_allclose(unpacked(values["error indicator of an element"]), result.indicators, rtol=2.0**-16)
         names = next(field["names"] for field in page.data["fields"] if field["label"] == "subdomain")
         left = np.array(names)[unpacked(values["subdomain"])] == "left"
         assert_array_equal(np.flatnonzero(left), np.sort(result.mesh.subdomains["left"]))
+
+
+@given(st.lists(st.floats(width=32), min_size=1, max_size=20))
+def test_coarse_floats_are_near_and_what_is_not_finite_stays_so(values):
+    back = unpacked(packed(values, "f4", coarse=True))
+    values = np.array(values, dtype=np.float32)
+    small = np.abs(values) < 1e38  # beyond, what is rounded up may be infinite
+    assert_array_equal(np.isnan(back), np.isnan(values))
+    assert_array_equal(back[np.isinf(values)], values[np.isinf(values)])
+    assert_allclose(back[small], values[small], rtol=2.0**-16, atol=2.0**-140)
 
 
 def test_outlines_are_the_rim_and_the_interface(page):

@@ -173,6 +173,27 @@ def test_zoom_and_reset(view):
     assert picture(view) == first
 
 
+def test_two_fingers_zoom(view):
+    """Fingers that part around the middle keep it, and make the mesh larger: its rim leaves the canvas."""
+    first = picture(view, 0.0, 0.1)
+    do(
+        view,
+        """
+        const box = canvas.getBoundingClientRect(), y = box.top + 0.5 * box.height;
+        const send = (name, id, share) => canvas.dispatchEvent(new PointerEvent(name,
+            {pointerId: id, clientX: box.left + share * box.width, clientY: y, bubbles: true}));
+        canvas.setPointerCapture = () => {};
+        send("pointerdown", 1, 0.4); send("pointerdown", 2, 0.6);
+        send("pointermove", 1, 0.1); send("pointermove", 2, 0.9);
+        send("pointerup", 1, 0.1); send("pointerup", 2, 0.9);
+    """,
+    )
+    assert picture(view, 0.0, 0.1) != first
+    assert view.execute_script("return document.getElementById('canvas').style.touchAction") == "none"
+    do(view, "element('reset').click();")
+    assert picture(view, 0.0, 0.1) == first
+
+
 def test_keys_move_and_zoom(view):
     first = picture(view)
     for key in ("+", "ArrowLeft", "ArrowUp"):

@@ -12,7 +12,7 @@ __all__ = ["packed"]
 TYPES: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
 
 
-def packed(values: ArrayLike, kind: str) -> dict[str, str]:
+def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
     """The record that a page unpacks to a typed array.
 
     Parameters
@@ -21,6 +21,8 @@ def packed(values: ArrayLike, kind: str) -> dict[str, str]:
         Of any shape; they go row by row.
     kind
         ``"f4"``, ``"u4"`` or ``"u1"``: little-endian floats or integers.
+    coarse
+        Whether floats are rounded to 16 bits (1.5e-5 of each), for what is only looked at.
 
     Returns
     -------
@@ -34,5 +36,7 @@ def packed(values: ArrayLike, kind: str) -> dict[str, str]:
     """
     with np.errstate(over="ignore"):  # what float32 does not hold is infinite, and drawn as the end of the scale
         flat = np.ascontiguousarray(values).ravel().astype(TYPES[kind])
+    if coarse:
+        flat = ((flat.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(flat.dtype)
     planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T
     return {"type": kind, "data": base64.b64encode(zlib.compress(planes.tobytes(), 6)).decode("ascii")}

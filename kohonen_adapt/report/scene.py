@@ -128,7 +128,7 @@ def _scaled(label: str, at: str, values: Sequence[Floats], scale: str, low: floa
     about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
     about["below"] = any(bool(np.any(each < low)) for each in values)
     about["above"] = any(bool(np.any(each > high)) for each in values)
-    return Shown(about, [packed(each, "f4") for each in values])
+    return Shown(about, [packed(each, "f4", coarse=at == "element") for each in values])
 
 
 def _middle_ends(values: Floats, mesh: MeshTri) -> tuple[float, float]:

@@ -6,7 +6,7 @@ const VIRIDIS = ("440154 471164 482071 472e7c 443b84 3f4889 3a548c 34608d 2f6c8e
 // Okabe and Ito's colours, which the colour-blind tell apart, made pale so that lines stand out on them.
 const NAMED = [0xa6cee8, 0xf3c887, 0x94d3bd, 0xf5ec9c, 0xe6bfd6, 0x7fb2d3, 0xe9ab84, 0xd9dde2];
 const MISSING = 0xb8bec6, PLAIN = 0xeef3f8;
-const SHADES = 256, LINES = 20, SHORT = 3, LARGEST_ZOOM = 1e4, IDLE = 150;
+const SHADES = 256, LINES = 20, SHORT = 3, LARGEST_ZOOM = 1e4, IDLE = 150, SLOW = 80;
 const TYPES = {f4: Float32Array, u4: Uint32Array, u1: Uint8Array};
 const element = id => document.getElementById(id);
 
@@ -328,6 +328,7 @@ class View {
     this.fields = [...data.fields, {label: "mesh only", kind: "plain", at: "element"}];
     this.contours = this.fields.findIndex(field => field.at === "node");
     this.divide = 0.5;
+    this.detailed = 0;
     this.pointers = new Map();
     this.fill();
     this.listen();
@@ -361,26 +362,33 @@ class View {
     this.ask();
   }
 
-  // Redraw before the next frame, once however often it is asked; when nothing more comes, what the divider hides too.
-  ask() {
+  // Redraw before the next frame, once however often it is asked; while things move without edges if those take long.
+  // When nothing more comes, all that is left out is drawn, and what the divider hides.
+  ask(moving = false) {
+    this.moving = moving;
+    this.hurry = moving && this.detailed > SLOW;
+    clearTimeout(this.later);
+    this.later = setTimeout(() => {
+      if (this.hurry) this.draw(false);
+      this.drawParts([[0, this.canvas.width], [0, this.canvas.width]], false);
+    }, IDLE);
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => { this.asked = false; this.draw(); });
-    clearTimeout(this.later);
-    this.later = setTimeout(() => this.drawParts([[0, this.canvas.width], [0, this.canvas.width]]), IDLE);
+    requestAnimationFrame(() => { this.asked = false; this.draw(this.hurry); });
   }
 
-  drawParts(parts) {
+  drawParts(parts, hurry) {
     const lines = element("lines").checked && this.contours >= 0 && {k: this.contours, field: this.fields[this.contours]};
-    const looks = [this.camera, this.chosen(), this.field(), element("edges").checked, lines];
+    const looks = [this.camera, this.chosen(), this.field(), element("edges").checked && !hurry, lines];
     this.layers.forEach((layer, k) => layer.draw(...parts[k], ...looks));
   }
 
-  draw() {
+  draw(hurry) {
     const start = performance.now(), {width} = this.canvas, at = Math.round(this.divide * width);
-    this.drawParts([[0, at], [at, width]]);
+    this.drawParts([[0, at], [at, width]], hurry);
     this.compose();
     this.showScale();
+    if (this.moving && !hurry) this.detailed = performance.now() - start;
     // One finger scrolls the page past the whole mesh, and moves within it.
     this.canvas.style.touchAction = this.camera.zoom > 1.01 * this.fitted ? "none" : "pan-y";
     this.canvas.dataset.milliseconds = (performance.now() - start).toFixed(1);
@@ -439,7 +447,7 @@ class View {
     camera.x += right / camera.zoom - right / zoom;
     camera.y += up / camera.zoom - up / zoom;
     camera.zoom = zoom;
-    this.ask();
+    this.ask(true);
   }
 
   zoomMiddle(factor) { this.zoomBy(factor, this.canvas.width / 2, this.canvas.height / 2); }
@@ -447,7 +455,7 @@ class View {
   move(right, down) {
     this.camera.x -= right / this.camera.zoom;
     this.camera.y += down / this.camera.zoom;
-    this.ask();
+    this.ask(true);
   }
 
   setDivide(share) {
