@@ -191,3 +191,38 @@ def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, ca
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
     assert "no second time" in capsys.readouterr().err
     assert "adapted.msh" in names_in(tmp_path / "out")
+
+
+def test_the_report_says_what_was_asked_for(case, tmp_path):
+    case.write_text(
+        CASE.replace("passes = 2", "passes = 1\nrtol = 0.5\noutput_rtol = 0.1\ntarget_nodes = 900\nseed = 7")
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (
+        "and grow it to 900 nodes in at most 1 pass, until rtol = 0.5 or output_rtol = 0.1, by the residual estimate "
+        "of the magnetic field in iron, magnet, air. Outputs: stored." in report
+    )
+    assert "<h3>Seed</h3>\n<pre>7</pre>" in report
+
+
+def test_around_an_axis_the_contours_are_flux_lines(case, tmp_path):
+    """The flux function r A comes before A, whose contours are no flux lines."""
+    mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)
+    materials = "\n".join(f"[materials.{json.dumps(name)}]" for name in mesh.subdomains)
+    case.write_text(
+        f"""
+mesh = {json.dumps(str(EXAMPLES / "actuator_1.msh"))}
+scale = 1e-3
+axisymmetric = true
+{materials}
+[potential]
+outer = 0.0
+[adapt]
+passes = 0
+"""
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert report.index('"flux function r A (Wb)"') < report.index('"vector potential A (Wb/m)"')
+    assert "error indicator of an element (\\u221a(J))" in report

@@ -13,6 +13,7 @@ from ..result import AdaptResult, Pass, table_columns
 
 __all__ = ["filled_page"]
 
+SCRIPTS = ("meshes.js", "layer.js", "legend.js", "view.js")
 SIGNATURES = {b"\x89PNG\r\n\x1a\n": "png", b"GIF8": "gif"}
 
 
@@ -50,7 +51,7 @@ def filled_page(
     ValueError
         If a picture is neither PNG nor GIF.
     """
-    style, script = _part("style.css"), _part("view.js")
+    style, script = _part("style.css"), "\n".join(_part(name) for name in SCRIPTS)
     filled = Template(_part("page.html")).substitute(
         policy=_policy(style, script),
         title=escape(title),

@@ -1,323 +1,10 @@
-// The view of two meshes: an own rasteriser into typed arrays, so that 10^5 elements are redrawn while one drags.
+// The view: two layers, a divider between them, and what wheel, fingers, keys and controls do.
 "use strict";
-(() => {
-const VIRIDIS = ("440154 471164 482071 472e7c 443b84 3f4889 3a548c 34608d 2f6c8e 2a768e 26818e 228b8d 1f958b 1fa088 " +
-  "24aa83 2fb47c 42be71 58c765 70cf57 8bd646 a8db34 c5e021 e2e418 fde725").split(" ").map(hex => parseInt(hex, 16));
-// Okabe and Ito's colours, which the colour-blind tell apart, made pale so that lines stand out on them.
-const NAMED = [0xa6cee8, 0xf3c887, 0x94d3bd, 0xf5ec9c, 0xe6bfd6, 0x7fb2d3, 0xe9ab84, 0xd9dde2];
-const MISSING = 0xb8bec6, PLAIN = 0xeef3f8;
-const SHADES = 256, LINES = 20, SHORT = 3, LARGEST_ZOOM = 1e4, IDLE = 150, SLOW = 80;
-const TYPES = {f4: Float32Array, u4: Uint32Array, u1: Uint8Array};
+
+const LARGEST_ZOOM = 1e4;
+const IDLE = 150;  // ms without a wish until what was left out is drawn
+const SLOW = 80;  // ms from which on a moving picture goes without edges
 const element = id => document.getElementById(id);
-
-// Numbers come as planes of their bytes, deflated, in base64.
-async function unpacked({type, data}) {
-  const bytes = Uint8Array.from(atob(data), letter => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
-  const size = TYPES[type].BYTES_PER_ELEMENT, count = planes.length / size;
-  const whole = new Uint8Array(planes.length);
-  for (let b = 0; b < size; b++) for (let i = 0; i < count; i++) whole[i * size + b] = planes[b * count + i];
-  return new TYPES[type](whole.buffer);
-}
-
-async function meshOf(packed) {
-  const [x, y, nodes, outline] = await Promise.all([packed.x, packed.y, packed.t, packed.outline].map(unpacked));
-  const values = await Promise.all(packed.values.map(each => each && unpacked(each)));
-  const mesh = {name: packed.name, centre: packed.centre, x, y, nodes, outline, values};
-  mesh.count = nodes.length / 3;
-  mesh.edges = edgesOf(nodes, x.length);
-  return mesh;
-}
-
-// Pairs of nodes, each edge once.
-function edgesOf(nodes, nnodes) {
-  const m = nodes.length / 3, keys = new Float64Array(3 * m);
-  for (let side = 0, k = 0; side < 3; side++) for (let e = 0; e < m; e++) {
-    const a = nodes[side * m + e], b = nodes[(side + 1) % 3 * m + e];
-    keys[k++] = Math.min(a, b) * nnodes + Math.max(a, b);
-  }
-  keys.sort();
-  const edges = [];
-  for (let k = 0; k < keys.length; k++) if (k === 0 || keys[k] !== keys[k - 1]) edges.push(keys[k]);
-  const pairs = new Uint32Array(2 * edges.length);
-  edges.forEach((key, k) => { pairs[2 * k] = Math.floor(key / nnodes); pairs[2 * k + 1] = key % nnodes; });
-  return pairs;
-}
-
-// Quality and size follow from the mesh itself: 4 sqrt(3) area / sum of squared edges, and sqrt(area).
-function shapeOf(mesh, wanted) {
-  const {x, y, nodes: t, count: m} = mesh, found = new Float32Array(m);
-  for (let e = 0; e < m; e++) {
-    const a = t[e], b = t[m + e], c = t[2 * m + e];
-    const ux = x[b] - x[a], uy = y[b] - y[a], vx = x[c] - x[a], vy = y[c] - y[a];
-    const area = Math.abs(ux * vy - uy * vx) / 2;
-    const squares = ux * ux + uy * uy + vx * vx + vy * vy + (ux - vx) ** 2 + (uy - vy) ** 2;
-    found[e] = wanted === "quality" ? 4 * Math.sqrt(3) * area / squares : Math.sqrt(area);
-  }
-  return found;
-}
-
-// The plane a + b x + c y of a nodal field over every element.
-function planesOf(mesh, values) {
-  const {x, y, nodes: t, count: m} = mesh, planes = new Float64Array(3 * m);
-  for (let e = 0; e < m; e++) {
-    const i = t[e], j = t[m + e], k = t[2 * m + e];
-    const ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i];
-    const du = values[j] - values[i], dv = values[k] - values[i], det = ux * vy - uy * vx;
-    const gx = (du * vy - dv * uy) / det, gy = (dv * ux - du * vx) / det;
-    planes[3 * e] = values[i] - gx * x[i] - gy * y[i];
-    planes[3 * e + 1] = gx;
-    planes[3 * e + 2] = gy;
-  }
-  return planes;
-}
-
-const pixelOf = colour => (0xff000000 | (colour & 0xff) << 16 | colour & 0xff00 | colour >> 16) >>> 0;
-const RAMP = Uint32Array.from({length: SHADES}, (_, k) => {
-  const at = k / (SHADES - 1) * (VIRIDIS.length - 1), low = Math.min(Math.floor(at), VIRIDIS.length - 2);
-  const mixed = shift => Math.round((1 - at + low) * (VIRIDIS[low] >> shift & 255) + (at - low) * (VIRIDIS[low + 1] >> shift & 255));
-  return pixelOf(mixed(16) << 16 | mixed(8) << 8 | mixed(0));
-});
-
-// A function from values to pixels.
-function painter(field) {
-  if (field.kind === "plain") return () => pixelOf(PLAIN);
-  if (field.names) return value => pixelOf(NAMED[value % NAMED.length]);
-  const logarithmic = field.scale === "log", change = logarithmic ? Math.log : Number;
-  const low = change(field.low), factor = (SHADES - 1) / (change(field.high) - low || 1);
-  return value => {
-    if (Number.isNaN(value)) return pixelOf(MISSING);
-    if (logarithmic && value <= 0) return RAMP[0];
-    return RAMP[Math.max(0, Math.min(SHADES - 1, Math.round((change(value) - low) * factor)))];
-  };
-}
-
-// One mesh as it looks now: which element every pixel shows, and an image of it.
-class Layer {
-  constructor(mesh) {
-    this.mesh = mesh;
-    this.canvas = document.createElement("canvas");
-    this.context = this.canvas.getContext("2d");
-    this.across = new Float64Array(mesh.x.length);
-    this.down = new Float64Array(mesh.x.length);
-    this.planes = new Map();
-  }
-
-  resize(width, height) {
-    this.drawn = null;
-    this.canvas.width = width;
-    this.canvas.height = height;
-    this.ids = new Int32Array(width * height);
-    this.image = this.context.createImageData(width, height);
-    this.pixels = new Uint32Array(this.image.data.buffer);
-  }
-
-  valuesOf(k, field) {
-    if (!this.mesh.values[k] && (field.kind === "quality" || field.kind === "size")) {
-      this.mesh.values[k] = shapeOf(this.mesh, field.kind);
-    }
-    return this.mesh.values[k];
-  }
-
-  coloursOf(k, field) {
-    if (this.coloured && this.coloured.k === k) return this.coloured.colours;
-    const paint = painter(field), values = this.valuesOf(k, field), colours = new Uint32Array(this.mesh.count);
-    for (let e = 0; e < colours.length; e++) colours[e] = paint(values && values[e]);
-    this.coloured = {k, colours};
-    return colours;
-  }
-
-  planesOf(k) {
-    if (!this.planes.has(k)) this.planes.set(k, planesOf(this.mesh, this.mesh.values[k]));
-    return this.planes.get(k);
-  }
-
-  // Draw the columns from `begin` up to `end`; what stands already is kept.
-  draw(begin, end, camera, k, field, edges, lines) {
-    const look = [camera.x, camera.y, camera.zoom, k, edges, lines && lines.k].join();
-    if (this.drawn && this.drawn.look === look && this.drawn.begin <= begin && this.drawn.end >= end) return;
-    const place = [camera.x, camera.y, camera.zoom, begin, end].join();
-    this.begin = begin;
-    this.end = end;
-    if (this.placed !== place || !this.drawn) this.place(camera);
-    this.placed = place;
-    this.paint(k, field, edges, lines);
-    this.drawn = {look, begin, end};
-  }
-
-  // Where the view stands: pixels = size / 2 + zoom * (point - centre), y upwards; points relative to the mesh's centre.
-  place(camera) {
-    const {x, y, centre} = this.mesh, {width, height} = this.canvas, {zoom} = camera;
-    this.zoom = zoom;
-    this.left = width / 2 + zoom * (centre[0] - camera.x);
-    this.top = height / 2 - zoom * (centre[1] - camera.y);
-    for (let i = 0; i < x.length; i++) {
-      this.across[i] = this.left + zoom * x[i];
-      this.down[i] = this.top - zoom * y[i];
-    }
-    this.rasterise();
-  }
-
-  rasterise() {
-    const {nodes: t, count: m} = this.mesh, {across, down, ids, begin: left, end: right} = this, {width, height} = this.canvas;
-    ids.fill(-1);
-    for (let e = 0; e < m; e++) {
-      let a = t[e], b = t[m + e], c = t[2 * m + e], swap;
-      if (down[a] > down[b]) { swap = a; a = b; b = swap; }
-      if (down[b] > down[c]) { swap = b; b = c; c = swap; }
-      if (down[a] > down[b]) { swap = a; a = b; b = swap; }
-      const ya = down[a], yb = down[b], yc = down[c], xa = across[a], xb = across[b], xc = across[c];
-      if (yc < 0 || ya > height || Math.max(xa, xb, xc) < left || Math.min(xa, xb, xc) > right) continue;
-      const first = Math.max(0, Math.ceil(ya - 0.5)), last = Math.min(height - 1, Math.ceil(yc - 0.5) - 1);
-      for (let row = first; row <= last; row++) {
-        const y = row + 0.5;
-        const long = xa + (y - ya) * (xc - xa) / (yc - ya);
-        const short = y < yb ? xa + (y - ya) * (xb - xa) / (yb - ya) : xb + (y - yb) * (xc - xb) / (yc - yb);
-        const begin = row * width + Math.max(left, Math.ceil(Math.min(long, short) - 0.5));
-        const end = row * width + Math.min(right, Math.ceil(Math.max(long, short) - 0.5));
-        for (let p = begin; p < end; p++) ids[p] = e;
-      }
-    }
-  }
-
-  paint(k, field, edges, lines) {
-    if (field.at === "node") this.shadeNodes(k, field);
-    else this.shadeElements(k, field);
-    if (edges) this.drawEdges();
-    if (lines) this.drawLines(lines.k, lines.field);
-    this.context.putImageData(this.image, 0, 0, this.begin, 0, this.end - this.begin, this.canvas.height);
-    this.drawOutline();
-  }
-
-  shadeElements(k, field) {
-    const {ids, pixels} = this, colours = this.coloursOf(k, field);
-    for (let p = 0; p < pixels.length; p++) pixels[p] = ids[p] < 0 ? 0 : colours[ids[p]];
-  }
-
-  // For every pixel of the mesh its element and the point under it, relative to the mesh's centre.
-  eachPixel(visit) {
-    const {ids, left, top, zoom, begin, end} = this, {width, height} = this.canvas;
-    for (let row = 0; row < height; row++) {
-      const y = (top - row - 0.5) / zoom;
-      for (let column = begin, p = row * width + begin; column < end; column++, p++) {
-        if (ids[p] >= 0) visit(p, ids[p], (column + 0.5 - left) / zoom, y);
-      }
-    }
-  }
-
-  shadeNodes(k, field) {
-    const paint = painter(field), planes = this.planesOf(k), {pixels} = this;
-    pixels.fill(0);
-    this.eachPixel((p, e, x, y) => {
-      pixels[p] = paint(planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y);
-    });
-  }
-
-  // Contours: where the nearest level is less than a pixel away.
-  drawLines(k, field) {
-    const planes = this.planesOf(k), step = (field.high - field.low) / (LINES + 1);
-    if (!(step > 0)) return;
-    this.eachPixel((p, e, x, y) => {
-      const gx = planes[3 * e + 1], gy = planes[3 * e + 2];
-      const level = (planes[3 * e] + gx * x + gy * y - field.low) / step, nearest = Math.round(level);
-      if (nearest < 1 || nearest > LINES) return;
-      const pixels = Math.abs(level - nearest) * step * this.zoom / Math.hypot(gx, gy);
-      if (pixels < 1.2) this.contrast(p, Math.min(1, 1.4 - pixels) * 0.85);
-    });
-  }
-
-  darken(p, share) {
-    const pixel = this.pixels[p], rest = 1 - share;
-    this.pixels[p] = (0xff000000 | (pixel >> 16 & 255) * rest << 16 | (pixel >> 8 & 255) * rest << 8 | (pixel & 255) * rest) >>> 0;
-  }
-
-  lighten(p, share) {
-    const pixel = this.pixels[p], mixed = shift => (pixel >> shift & 255) * (1 - share) + 255 * share;
-    this.pixels[p] = (0xff000000 | mixed(16) << 16 | mixed(8) << 8 | mixed(0)) >>> 0;
-  }
-
-  touch(column, row, share) {
-    if (column >= this.begin && column < this.end) this.contrast(row * this.canvas.width + column, share);
-  }
-
-  // A share of a line on a pixel: dark on light colours, light on dark ones.
-  contrast(p, share) {
-    const pixel = this.pixels[p];
-    if (pixel === 0) return;
-    const bright = 3 * (pixel & 255) + 6 * (pixel >> 8 & 255) + (pixel >> 16 & 255);
-    if (bright > 1000) this.darken(p, share);
-    else this.lighten(p, 0.8 * share);
-  }
-
-  // Smooth lines (Wu's); short ones fainter, so that fine parts keep the colour of their field.
-  drawEdges() {
-    const {edges} = this.mesh, {across, down, begin, end} = this, {height} = this.canvas;
-    for (let k = 0; k < edges.length; k += 2) {
-      let x = across[edges[k]], y = down[edges[k]], x1 = across[edges[k + 1]], y1 = down[edges[k + 1]];
-      if (Math.max(x, x1) < begin || Math.min(x, x1) > end || Math.max(y, y1) < 0 || Math.min(y, y1) > height) continue;
-      const share = 0.6 * Math.min(1, (Math.hypot(x1 - x, y1 - y) / density() - SHORT) / 11);
-      if (share <= 0) continue;
-      if (Math.abs(x1 - x) > Math.abs(y1 - y)) this.flatLine(x, y, x1, y1, share);
-      else this.steepLine(x, y, x1, y1, share);
-    }
-  }
-
-  flatLine(x, y, x1, y1, share) {
-    if (x > x1) [x, y, x1, y1] = [x1, y1, x, y];
-    const slope = (y1 - y) / (x1 - x || 1), {height} = this.canvas;
-    const last = Math.min(this.end - 1, Math.ceil(x1 - 0.5) - 1);
-    for (let column = Math.max(this.begin, Math.ceil(x - 0.5)); column <= last; column++) {
-      const at = y + (column + 0.5 - x) * slope - 0.5, row = Math.floor(at), part = at - row;
-      if (row >= 0 && row < height) this.touch(column, row, share * (1 - part));
-      if (row >= -1 && row < height - 1) this.touch(column, row + 1, share * part);
-    }
-  }
-
-  steepLine(x, y, x1, y1, share) {
-    if (y > y1) [x, y, x1, y1] = [x1, y1, x, y];
-    const slope = (x1 - x) / (y1 - y || 1), {height} = this.canvas;
-    const last = Math.min(height - 1, Math.ceil(y1 - 0.5) - 1);
-    for (let row = Math.max(0, Math.ceil(y - 0.5)); row <= last; row++) {
-      const at = x + (row + 0.5 - y) * slope - 0.5, column = Math.floor(at), part = at - column;
-      this.touch(column, row, share * (1 - part));
-      this.touch(column + 1, row, share * part);
-    }
-  }
-
-  drawOutline() {
-    const {outline} = this.mesh, {across, down, context} = this;
-    context.beginPath();
-    for (let k = 0; k < outline.length; k += 2) {
-      context.moveTo(across[outline[k]], down[outline[k]]);
-      context.lineTo(across[outline[k + 1]], down[outline[k + 1]]);
-    }
-    context.lineCap = "round";
-    for (const [width, colour] of [[3.2, "rgba(255, 255, 255, 0.6)"], [1.6, "#14181d"]]) {
-      context.lineWidth = width * density();
-      context.strokeStyle = colour;
-      context.stroke();
-    }
-  }
-
-  valueAt(k, field, column, row) {
-    const e = this.ids[row * this.canvas.width + column];
-    if (!(e >= 0)) return null;
-    const x = (column + 0.5 - this.left) / this.zoom, y = (this.top - row - 0.5) / this.zoom;
-    const point = [x + this.mesh.centre[0], y + this.mesh.centre[1]];
-    if (field.kind === "plain") return {e, point, value: null};
-    if (field.at !== "node") return {e, point, value: this.valuesOf(k, field)[e]};
-    const planes = this.planesOf(k);
-    return {e, point, value: planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y};
-  }
-}
-
-const density = () => Math.min(2, window.devicePixelRatio || 1);
-const digits = (value, count = 4) => {
-  if (value === 0 || !Number.isFinite(value)) return String(value);
-  const size = Math.abs(value);
-  return size >= 1e5 || size < 1e-3 ? value.toExponential(count - 2) : String(Number(value.toPrecision(count)));
-};
 
 class View {
   constructor(data, meshes) {
@@ -378,9 +65,9 @@ class View {
   }
 
   drawParts(parts, hurry) {
-    const lines = element("lines").checked && this.contours >= 0 && {k: this.contours, field: this.fields[this.contours]};
+    const k = this.contours, lines = k >= 0 && element("lines").checked && {k, field: this.fields[k]};
     const looks = [this.camera, this.chosen(), this.field(), element("edges").checked && !hurry, lines];
-    this.layers.forEach((layer, k) => layer.draw(...parts[k], ...looks));
+    this.layers.forEach((layer, side) => layer.draw(...parts[side], ...looks));
   }
 
   draw(hurry) {
@@ -550,42 +237,11 @@ class View {
   say(name, found = null) {
     const field = this.field(), unit = this.data.unit && " " + this.data.unit;
     if (!found) { element("value").textContent = "Point at the mesh to read values."; return; }
-    const value = found.value === null ? "" : `${field.label}: ${field.names ? field.names[found.value] : digits(found.value)}; `;
+    const shown = field.names ? field.names[found.value] : digits(found.value);
+    const value = found.value === null ? "" : `${field.label}: ${shown}; `;
     const [x, y] = found.point.map(each => digits(each, 5));
     element("value").textContent = `${name}: ${value}element ${found.e}, x = ${x}${unit}, y = ${y}${unit}`;
   }
-}
-
-function made(tag, name, text = "") {
-  const node = document.createElement(tag);
-  node.className = name;
-  node.textContent = text;
-  return node;
-}
-
-const css = colour => "#" + colour.toString(16).padStart(6, "0");
-
-function namesOf(field) {
-  const list = made("ul", "names");
-  field.names.forEach((name, k) => {
-    const item = document.createElement("li"), swatch = made("span", "swatch");
-    swatch.style.background = css(NAMED[k % NAMED.length]);
-    item.append(swatch, made("span", "", name));
-    list.append(item);
-  });
-  return list;
-}
-
-function barOf(field) {
-  const bar = made("div", "bar"), ends = made("div", "ends");
-  bar.style.background = `linear-gradient(to right, ${VIRIDIS.map(css).join(", ")})`;
-  const {low, high} = field, parts = [0, 0.25, 0.5, 0.75, 1];
-  const level = part => field.scale === "log" ? low * (high / low) ** part : low + part * (high - low);
-  parts.forEach((part, k) => {
-    const mark = k === 0 && field.below ? "≤ " : k === parts.length - 1 && field.above ? "≥ " : "";
-    ends.append(made("span", "", mark + digits(level(part), 3)));
-  });
-  return [bar, ends, made("div", "quantity", field.label + (field.scale === "log" ? ", logarithmic" : ""))];
 }
 
 async function show() {
@@ -596,7 +252,6 @@ async function show() {
 }
 
 show().catch(error => {
-  element("trouble").textContent = `The view cannot be shown here (${error}); the pictures below do not need it.`;
+  element("trouble").textContent = `The view cannot be shown here (${error}); all else on this page does without.`;
   element("trouble").hidden = false;
 });
-})();
