@@ -245,6 +245,13 @@ def test_periodic_chains_are_dash_dotted():
     assert legend_of(drawing)[:2] == ["2 chains straight", "2 chains periodic, matched with another"]
 
 
+def test_a_name_is_no_formula(tmp_path):
+    mesh = square(8).with_boundaries({r"$\frac$": lambda x: x[1] == 0.0})
+    drawing = plotting.plot_outlines(mesh)
+    drawing.figure.savefig(tmp_path / "outlines.png", dpi=30)
+    assert [text.get_text() for text in drawing.texts] == [r"$\frac$"]
+
+
 def test_many_radii_are_a_range_and_short_chains_have_no_labels():
     p, t = [], []
     for k in range(30):

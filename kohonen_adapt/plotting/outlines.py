@@ -212,8 +212,9 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
     offset = (6.0 * normal[0], 6.0 * normal[1])
     axes.annotate(
-        text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va, zorder=5
-    )
+        text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va,
+        zorder=5, parse_math=False,  # dollars in a name are no formula
+    )  # fmt: skip
 
 
 def _counted(count: int, what: str) -> str:
