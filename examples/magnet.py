@@ -1,4 +1,4 @@
-"""A permanent magnet in an iron core with an air gap: adapt its Gmsh mesh, print a table, write files and a figure."""
+"""A permanent magnet in an iron core with an air gap: adapt its Gmsh mesh, print a table, write files and a report."""
 
 import argparse
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.report import write_report
 
 MESH = Path(__file__).with_name("c_core.msh")
 
@@ -39,7 +40,7 @@ def write(result, folder):
 
 
 def draw(before, after, folder):
-    """Meshes, indicators, flux lines and the estimate over the passes."""
+    """Meshes, indicators, flux lines and the estimate over the passes; a report to look into with a browser."""
     from kohonen_adapt.plotting import adaptation_figure  # needs matplotlib, the rest does not
 
     figure = adaptation_figure(
@@ -53,6 +54,18 @@ def draw(before, after, folder):
         unit="mm",
     )
     figure.savefig(folder / "magnet.png")
+    write_report(
+        folder / "magnet.html",
+        after,
+        before=before,
+        title="A magnet in an iron core",
+        point_data={"vector potential A (Wb/m)": lambda field: field.potential},
+        cell_data={"flux density |B| (T)": lambda field: np.hypot(*field.flux_density)},
+        indicator_label="error indicator of an element (√(J/m))",
+        unit="mm",
+        pictures={"Meshes, error indicators, flux lines and estimate": folder / "magnet.png"},
+        settings={"Program": Path(__file__).read_text(encoding="utf-8")},
+    )
 
 
 def main(folder="."):

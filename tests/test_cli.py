@@ -34,13 +34,13 @@ def one_line(text):
 def test_demo_magnet(tmp_path, capsys):
     assert cli.main(["demo", "magnet", "--out", str(tmp_path / "new" / "folder")]) == 0
     files = tmp_path / "new" / "folder"
-    assert sorted(file.name for file in files.iterdir()) == ["magnet.msh", "magnet.png", "magnet.vtu"]
+    assert sorted(file.name for file in files.iterdir()) == ["magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"]
     said = capsys.readouterr().out
     progress = re.findall(r"^pass (\d): 899 nodes, estimate [\d.]+ \(([\d.]+) %\), [\d.]+ s$", said, re.MULTILINE)
     assert [int(number) for number, _ in progress] == [0, 1, 2, 3, 4]
     assert float(progress[4][1]) < 0.8 * float(progress[0][1])
     assert "Energy Error %" in said
-    assert said.endswith(f"Files in {files}: magnet.msh, magnet.png, magnet.vtu.\n")
+    assert said.endswith(f"Files in {files}: magnet.html, magnet.msh, magnet.png, magnet.vtu.\n")
     mesh = ka.read_mesh(files / "magnet.msh")
     assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
     assert mesh.p.shape[1] == 899

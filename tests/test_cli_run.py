@@ -17,7 +17,8 @@ from kohonen_adapt import cli
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-FILES = ["adaptation.png", "adapted.msh", "adapted.vtu", "history.csv", "outlines.png"]
+PICTURES = ["adaptation.png", "density.png", "quality.png", "estimate.png", "outlines.png", "passes.gif"]
+FILES = sorted(["adapted.msh", "adapted.vtu", "history.csv", "report.html", *PICTURES])
 
 CASE = f"""
 mesh = {json.dumps(str(EXAMPLES / "c_core.msh"))}
@@ -55,7 +56,8 @@ def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
     said = capsys.readouterr().out
     assert re.findall(r"^pass (\d): 899 nodes", said, re.MULTILINE) == ["0", "1", "2"]
     assert "Energy Error %" in said and "stored" in said
-    assert said.endswith(f"Files in {out}: adapted.msh, adapted.vtu, history.csv, adaptation.png, outlines.png.\n")
+    files = ", ".join(["adapted.msh", "adapted.vtu", "history.csv", *PICTURES, "report.html"])
+    assert said.endswith(f"Files in {out}: {files}.\n")
     mesh, fields = ka.read_mesh(out / "adapted.msh", scale=1e-3), meshio.read(out / "adapted.vtu")
     assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
     assert_allclose(mesh.p.T, fields.points[:, :2], rtol=1e-12, atol=1e-17)
@@ -68,6 +70,11 @@ def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
     assert best == pytest.approx(np.sqrt(np.sum(fields.cell_data["indicator"][0] ** 2)), rel=1e-12)
     assert best < 0.6 * float(rows[0]["estimate"])
     assert all(float(row["output stored"]) > 0.0 for row in rows)
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "kohonen-adapt run case.toml --out out" in report and "permeability = 1000.0" in report
+    assert "Asked for: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
+    assert report.count("<img ") == len(PICTURES)
+    assert str(tmp_path) not in report and str(EXAMPLES) not in report
 
 
 def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(case, tmp_path):
@@ -142,7 +149,8 @@ def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, mo
     monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
-    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv"]
+    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv", "report.html"]
+    assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
 
 
@@ -183,3 +191,38 @@ def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, ca
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
     assert "no second time" in capsys.readouterr().err
     assert "adapted.msh" in names_in(tmp_path / "out")
+
+
+def test_the_report_says_what_was_asked_for(case, tmp_path):
+    case.write_text(
+        CASE.replace("passes = 2", "passes = 1\nrtol = 0.5\noutput_rtol = 0.1\ntarget_nodes = 900\nseed = 7")
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (
+        "and grow it to 900 nodes in at most 1 pass, until rtol = 0.5 or output_rtol = 0.1, by the residual estimate "
+        "of the magnetic field in iron, magnet, air. Outputs: stored." in report
+    )
+    assert "<h3>Seed</h3>\n<pre>7</pre>" in report
+
+
+def test_around_an_axis_the_contours_are_flux_lines(case, tmp_path):
+    """The flux function r A comes before A, whose contours are no flux lines."""
+    mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)
+    materials = "\n".join(f"[materials.{json.dumps(name)}]" for name in mesh.subdomains)
+    case.write_text(
+        f"""
+mesh = {json.dumps(str(EXAMPLES / "actuator_1.msh"))}
+scale = 1e-3
+axisymmetric = true
+{materials}
+[potential]
+outer = 0.0
+[adapt]
+passes = 0
+"""
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert report.index('"flux function r A (Wb)"') < report.index('"vector potential A (Wb/m)"')
+    assert "error indicator of an element (\\u221a(J))" in report

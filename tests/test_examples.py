@@ -117,7 +117,7 @@ def test_magnet_has_a_plausible_field(magnet):
 
 def test_magnet_writes_its_files(magnet):
     folder, _, after = magnet
-    assert sorted(file.name for file in folder.iterdir()) == ["magnet.msh", "magnet.png", "magnet.vtu"]
+    assert sorted(file.name for file in folder.iterdir()) == ["magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"]
     file = meshio.vtu.read(folder / "magnet.vtu")
     assert {"B (T)", "H (A per m)", "indicator", "region"} <= file.cell_data.keys()
     np.testing.assert_array_equal(file.point_data["A (Wb per m)"], after.solution.potential)

@@ -25,7 +25,7 @@ GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
 BESIDE = {"estimators": GROUND, "magnetostatics": [*GROUND, "estimators"]}
 # What a person touches; nothing but the package's front imports it.
-TOP = ["io", "plotting", "report", "cases", "commands", "cli"]
+TOP = ["showing", "io", "plotting", "report", "cases", "commands", "cli"]
 FRONT = ["__init__", "__main__"]
 
 # What a notebook shows of a result is drawn when it asks: such an import stands in a function.

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 from meshes import inset, junction, named, ring, square
 from numpy.testing import assert_allclose
@@ -82,12 +82,19 @@ def test_nothing_is_cut_off():
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
 
 
+def facets_of(line):
+    """The ends of the facets in a line with gaps, (f, 2, 2)."""
+    return np.array(line.get_data()).reshape(2, -1, 3)[:, :, :2].transpose(1, 0, 2)
+
+
 def test_a_mesh_is_drawn_with_every_edge_once_and_its_regions_outlined():
     mesh, drawing = two_regions(2), axes()
     plotting.draw_mesh(drawing, mesh)
-    thin, thick = drawing.collections
-    assert len(thin.get_segments()) + len(thick.get_segments()) == mesh.facets.shape[1]
-    assert len(thick.get_segments()) == 16 + 4  # the rim and the interface
+    thin, thick = (facets_of(line) for line in drawing.lines)
+    drawn = {frozenset(map(tuple, ends.T.tolist())) for ends in np.concatenate([thin, thick])}
+    assert drawn == {frozenset(map(tuple, ends.T.tolist())) for ends in mesh.p[:, mesh.facets].transpose(2, 0, 1)}
+    assert len(thin) + len(thick) == mesh.facets.shape[1]
+    assert len(thick) == 16 + 4  # the rim and the interface
     assert (drawing.get_xlabel(), drawing.get_ylabel()) == ("x (m)", "y (m)")
     assert drawing.get_aspect() == 1.0
 
@@ -95,7 +102,7 @@ def test_a_mesh_is_drawn_with_every_edge_once_and_its_regions_outlined():
 def test_lengths_are_drawn_in_the_unit():
     mesh, drawing = two_regions(2), axes()
     plotting.draw_mesh(drawing, mesh, unit="mm")
-    assert np.max(np.concatenate(drawing.collections[0].get_segments())) == pytest.approx(1000.0)
+    assert facets_of(drawing.lines[0]).max() == pytest.approx(1000.0)
     plotting.draw_mesh(drawing, mesh, unit="")
     assert drawing.get_xlabel() == "x"
     with pytest.raises(ValueError, match="unit must be one of '', 'm', 'mm'; got 'inch'"):
@@ -238,6 +245,13 @@ def test_periodic_chains_are_dash_dotted():
     assert legend_of(drawing)[:2] == ["2 chains straight", "2 chains periodic, matched with another"]
 
 
+def test_a_name_is_no_formula(tmp_path):
+    mesh = square(8).with_boundaries({r"$\frac$": lambda x: x[1] == 0.0})
+    drawing = plotting.plot_outlines(mesh)
+    drawing.figure.savefig(tmp_path / "outlines.png", dpi=30)
+    assert [text.get_text() for text in drawing.texts] == [r"$\frac$"]
+
+
 def test_many_radii_are_a_range_and_short_chains_have_no_labels():
     p, t = [], []
     for k in range(30):
@@ -292,3 +306,77 @@ def test_a_magnetisation_curve():
     assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("field strength H (A/m)", "flux density B (T)")
     given = axes()
     assert plotting.plot_bh(Arctan(1000.0, 2.0), given) is given and len(given.lines) == 1
+
+
+def test_a_density_is_drawn_per_square_of_the_unit_on_a_logarithmic_scale():
+    mesh = two_regions()
+    density = np.linspace(1e6, 1e8, 128)
+    drawn = plotting.plot_density(mesh, density, unit="mm")
+    shades, bar = drawn.collections[0], drawn.figure.axes[-1]
+    assert_allclose(shades.get_array(), density / 1e6)
+    assert isinstance(shades.norm, LogNorm) and (shades.norm.vmin, shades.norm.vmax) == (1.0, 100.0)
+    assert bar.get_ylabel() == "nodes asked for per mm²" and drawn.get_xlabel() == "x (mm)"
+    given = axes()
+    assert plotting.plot_density(mesh, density, ax=given, unit="") is given
+    assert given.figure.axes[-1].get_ylabel() == "nodes asked for per unit of area"
+
+
+@pytest.mark.parametrize(("density", "ends"), [(np.ones(128), (0.0, 1.0)), (np.zeros(128), (0.0, 1.0))])
+def test_a_density_with_nothing_to_scale_can_be_drawn(density, ends, tmp_path):
+    drawn = plotting.plot_density(two_regions(), density)
+    drawn.figure.savefig(tmp_path / "density.png", dpi=30)
+    assert (drawn.collections[0].norm.vmin, drawn.collections[0].norm.vmax) == ends
+
+
+def test_a_density_of_the_wrong_shape():
+    with pytest.raises(ValueError, match=r"density must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        plotting.plot_density(two_regions(), np.ones(81))
+
+
+def test_histograms_of_quality_hold_all_elements():
+    coarse, fine = two_regions(2), two_regions(3)
+    drawn = plotting.plot_qualities({"before": coarse, "after": fine})
+    steps = [patch for patch in drawn.patches if patch.get_label()]
+    assert [patch.get_label() for patch in steps] == ["before: worst 0.87, mean 0.87", "after: worst 0.87, mean 0.87"]
+    for patch in steps:
+        assert patch.get_data().values.sum() == pytest.approx(100.0)
+        assert np.flatnonzero(patch.get_data().values).tolist() == [int(np.sqrt(0.75) * 40)]
+    assert (drawn.get_xlim(), drawn.get_ylabel()) == ((0.0, 1.0), "share of the elements (%)")
+    with pytest.raises(ValueError, match="meshes must be one to 3; got 0"):
+        plotting.plot_qualities({})
+
+
+def test_the_estimate_over_nodes_and_its_slopes():
+    """At equal nodes half the error stands for four times as many nodes on a line of slope -1/2."""
+    mesh = two_regions()
+    drawn = plotting.plot_convergence({"adapted": [a_pass(0, mesh, 1.0), a_pass(1, mesh, 0.5)]})
+    points, first, best, _, mark = drawn.lines
+    assert_allclose(points.get_xydata(), [[81, 50.0], [81, 25.0]])
+    for line, error in ((first, 50.0), (best, 25.0)):
+        x, y = np.log(line.get_data())
+        assert (y[1] - y[0]) / (x[1] - x[0]) == pytest.approx(-0.5)
+        assert np.interp(np.log(81), x, y) == pytest.approx(np.log(error))
+    assert_allclose(mark.get_xydata(), [[4 * 81, 25.0]])
+    assert drawn.get_xlim()[0] < 81 and drawn.get_xlim()[1] > 4 * 81
+    assert (drawn.get_xscale(), drawn.get_yscale()) == ("log", "log")
+    assert drawn.get_ylabel() == "energy error (% of the energy norm)"
+
+
+def test_more_histories_than_one_share_their_axes():
+    histories = {"one": [a_pass(0, two_regions(2), 1.0, None)], "other": [a_pass(0, two_regions(4), 0.1)]}
+    drawn = plotting.plot_convergence(histories, slope=-1.0)
+    assert legend_of(drawn) == ["one", "other", "$N^{-1}$ through the first pass"]
+    assert drawn.get_ylabel() == "energy error"
+    assert drawn.get_xlim()[0] < 25 and drawn.get_xlim()[1] > 289
+
+
+@pytest.mark.parametrize("histories", [{}, {"none": []}, {word: [1] for word in "abcdefg"}])
+def test_histories_that_cannot_be_drawn(histories):
+    with pytest.raises(ValueError, match=f"histories must be one to 6, each with a pass; got {len(histories)}"):
+        plotting.plot_convergence(histories)
+
+
+def test_an_estimate_of_zero_has_no_slope(tmp_path):
+    drawn = plotting.plot_convergence({"exact": [a_pass(0, two_regions(), 0.0)]})
+    drawn.figure.savefig(tmp_path / "estimate.png", dpi=30)
+    assert len(drawn.lines) == 1

@@ -26,6 +26,7 @@ MODULES = [
         "kohonen_adapt.estimators",
         "kohonen_adapt.magnetostatics",
         "kohonen_adapt.plotting",
+        "kohonen_adapt.report",
         "kohonen_adapt.cases",
     )
 ]
@@ -39,7 +40,7 @@ def public_callables():
     for module in MODULES:
         for name in module.__all__:
             thing = getattr(module, name)
-            if callable(thing) and thing not in [*PROTOCOLS, ka.Status]:
+            if (inspect.isclass(thing) or inspect.isfunction(thing)) and thing not in [*PROTOCOLS, ka.Status]:
                 yield f"{module.__name__}.{name}", thing
                 if inspect.isclass(thing):
                     yield from ((f"{module.__name__}.{name}.{key}", method) for key, method in own_methods(thing))

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,8 @@ class Case:
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
         Name to a function of the field.
+    file, text
+        The name of the file it was read from, and what that says; empty for a case from elsewhere.
     """
 
     mesh: Path
@@ -79,6 +81,8 @@ class Case:
     problem: Magnetostatics
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
+    file: str = ""
+    text: str = ""
 
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
@@ -133,11 +137,12 @@ def read_case(path: Path) -> Case:
         raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
     content = path.read_bytes()
     try:
-        given = tomllib.loads(content.decode("utf-8"))
+        said = content.decode("utf-8")
+        given = tomllib.loads(said)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {error}.") from None
     with about(path):
-        return case_of(given, path.parent)
+        return replace(case_of(given, path.parent), file=path.name, text=said)
 
 
 def case_of(given: Mapping[str, Any], folder: Path) -> Case:

@@ -1,21 +1,31 @@
-"""The files that a run leaves: mesh, fields, table of passes and pictures, each whole or not at all."""
+"""The files that a run leaves: mesh, fields, table of passes, pictures and report, each whole or not at all."""
 
 import csv
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..cases import Case
+from ..density import density_from_indicators
 from ..io import write_mesh
 from ..io.whole_file import whole_file
 from ..result import AdaptResult, Pass
+from .reporting import energy_unit, length_unit, magnitude, write_run_report
 
 __all__ = ["write_pictures", "write_results"]
 
-MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
+MESH, FIELDS, HISTORY, REPORT = "adapted.msh", "adapted.vtu", "history.csv", "report.html"
+PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
+OUTLINES, PASSES = "outlines.png", "passes.gif"
 
-MESH, FIELDS, HISTORY, PICTURE, OUTLINES = "adapted.msh", "adapted.vtu", "history.csv", "adaptation.png", "outlines.png"
+CAPTIONS = {
+    PICTURE: "Meshes, error indicators before and after on one scale, flux lines over |B|, estimate over the passes",
+    DENSITY: "Density of nodes that the error indicators of the first mesh ask for",
+    QUALITY: "Quality of the elements before and after",
+    ESTIMATE: "Estimate over the number of nodes, with the slope of the best refinement",
+    OUTLINES: "Outlines of the adapted mesh: where nodes may go",
+    PASSES: "The mesh, pass by pass",
+}
+"""Of the pictures in a report, in its order."""
 
 
 def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
@@ -46,7 +56,7 @@ def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    """Draw ``adaptation.png`` and ``outlines.png``.
+    """Draw the pictures and write the report that shows them; without matplotlib a report without them.
 
     Returns
     -------
@@ -56,37 +66,52 @@ def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: 
     Raises
     ------
     ModuleNotFoundError
-        Without matplotlib.
+        Without matplotlib, when the report is written.
     OSError
         If one cannot be written.
     """
-    from ..plotting import adaptation_figure, plot_outlines  # they need matplotlib, the rest does not
+    try:
+        names = _draw(case, before, after, folder)
+    except ModuleNotFoundError:
+        write_run_report(folder / REPORT, case, before, after, {})
+        raise
+    write_run_report(folder / REPORT, case, before, after, {CAPTIONS[name]: folder / name for name in names})
+    return [*names, REPORT]
 
-    unit = "mm" if np.ptp(after.mesh.p, axis=1).max() < MILLIMETRES else "m"
-    meshes = adaptation_figure(
-        before,
-        after,
-        potential=after.solution.unknown,
-        magnitude=np.hypot(*after.solution.flux_density),
-        magnitude_label="flux density |B| (T)",
-        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{_energy_unit(case)}}}}}$",
-        lines_title="Flux lines",
-        unit=unit,
-    )
+
+def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
+    from .. import plotting  # it needs matplotlib, the rest does not
+
+    unit, problem = length_unit(after), case.problem
     names = [pin for pin in case.adapt.get("pinned", ()) if isinstance(pin, str)]  # nodes have other numbers now
-    outlines = plot_outlines(after.mesh, pinned=names, periodic=case.adapt.get("periodic", ()), unit=unit)
-    _save(folder / PICTURE, meshes)
-    _save(folder / OUTLINES, outlines.figure)
-    return [PICTURE, OUTLINES]
+    density = density_from_indicators(before.mesh, before.indicators, order=problem.order)
+    figures = {
+        PICTURE: plotting.adaptation_figure(
+            before,
+            after,
+            potential=after.solution.unknown,
+            magnitude=magnitude(after.solution),
+            magnitude_label="flux density |B| (T)",
+            indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{energy_unit(case)}}}}}$",
+            lines_title="Flux lines",
+            unit=unit,
+        ),
+        DENSITY: plotting.plot_density(before.mesh, density, unit=unit).figure,
+        QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
+        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-0.5 * problem.order).figure,
+        OUTLINES: plotting.plot_outlines(
+            after.mesh, pinned=names, periodic=case.adapt.get("periodic", ()), unit=unit
+        ).figure,
+    }
+    for name, figure in figures.items():
+        _save(folder / name, figure)
+    plotting.animate_passes(folder / PASSES, after.history, unit=unit)
+    return [*figures, PASSES]
 
 
 def _save(path: Path, figure: Any) -> None:
     with whole_file(path) as draft:
         figure.savefig(draft, format="png")
-
-
-def _energy_unit(case: Case) -> str:
-    return "J" if case.problem.axisymmetric else "J/m"
 
 
 def _write_history(path: Path, history: tuple[Pass, ...]) -> None:

@@ -5,18 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from ..result import AdaptResult, Pass
+from ..showing import DECADES, in_unit, level_of_share, one_per, outlined_facets
 from ..triangles import area
-from ..triangulation import codes_of_names
-from .lengths import in_unit, set_axes
+from .lengths import set_axes
 
 __all__ = [
     "adaptation_figure",
@@ -29,9 +30,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-DECADES = 3
-"""How far below the largest indicator the colours reach."""
-
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
 # One hue, without its dark end, so that black lines stand out on every shade.
@@ -39,6 +37,9 @@ PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pal
 
 OUTLINE = 0.9
 """Width of the lines around regions, points."""
+
+LONGEST = 50_000
+"""Facets in one line."""
 
 
 def adaptation_figure(
@@ -124,7 +125,7 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     """
     # Thinner lines on finer meshes, down to where they would vanish.
     width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
-    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), _outline(mesh))
+    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), outlined_facets(mesh))
     _draw_facets(axes, mesh, inner, unit, "0.4", width)
     _draw_outline(axes, mesh, unit, "black")
     set_axes(axes, mesh, unit)
@@ -163,7 +164,7 @@ def draw_indicators(
     >>> bar = figure.colorbar(colours, label="indicator")
     >>> figure.savefig("indicators.png")
     """
-    values = _per(mesh.t.shape[1], indicators, "indicators", "nelements")
+    values = one_per(mesh.t.shape[1], indicators, "indicators", "nelements")
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
@@ -207,9 +208,9 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    potential = _per(mesh.p.shape[1], potential, "potential", "nnodes")
-    magnitude = _per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
-    norm = Normalize(0.0, _level_of_share(magnitude, area(mesh), 0.99))
+    potential = one_per(mesh.p.shape[1], potential, "potential", "nnodes")
+    magnitude = one_per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
+    norm = Normalize(0.0, level_of_share(magnitude, area(mesh), 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
     x, y = in_unit(unit) * mesh.p
     low, high = potential.min(), potential.max()
@@ -239,9 +240,8 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     number = [step.number for step in history]
     axes.plot(number, scale * [step.estimate for step in history], "o-", color=BLUE, label="estimate")
     if errors is not None:
-        axes.plot(
-            number, scale * _per(len(history), errors, "errors", "passes"), "s--", color=VERMILION, label="exact error"
-        )
+        exact = scale * one_per(len(history), errors, "errors", "passes")
+        axes.plot(number, exact, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.p.shape[1] for step in history})
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
@@ -280,31 +280,12 @@ def _draw_elements(
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
-    segments = in_unit(unit) * mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
-    axes.add_collection(LineCollection(segments, colors=colour, linewidths=width, capstyle="round", rasterized=True))
+    """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
+    for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
+        ends = in_unit(unit) * mesh.p[:, mesh.facets[:, part]]
+        x, y = np.concatenate([ends, np.full((2, 1, len(part)), np.nan)], axis=1).transpose(0, 2, 1).reshape(2, -1)
+        axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
 
 
 def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
-    _draw_facets(axes, mesh, _outline(mesh), unit, colour, OUTLINE)
-
-
-def _outline(mesh: MeshTri) -> NDArray[np.integer]:
-    """Facets on the rim and between elements of different subdomain names."""
-    sets = [(np.asarray(elements), 0) for elements in (mesh.subdomains or {}).values()]
-    codes = codes_of_names(sets, mesh.t.shape[1])
-    one, other = mesh.f2t
-    return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
-
-
-def _level_of_share(values: Floats, weights: Floats, share: float) -> float:
-    """The value that this share of the weights does not exceed."""
-    order = np.argsort(values)
-    running = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(running, share * running[-1])])
-
-
-def _per(count: int, values: ArrayLike, name: str, counted: str) -> Floats:
-    array = np.asarray(values, dtype=float)
-    if array.shape != (count,):
-        raise ValueError(f"{name} must have shape ({counted},) = ({count},); got {array.shape}.")
-    return array
+    _draw_facets(axes, mesh, outlined_facets(mesh), unit, colour, OUTLINE)

@@ -4,10 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from skfem import MeshTri
 
-__all__ = ["in_unit", "set_axes"]
+from ..showing import in_unit
 
-UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
-"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
+__all__ = ["set_axes"]
 
 
 def set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
@@ -16,10 +15,3 @@ def set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
     room = 0.02 * np.max(high - low)
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
     axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
-
-
-def in_unit(unit: str) -> float:
-    """What lengths of a mesh are multiplied by to be drawn in a unit; a ValueError if it is unknown."""
-    if unit not in UNITS:
-        raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
-    return UNITS[unit]

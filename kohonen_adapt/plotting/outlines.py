@@ -13,9 +13,10 @@ from skfem import MeshTri
 from ..chains import Curve
 from ..kernels.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
 from ..outline import Outline
+from ..showing import in_unit
 from ..som import KohonenMap
 from ..triangulation import Triangulation
-from .lengths import in_unit, set_axes
+from .lengths import set_axes
 
 __all__ = ["plot_outlines"]
 
@@ -217,8 +218,9 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
     offset = (6.0 * normal[0], 6.0 * normal[1])
     axes.annotate(
-        text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va, zorder=5
-    )
+        text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va,
+        zorder=5, parse_math=False,  # dollars in a name are no formula
+    )  # fmt: skip
 
 
 def _counted(count: int, what: str) -> str:

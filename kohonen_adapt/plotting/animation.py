@@ -1,0 +1,170 @@
+"""Moving pictures (GIF) of meshes: pass by pass, and of the map as it learns."""
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from math import ceil
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from ..io.whole_file import whole_file
+from ..result import Pass
+from ..schedule import Schedule, check_training
+from ..som import KohonenMap
+from .adaptation import draw_mesh
+
+__all__ = ["animate_map", "animate_passes"]
+
+Draw = Callable[[int, np.random.Generator], tuple[ArrayLike, ArrayLike | None]]
+Frame = tuple[MeshTri, str]
+
+MOST = 60
+"""Frames; of more, as many are taken evenly, the first and the last with them."""
+
+HOLD = 1.6  # seconds that the last frame stays before the film begins again
+DOTS = 110  # per inch
+INCHES = 5.0  # across, and up before the title
+
+
+def animate_passes(
+    path: str | PathLike[str], history: Sequence[Pass], *, unit: str = "m", seconds: float = 0.8
+) -> None:
+    """Write a GIF with a frame for the mesh of every pass.
+
+    Parameters
+    ----------
+    path
+        The file, by custom ``*.gif``; it is whole or not there.
+    history
+        The passes, for instance ``result.history``; of more than 60 as many are shown.
+    unit
+        Unit of the axes, "m", "mm" or "".
+    seconds
+        How long a frame stays.
+
+    Raises
+    ------
+    ValueError
+        If there is no pass, the unit is unknown, or `seconds` is not above zero.
+    OSError
+        If the file cannot be written.
+    """
+    _write(Path(path), [(step.mesh, _title(step)) for step in history], unit, seconds)
+
+
+def animate_map(
+    path: str | PathLike[str],
+    som: KohonenMap,
+    points: ArrayLike | Draw,
+    schedule: Schedule,
+    *,
+    weights: ArrayLike | None = None,
+    seed: int = 0,
+    unit: str = "",
+    seconds: float = 0.25,
+) -> tuple[float, ...]:
+    """Train a map epoch by epoch and write a GIF of how its mesh unfolds.
+
+    Parameters
+    ----------
+    path
+        The file, by custom ``*.gif``; it is whole or not there.
+    som
+        The map; it is trained.
+    points, weights
+        As `KohonenMap.train` takes them.
+    schedule
+        Stages without sweeps. Every epoch is a training of its own, with its own order of the points, so that the mesh
+        ends near to that of ``som.train``, not on it.
+    seed
+        Of the first epoch; the next has the next.
+    unit
+        Unit of the axes, "m", "mm" or "".
+    seconds
+        How long a frame stays.
+
+    Returns
+    -------
+    tuple of float
+        Quantisation error of every epoch, as `KohonenMap.train` returns them.
+
+    Raises
+    ------
+    ValueError
+        If training refuses its arguments, the unit is unknown, or `seconds` is not above zero.
+    OSError
+        If the file cannot be written.
+    """
+    check_training(schedule, seed)
+    if callable(points) and not schedule.fresh:
+        most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
+        points, weights = points(ceil(most * som.mesh.p.shape[1]), np.random.default_rng(seed))
+    frames: list[Frame] = [(som.mesh, "before")]
+    errors: list[float] = []
+    for number, (title, epoch) in enumerate(_epochs(schedule)):
+        errors += som.train(points, epoch, weights=weights, seed=seed + number)
+        frames.append((som.mesh, f"epoch {number + 1}: {title}"))
+        if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
+            break
+    _write(Path(path), frames, unit, seconds)
+    return tuple(errors)
+
+
+def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
+    """A schedule for every epoch, with what it does."""
+    for stage in schedule.stages:
+        for rate in stage.rates().tolist():
+            one = replace(stage, epochs=1, learning_rate=rate)
+            yield f"radius {stage.radius}, rate {rate:.2g}", replace(schedule, stages=(one,))
+
+
+def _title(step: Pass) -> str:
+    error = f"{100.0 * step.estimate / step.energy_norm:.3g} %" if step.energy_norm else f"{step.estimate:.4g}"
+    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, error {error}"
+
+
+def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> None:
+    if not frames:
+        raise ValueError("an animation needs a mesh at least; got none.")
+    if not seconds > 0.0:
+        raise ValueError(f"seconds must be above zero; got {seconds!r}.")
+    with whole_file(path) as draft:
+        draft.write_bytes(_film(_at_most(frames), unit, seconds))
+
+
+def _at_most(frames: Sequence[Frame]) -> list[Frame]:
+    wanted = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
+    return [frames[k] for k in wanted.tolist()]
+
+
+def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
+    """The frames as a GIF; matplotlib tells the format by the name of a file, so it writes one that goes again."""
+    figure = Figure(figsize=_page(np.ptp(frames[0][0].p, axis=1)), dpi=DOTS, layout="constrained")
+    axes, writer = figure.subplots(), PillowWriter(fps=1.0 / seconds)  # type: ignore[arg-type]  # a fraction will do
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder) / "film.gif"
+        writer.setup(figure, film, DOTS)
+        for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
+            _draw(axes, mesh, title, unit)
+            writer.grab_frame()
+        writer.finish()
+        return film.read_bytes()
+
+
+def _page(size: NDArray[np.float64]) -> tuple[float, float]:
+    """Inches across and up, for a mesh of this size with a title."""
+    width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
+    return float(width) + 0.6, float(height) + 0.6
+
+
+def _draw(axes: Axes, mesh: MeshTri, title: str, unit: str) -> None:
+    axes.clear()
+    draw_mesh(axes, mesh, unit=unit)
+    axes.set_title(title, fontsize="medium")

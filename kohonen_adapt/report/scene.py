@@ -1,0 +1,167 @@
+"""What the view of a report shows: two meshes, their fields, and the ends of every colour scale."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from ..result import AdaptResult
+from ..showing import DECADES, in_unit, level_of_share, named_subdomains, one_per, outlined_facets
+from ..triangles import area
+from ..triangulation import codes_of_names
+from .packing import packed
+
+__all__ = ["FieldOf", "view_data"]
+
+FieldOf = Callable[[Any], ArrayLike]
+"""What gives the values of a field from the solution that a problem returned."""
+
+Floats = NDArray[np.float64]
+Results = Sequence[AdaptResult]
+
+NAMELESS = "no name"
+MOST_NAMES = 255  # as a byte holds; further sets of names are shown as the last
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A field: what the page must know of it, and its packed values on every mesh (None: the page finds them)."""
+
+    about: dict[str, Any]
+    values: list[dict[str, str] | None]
+
+
+def view_data(
+    results: Mapping[str, AdaptResult],
+    *,
+    point_data: Mapping[str, FieldOf],
+    cell_data: Mapping[str, FieldOf],
+    indicator_label: str,
+    unit: str,
+) -> dict[str, Any]:
+    """Everything the view needs, ready for JSON.
+
+    Parameters
+    ----------
+    results
+        Word to result: what is left and right of the divider.
+    point_data, cell_data
+        Label to a function of a solution that gives values per node and per element.
+    indicator_label
+        What the indicators are called, with their unit.
+    unit
+        Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
+
+    Raises
+    ------
+    ValueError
+        If a function gives an array of the wrong shape, or the unit is unknown.
+    """
+    each = list(results.values())
+    shown = [
+        *(_elementwise(label, each, function) for label, function in cell_data.items()),
+        *(_nodal(label, each, function) for label, function in point_data.items()),
+        _indicators(indicator_label, each),
+        _found_by_page("quality (1: equilateral, 0: flat)", "quality", 0.0, 1.0),
+        _sizes(each, unit),
+        _subdomains(each),
+    ]
+    return {
+        "unit": unit,
+        "bounds": _bounds([result.mesh for result in each], unit),
+        "fields": [field.about for field in shown],
+        "meshes": [
+            {"name": word, **_mesh(result.mesh, unit), "values": [field.values[k] for field in shown]}
+            for k, (word, result) in enumerate(results.items())
+        ],
+    }
+
+
+def _mesh(mesh: MeshTri, unit: str) -> dict[str, Any]:
+    """Coordinates relative to the middle of the mesh, where float32 is finest."""
+    centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
+    x, y = in_unit(unit) * (mesh.p - centre[:, None])
+    return {
+        "centre": (in_unit(unit) * centre).tolist(),
+        "x": packed(x, "f4"),
+        "y": packed(y, "f4"),
+        "t": packed(mesh.t, "u4"),
+        "outline": packed(mesh.facets[:, outlined_facets(mesh)].T, "u4"),
+    }
+
+
+def _bounds(meshes: Sequence[MeshTri], unit: str) -> list[list[float]]:
+    low = np.min([mesh.p.min(axis=1) for mesh in meshes], axis=0)
+    high = np.max([mesh.p.max(axis=1) for mesh in meshes], axis=0)
+    return [(in_unit(unit) * bound).tolist() for bound in (low, high)]
+
+
+def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
+    values = [one_per(each.mesh.t.shape[1], function(each.solution), label, "nelements") for each in results]
+    ends = [_middle_ends(each, result.mesh) for each, result in zip(values, results, strict=True)]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    return _linear(label, "element", values, 0.0 if low >= 0.0 else low, high)
+
+
+def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
+    values = [one_per(each.mesh.p.shape[1], function(each.solution), label, "nnodes") for each in results]
+    finite = np.concatenate([each[np.isfinite(each)] for each in values])
+    return _linear(label, "node", values, *((finite.min(), finite.max()) if finite.size else (0.0, 1.0)))
+
+
+def _linear(label: str, at: str, values: Sequence[Floats], low: float, high: float) -> Shown:
+    return _scaled(label, at, values, "linear", float(low), float(high))
+
+
+def _indicators(label: str, results: Results) -> Shown:
+    values = [one_per(each.mesh.t.shape[1], each.indicators, "indicators", "nelements") for each in results]
+    largest = max((float(each[np.isfinite(each)].max(initial=0.0)) for each in values), default=0.0)
+    if largest == 0.0:
+        return _scaled(label, "element", values, "linear", 0.0, 1.0)
+    return _scaled(label, "element", values, "log", 10.0**-DECADES * largest, largest)
+
+
+def _scaled(label: str, at: str, values: Sequence[Floats], scale: str, low: float, high: float) -> Shown:
+    about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
+    about["below"] = any(bool(np.any(each < low)) for each in values)
+    about["above"] = any(bool(np.any(each > high)) for each in values)
+    return Shown(about, [packed(each, "f4", coarse=at == "element") for each in values])
+
+
+def _middle_ends(values: Floats, mesh: MeshTri) -> tuple[float, float]:
+    """Between which values all but a hundredth of the area lies at either end: corners have spikes."""
+    finite = np.isfinite(values)
+    if not finite.any():
+        return 0.0, 1.0
+    values, areas = values[finite], area(mesh)[finite]
+    return level_of_share(values, areas, 0.01), level_of_share(values, areas, 0.99)
+
+
+def _found_by_page(label: str, kind: str, low: float, high: float, scale: str = "linear") -> Shown:
+    about = {"label": label, "kind": kind, "at": "element", "scale": scale, "low": low, "high": high}
+    return Shown(about, [None, None])
+
+
+def _sizes(results: Results, unit: str) -> Shown:
+    sizes = [in_unit(unit) * np.sqrt(area(each.mesh)) for each in results]
+    low, high = min(float(each.min()) for each in sizes), max(float(each.max()) for each in sizes)
+    return _found_by_page(f"size, root of the area{f' ({unit})' if unit else ''}", "size", low, high, "log")
+
+
+def _subdomains(results: Results) -> Shown:
+    names: dict[str, int] = {}
+    values = [_numbers_of_names(each.mesh, names) for each in results]
+    about = {"label": "subdomain", "kind": "values", "at": "element", "names": list(names)[: MOST_NAMES + 1]}
+    return Shown(about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values])
+
+
+def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> NDArray[np.integer]:
+    """For every element the number of its set of names, (nelements,); new sets are added to `names`."""
+    subdomains = named_subdomains(mesh)
+    codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])
+    _, first, number = np.unique(codes, return_index=True, return_inverse=True)
+    sets = [[name for name, rows in subdomains.items() if np.any(rows == one)] for one in first]
+    return np.array([names.setdefault(", ".join(each) or NAMELESS, len(names)) for each in sets])[number]

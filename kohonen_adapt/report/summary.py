@@ -1,0 +1,67 @@
+"""An adaptation in words: how it ended, what it gained, what became of the outputs."""
+
+from ..result import AdaptResult, Pass
+
+__all__ = ["key_figures", "sentences"]
+
+
+def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
+    """What to look at first, name and value: the error before and after, nodes, quality, outputs."""
+    first, last = result.history[0], _best(result)
+    word = "energy error" if _in_percent(first, last) else "estimate"
+    return [
+        ("ended by", result.status.replace("_", " ")),
+        (f"{word} before", _error(first, last)),
+        (f"{word} after", _error(last, first)),
+        ("nodes", _from_to(*(step.mesh.p.shape[1] for step in (first, last)))),
+        ("worst quality", f"{last.min_quality:.2f}"),
+        *((name, f"{value:.5g}") for name, value in last.outputs.items()),
+    ]
+
+
+def sentences(result: AdaptResult) -> list[str]:
+    """How it ended, what it gained, and what became of every output."""
+    first, last = result.history[0], _best(result)
+    relocations = len(result.history) - 1
+    said = [
+        f"{_counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
+        f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
+        f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
+        f"{_from_to(*(step.mesh.p.shape[1] for step in (first, last)))} nodes.",
+    ]
+    return said + [_of_output(name, first, last) for name in last.outputs]
+
+
+def _best(result: AdaptResult) -> Pass:
+    return next((step for step in result.history if step.mesh is result.mesh), result.history[-1])
+
+
+def _in_percent(*steps: Pass) -> bool:
+    return all(step.energy_norm for step in steps)
+
+
+def _error(step: Pass, other: Pass) -> str:
+    """The estimate, in per cent of the energy norm if the other pass has one too."""
+    if step.energy_norm and other.energy_norm:
+        return f"{100.0 * step.estimate / step.energy_norm:.3g}\u00a0%"
+    return f"{step.estimate:.4g}"
+
+
+def _share(first: Pass, last: Pass) -> str:
+    if last is first or not first.estimate:
+        return ""
+    return f": the estimate is {100.0 * last.estimate / first.estimate:.3g}\u00a0% of what it was"
+
+
+def _from_to(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first} to {last}"
+
+
+def _of_output(name: str, first: Pass, last: Pass) -> str:
+    before, after = first.outputs[name], last.outputs[name]
+    change = f", by {100.0 * (after - before) / abs(before):+.3g}\u00a0%" if before else ""
+    return f"{name} went from {before:.5g} to {after:.5g}{change}." if last is not first else f"{name} is {after:.5g}."
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"

@@ -1,0 +1,101 @@
+"""A report of an adaptation as one HTML file that needs nothing else."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+from .. import __version__
+from ..io.whole_file import whole_file
+from ..result import AdaptResult
+from .page import filled_page
+from .reproduction import versions, without_folders
+from .scene import FieldOf, view_data
+from .summary import key_figures, sentences
+
+__all__ = ["write_report"]
+
+Picture = bytes | str | PathLike[str]
+
+
+def write_report(
+    path: str | PathLike[str],
+    result: AdaptResult,
+    *,
+    before: AdaptResult,
+    title: str = "Adaptation of a mesh",
+    asked: str = "",
+    point_data: Mapping[str, FieldOf] | None = None,
+    cell_data: Mapping[str, FieldOf] | None = None,
+    indicator_label: str = "error indicator of an element",
+    unit: str = "m",
+    pictures: Mapping[str, Picture] | None = None,
+    settings: Mapping[str, str] | None = None,
+) -> None:
+    """Write a report: summary, a view of the mesh before and after, the table of passes, pictures, settings, versions.
+
+    The file is whole or not there. It carries everything it shows, asks the network for nothing and lets nothing in:
+    names from a mesh are shown as text whatever they hold. A browser of 2023 or later draws the view (it needs
+    ``DecompressionStream``); the rest needs no JavaScript. It takes some 25 bytes for every element of either mesh.
+
+    Parameters
+    ----------
+    path
+        The file, by custom ``report.html``.
+    result
+        What `kohonen_adapt.adapt` returned, for any problem.
+    before
+        The input: the result of ``adapt(..., passes=0)``.
+    title, asked
+        The heading, and a sentence that says what was to be done.
+    point_data, cell_data
+        Fields of the view: label, with a unit, to a function of a solution that gives values (nnodes,) or
+        (nelements,). The first of `cell_data` is shown at first; contours are those of the first of `point_data`.
+        Indicators, quality, size and subdomains are there anyhow.
+    indicator_label
+        What the indicators are called, with their unit.
+    unit
+        Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
+    pictures
+        Caption to a PNG or GIF file: its path, or its bytes. The first has a row of its own.
+    settings
+        Name to text: what it takes to do it again, for instance ``{"Command": ...}``. Absolute paths in it are cut to
+        the names of their files.
+
+    Raises
+    ------
+    ValueError
+        If a field has the wrong shape, the unit is unknown, or a picture is neither PNG nor GIF.
+    OSError
+        If the file cannot be written or a picture cannot be read.
+
+    Examples
+    --------
+    ::
+
+        before, after = ka.adapt(mesh, problem, passes=0), ka.adapt(mesh, problem)
+        write_report("report.html", after, before=before, point_data={"A (Wb/m)": lambda field: field.potential})
+    """
+    data = view_data(
+        {"before": before, "after": result},
+        point_data=point_data or {},
+        cell_data=cell_data or {},
+        indicator_label=indicator_label,
+        unit=unit,
+    )
+    content = filled_page(
+        title=title,
+        generator=f"kohonen_adapt {__version__}",
+        summary=[*([asked] if asked else []), *sentences(result)],
+        figures=key_figures(result),
+        result=result,
+        pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},
+        settings={name: without_folders(text) for name, text in (settings or {}).items()},
+        versions=versions(),
+        data=data,
+    )
+    with whole_file(Path(path)) as draft:
+        draft.write_bytes(content)
+
+
+def _content(picture: Picture) -> bytes:
+    return picture if isinstance(picture, bytes) else Path(picture).read_bytes()
