@@ -22,13 +22,13 @@ from .commands.faults import faults, thin_parts
 from .commands.moving import density_source, relocate_file
 from .commands.results import write_pictures, write_results
 from .io import read_mesh
-from .io.whole_file import whole_file
 from .loop import adapt
 from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
 from .som import KohonenMap
 from .triangles import quality
 from .triangulation import check_mesh
+from .whole_file import whole_file
 
 __all__ = ["main"]
 

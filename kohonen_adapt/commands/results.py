@@ -8,8 +8,8 @@ import numpy as np
 
 from ..cases import Case
 from ..io import write_mesh
-from ..io.whole_file import whole_file
 from ..result import AdaptResult, Pass
+from ..whole_file import whole_file
 
 __all__ = ["write_pictures", "write_results"]
 
