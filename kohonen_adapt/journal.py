@@ -94,7 +94,7 @@ class _Solved:
 class Journal:
     """History of a loop. Of the solutions it keeps two, the last (for a warm start) and the best.
 
-    `progress` hears of every step when it begins, with the number of the pass in the making.
+    `progress` hears of every step when it begins, with the number of its pass.
     """
 
     def __init__(self, norm: str, progress: Callable[[int, str], Any] | None = None) -> None:
@@ -142,12 +142,13 @@ class Journal:
         return self._last is not None and self._last.solution is not UNSOLVED
 
     @contextmanager
-    def timed(self, step: str, failing: str = "") -> Iterator[None]:
+    def timed(self, step: str, failing: str = "", number: int | None = None) -> Iterator[None]:
         """Time one step of a pass; what goes wrong on the first mesh stays as it is, later it is a `StepFailed`.
 
-        That says what was `failing`, where it is not the step as a whole.
+        That says what was `failing`, where it is not the step as a whole. The pass is the one in the making, if no
+        `number` of another is given.
         """
-        self._begin(step)
+        self._begin(self.number if number is None else number, step)
         start = perf_counter()
         try:
             yield
@@ -183,11 +184,11 @@ class Journal:
 
     def solve_last(self, solve: Callable[[Finished], Any]) -> None:
         """Solve the last pass if that was not done in this process."""
-        self._solved_now(self._last, solve)
+        self._solved_now(self._last, self.number - 1, solve)
 
     def result(self, ending: Ending, solve: Callable[[Finished], Any]) -> AdaptResult:
         """The best pass, solved if that was not done in this process, with the history and the way the loop ended."""
-        best = self._solved_now(self._lowest if self._comparable else self._least, solve)
+        best = self._solved_now(self._lowest if self._comparable else self._least, self.best_number, solve)
         return AdaptResult(
             mesh=best.mesh,
             solution=best.solution,
@@ -200,17 +201,17 @@ class Journal:
             error=ending.error,
         )
 
-    def _solved_now(self, chosen: _Solved | None, solve: Callable[[Finished], Any]) -> _Solved:
+    def _solved_now(self, chosen: _Solved | None, number: int, solve: Callable[[Finished], Any]) -> _Solved:
         if chosen is None:
             raise RuntimeError("the journal has no pass to give back.")
         if chosen.solution is UNSOLVED:
-            self._begin("solve again")
+            self._begin(number, "solve again")
             chosen.solution = solve(chosen.finished)
         return chosen
 
-    def _begin(self, step: str) -> None:
+    def _begin(self, number: int, step: str) -> None:
         if self._progress is not None:
-            self._progress(self.number, step)
+            self._progress(number, step)
 
 
 def _entry(number: int, finished: Finished) -> Pass:

@@ -23,13 +23,15 @@ from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, check_training, is_count
 from .stopping import StopTest, failed, interrupted, not_moved, remarked, under_way
 
-__all__ = ["adapt"]
+__all__ = ["PASSES", "adapt"]
 
 # The measured best of the topologies.
 _TOPOLOGY = "recycle"
 
 # How a loop ends that nothing has cut short.
 _AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
+
+PASSES = 4
 
 _NUMBERS = (int, float, np.integer, np.floating)
 
@@ -38,7 +40,7 @@ def adapt(
     mesh: MeshTri,
     problem: Problem,
     *,
-    passes: int = 4,
+    passes: int = PASSES,
     rtol: float | None = None,
     atol: float | None = None,
     schedule: Schedule | None = None,
@@ -120,8 +122,8 @@ def adapt(
         Called after every pass with the result so far, which is what would come back if the loop ended there: write it,
         and a process that is killed has not worked for nothing. What it raises is not caught.
     progress
-        Called with the number of the pass in the making and a step when that begins: "solve", "estimate", "relocate",
-        "polish", "checkpoint" or "solve again". What it raises is not caught.
+        Called with the number of a pass and a step of it when that begins: "relocate", "polish", "solve", "estimate",
+        "checkpoint" or "solve again". What it raises is not caught.
     checkpoint
         A folder, created if missing, that gets a file for every finished pass, whole or not at all. If it has passes
         of this run (the same mesh and arguments; those that say when to end may differ, and `passes` too without
@@ -244,7 +246,7 @@ class _Loop:
             self.interim(self.result(under_way(self.journal)))
         if self.checkpoint.folder:
             number = self.journal.number - 1
-            with self.journal.timed("checkpoint", f"checkpoint of pass {number}"):
+            with self.journal.timed("checkpoint", f"checkpoint of pass {number}", number):
                 self.checkpoint.keep(number, finished)
 
     def improve(self) -> Relocation:

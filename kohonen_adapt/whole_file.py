@@ -1,11 +1,12 @@
 """A file that is written whole or not at all."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["whole_file"]
+__all__ = ["remove_drafts", "whole_file"]
 
 
 @contextmanager
@@ -38,3 +39,17 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
     finally:
         draft.unlink(missing_ok=True)
+
+
+def remove_drafts(folder: Path, process: int | None = None) -> None:
+    """Remove the drafts that a process left in a folder because it was killed; by default those of every process.
+
+    Raises
+    ------
+    OSError
+        If one cannot be removed.
+    """
+    draft = re.compile(rf"\..+\.{r'[0-9]+' if process is None else process}\.draft")
+    for file in folder.iterdir():
+        if draft.fullmatch(file.name):
+            file.unlink(missing_ok=True)

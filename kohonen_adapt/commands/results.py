@@ -11,11 +11,13 @@ from ..io import write_mesh
 from ..result import AdaptResult, Pass
 from ..whole_file import whole_file
 
-__all__ = ["write_pictures", "write_results"]
+__all__ = ["RESULTS", "write_history", "write_pictures", "write_results"]
 
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 MESH, FIELDS, HISTORY, PICTURE, OUTLINES = "adapted.msh", "adapted.vtu", "history.csv", "adaptation.png", "outlines.png"
+
+RESULTS = (MESH, FIELDS, HISTORY)
 
 
 def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
@@ -41,8 +43,8 @@ def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
         point_data={"A (Wb per m)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
-    _write_history(folder / HISTORY, result.history)
-    return [MESH, FIELDS, HISTORY]
+    write_history(result.history, folder)
+    return list(RESULTS)
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
@@ -89,9 +91,16 @@ def _energy_unit(case: Case) -> str:
     return "J" if case.problem.axisymmetric else "J/m"
 
 
-def _write_history(path: Path, history: tuple[Pass, ...]) -> None:
+def write_history(history: tuple[Pass, ...], folder: Path) -> None:
+    """Write ``history.csv``, a row for every pass.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
     rows = [_row(step) for step in history]
-    with whole_file(path) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
+    with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
