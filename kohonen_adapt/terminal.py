@@ -142,7 +142,11 @@ class Terminal:
             return
         hidden = True if self._quiet else None  # None: if it is no terminal
         form = "{desc} {bar:12} {elapsed}{postfix}"
-        with _Bar(bar_format=form, leave=False, disable=hidden, dynamic_ncols=True, file=sys.stderr) as bar:
+        with _Bar(
+            bar_format=form, leave=False, disable=hidden, delay=DELAY, dynamic_ncols=True, file=sys.stderr
+        ) as bar:
+            if not bar.disable:
+                bar.start_t -= DELAY
             while not wait([outcome], PERIOD).done:
                 if not bar.disable:
                     _draw(bar, self._shown)

@@ -84,6 +84,7 @@ class CaseRun:
             )
         for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
             file.unlink()
+        (self.passes / ENDED).unlink(missing_ok=True)
         return self._open()
 
     def go_on(self) -> int:
@@ -113,7 +114,6 @@ class CaseRun:
 
     def _open(self) -> int:
         self.passes.mkdir(exist_ok=True)
-        (self.passes / ENDED).unlink(missing_ok=True)
         for folder in (self._folder, self.passes):
             remove_drafts(folder)  # of a process that was killed
         return len(self._files())
@@ -145,6 +145,7 @@ class CaseRun:
         return result
 
     def _interim(self, result: AdaptResult) -> None:
+        (self.passes / ENDED).unlink(missing_ok=True)
         if len(result.history) == 1:
             self.before = result
         self._write(result)
