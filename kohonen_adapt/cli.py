@@ -180,7 +180,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         return DONE
     folder = _writable(arguments.out, terminal) if arguments.resume is None else arguments.resume
     told = _Told(arguments.case, folder, passes)
-    run = CaseRun(case, mesh, folder, progress=passes.show, told=told, writing=terminal.finishing)
+    run = CaseRun(case, mesh, folder, progress=passes.show, told=told)
     finished = run.go_on() if arguments.resume else run.start_anew()
     terminal.writes_to(run.passes)
     if finished:

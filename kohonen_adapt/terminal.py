@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Lock, RLock, Thread, current_thread, main_thread
+from threading import RLock, Thread, current_thread, main_thread
 from typing import Any, NamedTuple, NoReturn, TextIO, TypeVar
 
 from tqdm import tqdm
@@ -19,7 +19,6 @@ __all__ = ["Interrupted", "LineHandler", "Terminal"]
 
 PERIOD = 0.1  # s between two looks at what is going on
 DELAY = 0.5  # s: what ends sooner shows no progress
-GRACE = 0.5  # s that Ctrl-C waits for files that are being written
 
 Result = TypeVar("Result")
 
@@ -62,7 +61,6 @@ class Terminal:
         self.hint = ""
         self._quiet = quiet
         self._shown = _Shown("", 0, 1, "")
-        self._finishing = Lock()
         self._folders: list[Path] = []
         tqdm.set_lock(RLock())  # of threads alone: there is no other process to share the terminal with
 
@@ -98,12 +96,6 @@ class Terminal:
         """Drafts of files in this folder are to go when the command is interrupted."""
         self._folders.append(folder)
 
-    @contextmanager
-    def finishing(self) -> Iterator[None]:
-        """What is done in here is finished before Ctrl-C ends the process, unless it takes long."""
-        with self._finishing:
-            yield
-
     def wait_for(self, work: Callable[[], Result]) -> Result:
         """Do the work in a thread of its own, so that Ctrl-C gets through however long a loop of it runs.
 
@@ -122,7 +114,6 @@ class Terminal:
                 self._watch(outcome)
             except KeyboardInterrupt as interrupt:
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # once is enough
-                self._finishing.acquire(timeout=GRACE)
                 number = signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT
                 raise Interrupted(number) from None
         return outcome.result()

@@ -1,12 +1,13 @@
-"""A file that is written whole or not at all."""
+"""Files that are written whole or not at all."""
 
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["remove_drafts", "whole_file"]
+__all__ = ["remove_drafts", "whole_file", "whole_files"]
 
 
 @contextmanager
@@ -41,6 +42,34 @@ def whole_file(path: Path) -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
+@contextmanager
+def whole_files(folder: Path) -> Iterator[Path]:
+    """Give a folder to write files to that belong together; they come to `folder` together if nothing went wrong.
+
+    Yields
+    ------
+    Path
+        An empty folder within `folder`, so that its files need only be renamed.
+
+    Raises
+    ------
+    OSError
+        If the folder does not take them; it carries the name that the file was to have.
+    """
+    draft = folder / f".files.{os.getpid()}.draft"
+    draft.mkdir()
+    try:
+        yield draft
+        for file in sorted(draft.iterdir()):
+            os.replace(file, folder / file.name)
+    except OSError as error:
+        if error.filename is not None:
+            error.filename, error.filename2 = str(folder / Path(error.filename).name), None
+        raise
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
 def remove_drafts(folder: Path, process: int | None = None) -> None:
     """Remove the drafts that a process left in a folder because it was killed; by default those of every process.
 
@@ -49,7 +78,9 @@ def remove_drafts(folder: Path, process: int | None = None) -> None:
     OSError
         If one cannot be removed.
     """
-    draft = re.compile(rf"\..+\.{r'[0-9]+' if process is None else process}\.draft")
-    for file in folder.iterdir():
-        if draft.fullmatch(file.name):
-            file.unlink(missing_ok=True)
+    pattern = re.compile(rf"\..+\.{r'[0-9]+' if process is None else process}\.draft")
+    for draft in folder.iterdir():
+        if pattern.fullmatch(draft.name) and draft.is_dir():
+            shutil.rmtree(draft)
+        elif pattern.fullmatch(draft.name):
+            draft.unlink(missing_ok=True)

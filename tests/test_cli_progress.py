@@ -10,7 +10,6 @@ import subprocess
 import sys
 import termios
 import threading
-import time
 import warnings
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 
 import kohonen_adapt as ka
-from kohonen_adapt import cli, terminal
+from kohonen_adapt import cli
 from kohonen_adapt.terminal import LineHandler, Terminal
 
 ROOT = Path(__file__).parents[1]
@@ -199,27 +198,3 @@ def test_remarks_and_warnings_are_lines(capsys):
         warnings.warn("mind this", stacklevel=1)
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err == "a remark\nkohonen-adapt: warning: mind this\n"
-
-
-def test_what_is_being_finished_is_waited_for(monkeypatch):
-    """Ctrl-C in the main thread waits for files that are being written, but not for long."""
-    monkeypatch.setattr(terminal, "GRACE", 30.0)
-    ours, finished = Terminal(), []
-
-    def work():
-        with ours.finishing():
-            begun.set()
-            time.sleep(0.3)
-            finished.append(True)
-        time.sleep(1.0)
-
-    def interrupted(outcome):
-        begun.wait()
-        raise KeyboardInterrupt
-
-    begun = threading.Event()
-    monkeypatch.setattr(ours, "_watch", interrupted)
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    with pytest.raises(terminal.Interrupted):
-        ours.wait_for(work)
-    assert finished == [True]

@@ -1,7 +1,6 @@
 """A case adapted in a folder: what is best is written after every pass, and a run that was cut short can go on."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ from skfem import MeshTri
 from ..cases import Case
 from ..loop import adapt
 from ..result import AdaptResult, Status
-from ..whole_file import remove_drafts, whole_file
+from ..whole_file import remove_drafts, whole_file, whole_files
 from .results import write_history, write_results
 
 __all__ = ["CaseRun"]
@@ -32,8 +31,6 @@ class CaseRun:
         As `adapt` takes it; there is the step "write" besides.
     told
         Called after every pass with the result so far, when that is written.
-    writing
-        Gives a context in which the files of a pass are written.
 
     Attributes
     ----------
@@ -49,11 +46,10 @@ class CaseRun:
         *,
         progress: Callable[[int, str], Any],
         told: Callable[[AdaptResult], Any],
-        writing: Callable[[], AbstractContextManager[None]],
     ) -> None:
         self.before: AdaptResult | None = None
         self._case, self._mesh, self._folder = case, mesh, folder
-        self._progress, self._told, self._writing = progress, told, writing
+        self._progress, self._told = progress, told
         self._written: MeshTri | None = None
 
     @property
@@ -79,7 +75,7 @@ class CaseRun:
         files = self._files()
         if files and not (self.passes / ENDED).exists():
             raise FileExistsError(
-                f"'{self._folder}' has {len(files)} passes of a run that has not ended: go on with --resume "
+                f"'{self._folder}' has passes of a run that has not ended: go on with --resume "
                 f"{self._folder}, or delete '{self.passes}' to start anew."
             )
         for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
@@ -154,9 +150,9 @@ class CaseRun:
     def _write(self, result: AdaptResult) -> None:
         """Write what is new: the best pass if it is another, and the history."""
         self._progress(result.history[-1].number, "write")
-        with self._writing():
-            if self._written is not result.mesh:
-                write_results(self._case, result, self._folder)
-                self._written = result.mesh
-            else:
-                write_history(result.history, self._folder)
+        if self._written is result.mesh:
+            write_history(result.history, self._folder)
+            return
+        with whole_files(self._folder) as draft:
+            write_results(self._case, result, draft)
+        self._written = result.mesh
