@@ -172,7 +172,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))
-    passes.show(0, "read")
+    terminal.show("read", 0, passes.passes + 1)
     with about(arguments.case):
         mesh = case.fitting_mesh()
     if arguments.dry_run:

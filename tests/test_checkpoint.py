@@ -5,6 +5,7 @@ import json
 import os
 from dataclasses import fields
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -226,6 +227,13 @@ def test_interim_is_the_result_so_far():
         assert any(each.mesh is step.mesh for step in each.history)
         assert_array_equal(PROBLEM.solve(each.mesh).potential, each.solution.potential)
     assert seen[-1].mesh is result.mesh
+
+
+def test_an_input_node_that_was_recycled_never_comes_back():
+    kept = []
+    ka.adapt(MESH, PROBLEM, **OPTIONS, interim=lambda result: kept.append(set(result.nodes[result.nodes >= 0])))
+    assert kept[0] == set(range(MESH.p.shape[1]))
+    assert all(after < before for before, after in pairwise(kept))
 
 
 def test_interim_comes_before_the_pass_counts_as_finished(tmp_path):

@@ -150,9 +150,9 @@ def test_demo_shows_every_step(tmp_path, monkeypatch):
 
 
 def test_run_shows_every_step(case, tmp_path, monkeypatch):
-    first = [f"pass 0 of 1: {step}" for step in ("read", "solve", "estimate", "write", "checkpoint")]
+    first = [f"pass 0 of 1: {step}" for step in ("solve", "estimate", "write", "checkpoint")]
     second = [f"pass 1 of 1: {step}" for step in (*STEPS, "write", "checkpoint")]
-    assert shown_by(["run", case, "--out", tmp_path / "out"], monkeypatch) == [*first, *second, "draw"]
+    assert shown_by(["run", case, "--out", tmp_path / "out"], monkeypatch) == ["read", *first, *second, "draw"]
 
 
 def test_relocate_shows_every_step(case, tmp_path, monkeypatch):
