@@ -81,12 +81,13 @@ class Checkpoint:
         """
         if self.folder is None:
             return
-        files = sorted(self.folder.glob("pass-*.npz"))
-        for number, file in enumerate(files):
-            if file != self._file(number):
+        files = set(self.folder.glob("pass-*.npz"))
+        for number in range(len(files)):
+            file = self._file(number)
+            if file not in files:
                 raise ValueError(
-                    f"the checkpoint has '{file.name}' but no '{self._file(number).name}': delete the passes after the "
-                    f"missing one to go on from the one before it, or choose another folder than '{self.folder}'."
+                    f"the checkpoint has '{max(files).name}' but no '{file.name}': delete the passes after the missing "
+                    f"one to go on from the one before it, or choose another folder than '{self.folder}'."
                 )
             yield self._read(file, number)
 

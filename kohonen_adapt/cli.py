@@ -153,7 +153,8 @@ def _add_run(commands: Any) -> None:
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Run an example step by step, so that its files are there even if there can be no picture."""
-    folder = _writable(arguments.out, terminal)
+    folder = _writable(arguments.out)
+    terminal.writes_to(folder)
     example = runpy.run_path(str(_example(f"{arguments.name}.py")))
     passes = _Passes(terminal, example["PASSES"])
     before, after = example["adapt"](callback=passes.report, progress=passes.show)
@@ -178,10 +179,11 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.dry_run:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
-    folder = _writable(arguments.out, terminal) if arguments.resume is None else arguments.resume
+    folder = _writable(arguments.out) if arguments.resume is None else arguments.resume
     told = _Told(arguments.case, folder, passes)
     run = CaseRun(case, mesh, folder, progress=passes.show, told=told)
     finished = run.go_on() if arguments.resume else run.start_anew()
+    terminal.writes_to(folder)
     terminal.writes_to(run.passes)
     if finished:
         terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
@@ -267,7 +269,7 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Relocate a mesh from file to file."""
-    _writable(arguments.out.parent, terminal)
+    terminal.writes_to(_writable(arguments.out.parent))
     before, after = relocate_file(
         arguments.mesh,
         density_source(arguments.density),
@@ -300,12 +302,11 @@ def _drawn(terminal: Terminal, draw: Callable[[], Drawn]) -> Drawn | None:
         return None
 
 
-def _writable(folder: Path, terminal: Terminal) -> Path:
+def _writable(folder: Path) -> Path:
     """Create the folder and see that it takes files, before the work and not after it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            terminal.writes_to(folder)
             return folder
     except OSError as error:
         raise OSError(f"--out expected a folder that takes files; '{folder}' does not: {error.strerror}.") from error

@@ -174,13 +174,28 @@ def test_cut_short_at_any_moment_and_resumed(number, tmp_path):
     assert not drafts(out)
 
 
+STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
+
+
+@pytest.mark.parametrize("option", ["--out", "--resume"])
+def test_drafts_go_when_a_run_is_interrupted(option, case, tmp_path):
+    assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
+    case.write_text(CASE.replace("passes = 2", "passes = 3"))
+    process = begin("run", case, option, tmp_path / "out", code=STUCK + COMMAND)
+    wait_for_line(process, "stuck")
+    assert drafts(tmp_path / "out")
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert not drafts(tmp_path / "out")
+
+
 def test_relocate_interrupted_while_it_writes(case, tmp_path):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
     (tmp_path / "after.msh").write_text("what was there")
-    stuck = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
     arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
-    process = begin(*arguments, "--out", tmp_path / "after.msh", code=stuck + COMMAND)
+    process = begin(*arguments, "--out", tmp_path / "after.msh", code=STUCK + COMMAND)
     wait_for_line(process, "stuck")
     assert len(drafts(tmp_path)) == 1
     process.send_signal(signal.SIGINT)
