@@ -58,8 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0 if all went well, 1 if the problem could not be solved, 2 for wrong arguments and files that cannot be read
-        or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a loop runs that cannot be stopped, the
-        process ends with that number, and nothing is returned.
+        or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at work, the process ends with
+        that number, and nothing is returned.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.writes_to(run.passes)
     if finished:
         terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
-    terminal.hint = told.hint()
+    terminal.hint(told.hint())
     result = run.result()
     terminal.say(result)
     passes.draw()
@@ -232,9 +232,8 @@ class _Told:
     def __call__(self, result: AdaptResult) -> None:
         self.passes.report(result.history[-1])
         best = next(step.number for step in result.history if step.mesh is result.mesh)
-        self.passes.terminal.hint = self.hint(
-            f"pass {best}, the best of {len(result.history)}, is in {self.folder}: {', '.join(RESULTS)}"
-        )
+        so_far = f"pass {best}, the best of {len(result.history)}, is in {self.folder}: {', '.join(RESULTS)}"
+        self.passes.terminal.hint(self.hint(so_far))
 
     def hint(self, so_far: str = "no further pass was finished") -> str:
         command = shlex.join(["kohonen-adapt", "run", str(self.case), "--resume", str(self.folder)])

@@ -6,19 +6,21 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import RLock, Thread, current_thread, main_thread
 from typing import Any, NamedTuple, NoReturn, TextIO, TypeVar
 
 from tqdm import tqdm
 
+from .guard import Guard, farewell, guarded
 from .whole_file import remove_drafts
 
 __all__ = ["Interrupted", "LineHandler", "Terminal"]
 
 PERIOD = 0.1  # s between two looks at what is going on
 DELAY = 0.5  # s: what ends sooner shows no progress
+FORM = "{desc} {bar:12} {elapsed}{postfix}"
 
 Result = TypeVar("Result")
 
@@ -49,16 +51,11 @@ class _Shown(NamedTuple):
 
 
 class Terminal:
-    """Standard output and standard error of one command.
-
-    Attributes
-    ----------
-    hint
-        What to say beside that the command was interrupted.
-    """
+    """Standard output and standard error of one command."""
 
     def __init__(self, quiet: bool = False) -> None:
-        self.hint = ""
+        self._hint = ""
+        self._guard: Guard | None = None
         self._quiet = quiet
         self._shown = _Shown("", 0, 1, "")
         self._folders: list[Path] = []
@@ -92,6 +89,12 @@ class Terminal:
         """
         self._shown = _Shown(step, done, total, known)
 
+    def hint(self, hint: str) -> None:
+        """Say that from now on beside that the command was interrupted."""
+        self._hint = hint
+        if self._guard is not None:
+            self._guard.tell(hint)
+
     def writes_to(self, folder: Path) -> None:
         """Drafts of files in this folder are to go when the command is interrupted."""
         self._folders.append(folder)
@@ -122,22 +125,29 @@ class Terminal:
         """End the process at once, for the thread may be in a compiled loop that runs for minutes."""
         for folder in self._folders:
             remove_drafts(folder, os.getpid())
-        word = "terminated" if interrupt.number == signal.SIGTERM else "interrupted"
-        sys.stderr.write(f"kohonen-adapt: {'; '.join([word, self.hint] if self.hint else [word])}.\n")
+        sys.stderr.write(farewell(interrupt.number, self._hint))
         sys.stderr.flush()
         os._exit(128 + interrupt.number)
 
     def _watch(self, outcome: Future) -> None:
-        """Redraw the step until the work is done."""
-        if wait([outcome], DELAY).done:
+        """Wait until the work is done, and show it if that takes long."""
+        if wait([outcome], PERIOD).done:
             return
+        with guarded() if current_thread() is main_thread() else nullcontext() as self._guard:
+            self.hint(self._hint)
+            try:
+                if not wait([outcome], DELAY - PERIOD).done:
+                    self._redraw(outcome)
+            finally:
+                self._guard = None
+
+    def _redraw(self, outcome: Future) -> None:
         hidden = True if self._quiet else None  # None: if it is no terminal
-        form = "{desc} {bar:12} {elapsed}{postfix}"
         with _Bar(
-            bar_format=form, leave=False, disable=hidden, delay=DELAY, dynamic_ncols=True, file=sys.stderr
+            bar_format=FORM, leave=False, disable=hidden, delay=DELAY, dynamic_ncols=True, file=sys.stderr
         ) as bar:
             if not bar.disable:
-                bar.start_t -= DELAY
+                bar.start_t -= DELAY  # it is as old as the work
             while not wait([outcome], PERIOD).done:
                 if not bar.disable:
                     _draw(bar, self._shown)

@@ -25,7 +25,7 @@ GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
 BESIDE = {"estimators": GROUND, "magnetostatics": [*GROUND, "estimators"]}
 # What a person touches; nothing but the package's front imports it.
-TOP = ["io", "plotting", "report", "cases", "commands", "terminal", "cli"]
+TOP = ["io", "plotting", "report", "cases", "commands", "guard", "terminal", "cli"]
 FRONT = ["__init__", "__main__"]
 
 # Where a package other than the everyday ones (numpy, scipy, skfem) may be imported.
