@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         0 if all went well, 1 if the problem could not be solved, 2 for wrong arguments and files that cannot be read
         or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at work, the process ends with
-        that number, and nothing is returned.
+        that number, or is killed where it cannot even do that, and nothing is returned.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from threading import RLock, Thread, current_thread, main_thread
 from typing import Any, NamedTuple, NoReturn, TextIO, TypeVar
@@ -124,7 +124,8 @@ class Terminal:
     def leave(self, interrupt: Interrupted) -> NoReturn:
         """End the process at once, for the thread may be in a compiled loop that runs for minutes."""
         for folder in self._folders:
-            remove_drafts(folder, os.getpid())
+            with suppress(OSError):  # the thread is still at work in it; a later run removes what is left
+                remove_drafts(folder, os.getpid())
         sys.stderr.write(farewell(interrupt.number, self._hint))
         sys.stderr.flush()
         os._exit(128 + interrupt.number)
