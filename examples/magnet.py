@@ -10,6 +10,7 @@ from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.report import write_report
 
 MESH = Path(__file__).with_name("c_core.msh")
+PASSES = 4
 
 PROBLEM = Magnetostatics(
     {
@@ -21,10 +22,11 @@ PROBLEM = Magnetostatics(
 )
 
 
-def adapt(callback=None):
+def adapt(callback=None, progress=None):
     """The problem on the mesh as Gmsh made it, and on the adapted one."""
     mesh = ka.read_mesh(MESH, scale=1e-3)  # drawn in millimetres
-    return ka.adapt(mesh, PROBLEM, passes=0), ka.adapt(mesh, PROBLEM, passes=4, callback=callback)
+    before = ka.adapt(mesh, PROBLEM, passes=0)
+    return before, ka.adapt(mesh, PROBLEM, passes=PASSES, callback=callback, progress=progress)
 
 
 def write(result, folder):

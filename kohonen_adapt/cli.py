@@ -1,34 +1,37 @@
-"""The command ``kohonen-adapt``: its arguments, and what it says: progress and errors in plain lines."""
+"""The command ``kohonen-adapt``: its arguments, and what it says."""
 
 import argparse
 import logging
 import os
 import runpy
+import shlex
 import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TypeVar
 
 import numpy as np
-from skfem import MeshTri
 
 from . import __version__
-from .cases import Case, case_text, read_case
+from .cases import case_text, read_case
 from .cases.kinds import about
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts
-from .commands.moving import density_source, relocate_file
-from .commands.results import write_pictures, write_results
+from .commands.moving import STEPS, density_source, relocate_file
+from .commands.results import RESULTS, write_pictures
+from .commands.running import CaseRun
 from .io import read_mesh
-from .io.whole_file import whole_file
-from .loop import adapt
+from .loop import PASSES, adapt
 from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
 from .som import KohonenMap
+from .terminal import Interrupted, LineHandler, Terminal
 from .triangles import quality
 from .triangulation import check_mesh
+from .whole_file import whole_file
 
 __all__ = ["main"]
 
@@ -39,6 +42,8 @@ EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 PLOT_REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
 
 DONE, FAILED, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
+
+Drawn = TypeVar("Drawn")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,7 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0 if all went well, 1 if the problem could not be solved, 2 for wrong arguments and files that cannot be read
-        or written, 130 for Ctrl-C.
+        or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at work, the process ends with
+        that number, or while it draws by that signal, and nothing is returned.
 
     Raises
     ------
@@ -61,34 +67,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know.
     """
     arguments = _parser().parse_args(argv)
-    logging.basicConfig(format="%(message)s", level=logging.WARNING)
     quiet = getattr(arguments, "quiet", False)
+    terminal = Terminal(quiet)
+    logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[LineHandler()])
     logging.getLogger(__package__).setLevel(logging.WARNING if quiet else logging.INFO)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warn
-            return arguments.run(arguments)
+            warnings.showwarning = terminal.warn
+            return terminal.wait_for(lambda: arguments.run(arguments, terminal))
     except np.linalg.LinAlgError as error:
-        print(f"kohonen-adapt: {error}", file=sys.stderr)
+        terminal.complain(error)
         return FAILED
     except (OSError, ValueError) as error:
-        print(f"kohonen-adapt: {error}", file=sys.stderr)
+        terminal.complain(error)
         return WRONG_USE
+    except Interrupted as interrupt:
+        terminal.leave(interrupt)
     except KeyboardInterrupt:
-        print("kohonen-adapt: interrupted.", file=sys.stderr)
+        terminal.complain("interrupted.")
         return INTERRUPTED
-
-
-def _warn(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    """A warning in one line, in place of `warnings.showwarning`: where in the code it arose helps nobody here."""
-    print(f"kohonen-adapt: warning: {message}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -144,62 +141,105 @@ def _add_mesh(command: argparse.ArgumentParser) -> None:
 def _add_run(commands: Any) -> None:
     run = commands.add_parser("run", help="adapt the mesh of a case and write what comes of it")
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    run.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
+    where = run.add_mutually_exclusive_group()
+    where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
+    where.add_argument(
+        "--resume", metavar="DIR", type=Path, help="folder of a run that was cut short: go on from its last pass"
+    )
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
     run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
     run.set_defaults(run=_run)
 
 
-def _demo(arguments: argparse.Namespace) -> int:
+def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Run an example step by step, so that its files are there even if there can be no picture."""
     folder = _writable(arguments.out)
+    terminal.writes_to(folder)
     example = runpy.run_path(str(_example(f"{arguments.name}.py")))
-    before, after = example["adapt"](callback=_report)
-    print(after)
+    passes = _Passes(terminal, example["PASSES"])
+    before, after = example["adapt"](callback=passes.report, progress=passes.show)
+    terminal.say(after)
     example["write"](after, folder)
-    _draw(example, before, after, folder)
-    print(f"Files in {folder}: {', '.join(sorted(file.name for file in folder.glob(f'{arguments.name}.*')))}.")
+    passes.draw()
+    _drawn(terminal, folder, lambda: example["draw"](before, after, folder))
+    files = sorted(file.name for file in folder.glob(f"{arguments.name}.*"))
+    terminal.say(f"Files in {folder}: {', '.join(files)}.")
     return FAILED if after.status is Status.FAILED else DONE
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Adapt a case; its files are there even if there can be no picture."""
     case = read_case(arguments.case)
-    if not arguments.dry_run and arguments.out is None:
-        raise ValueError("run expected --out DIR, the folder for the files, or --dry-run.")
-    folder = None if arguments.dry_run else _writable(arguments.out)
+    if arguments.out is None and arguments.resume is None and not arguments.dry_run:
+        raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
+    passes = _Passes(terminal, case.adapt.get("passes", PASSES))
+    terminal.show("read", 0, passes.passes + 1)
     with about(arguments.case):
         mesh = case.fitting_mesh()
-    say = _silent if arguments.quiet else print
-    if folder is None:
-        say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
+    if arguments.dry_run:
+        terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
-    result = adapt(
-        mesh,
-        case.problem,
-        callback=None if arguments.quiet else _report,
-        outputs=case.outputs or None,
-        **case.adapt,
-    )
-    say(result)
-    files = write_results(case, result, folder) + _pictures(case, mesh, result, folder, say)
-    say(f"Files in {folder}: {', '.join(files)}.")
+    folder = _writable(arguments.out) if arguments.resume is None else arguments.resume
+    told = _Told(arguments.case, folder, passes)
+    run = CaseRun(case, mesh, folder, progress=passes.show, told=told)
+    finished = run.go_on() if arguments.resume else run.start_anew()
+    terminal.writes_to(folder)
+    terminal.writes_to(run.passes)
+    if finished:
+        terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
+    terminal.hint(told.hint())
+    result = run.result()
+    terminal.say(result)
+    passes.draw()
+    before = run.before or adapt(mesh, case.problem, passes=0)
+    pictures = _drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
+    terminal.say(f"Files in {folder}: {', '.join([*RESULTS, *(pictures or [])])}.")
     if result.status is Status.FAILED:
-        print(f"kohonen-adapt: {result.message}", file=sys.stderr)
+        terminal.complain(result.message)
         return FAILED
     return DONE
 
 
-def _pictures(case: Case, mesh: MeshTri, result: AdaptResult, folder: Path, say: Callable[[Any], None]) -> list[str]:
-    try:
-        return write_pictures(case, adapt(mesh, case.problem, passes=0), result, folder)
-    except ModuleNotFoundError as error:
-        _only_matplotlib(error)
-        say(PLOT_REMEDY)
-        return []
+@dataclass
+class _Passes:
+    """Shows what pass and what step a loop is in, and reports finished passes."""
+
+    terminal: Terminal
+    passes: int
+    known: str = ""
+
+    def show(self, number: int, step: str) -> None:
+        self.terminal.show(f"pass {number} of {self.passes}: {step}", number, self.passes + 1, self.known)
+
+    def draw(self) -> None:
+        self.terminal.show("draw", self.passes + 1, self.passes + 1, self.known)
+
+    def report(self, step: Pass) -> None:
+        share = f" ({100.0 * step.estimate / step.energy_norm:.2f} %)" if step.energy_norm else ""
+        self.known = f"{step.mesh.p.shape[1]} nodes, estimate {step.estimate:.4g}{share}"
+        self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
 
 
-def _init(arguments: argparse.Namespace) -> int:
+@dataclass(frozen=True)
+class _Told:
+    """Reports the passes of a run, and what an interruption leaves of it."""
+
+    case: Path
+    folder: Path
+    passes: _Passes
+
+    def __call__(self, result: AdaptResult) -> None:
+        self.passes.report(result.history[-1])
+        best = next(step.number for step in result.history if step.mesh is result.mesh)
+        so_far = f"pass {best}, the best of {len(result.history)}, is in {self.folder}: {', '.join(RESULTS)}"
+        self.passes.terminal.hint(self.hint(so_far))
+
+    def hint(self, so_far: str = "no further pass was finished") -> str:
+        command = shlex.join(["kohonen-adapt", "run", str(self.case), "--resume", str(self.folder)])
+        return f"{so_far}. To go on: {command}"
+
+
+def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Write a case; one that is there may hold work, so it stays."""
     path = arguments.output or arguments.mesh.with_suffix(".toml")
     if path.exists():
@@ -208,26 +248,26 @@ def _init(arguments: argparse.Namespace) -> int:
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
-    print(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    terminal.say(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
     return DONE
 
 
-def _check(arguments: argparse.Namespace) -> int:
+def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Describe a mesh; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh)
-    print("\n".join(described(mesh)))
+    terminal.say("\n".join(described(mesh)))
     found = list(faults(mesh))
     som = KohonenMap(mesh)
-    print("\n".join(outlines_described(som)))
+    terminal.say("\n".join(outlines_described(som)))
     found += thin_parts(som)
-    print("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
+    terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return DONE
 
 
-def _relocate(arguments: argparse.Namespace) -> int:
+def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Relocate a mesh from file to file."""
-    _writable(arguments.out.parent)
+    terminal.writes_to(_writable(arguments.out.parent))
     before, after = relocate_file(
         arguments.mesh,
         density_source(arguments.density),
@@ -238,10 +278,10 @@ def _relocate(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         periodic=[(one, other) for one, other in arguments.periodic],
         layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
+        progress=lambda number, step: terminal.show(step, number, len(STEPS)),
     )
-    if not arguments.quiet:
-        worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
-        print(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
+    worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
+    terminal.say(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
     return DONE
 
 
@@ -249,31 +289,17 @@ def _number_or_name(word: str) -> Any:
     return int(word) if word.isdecimal() else word
 
 
-def _silent(said: Any) -> None:
-    """What a command says that is to be quiet."""
-
-
-def _report(step: Pass) -> None:
-    share = f" ({100.0 * step.estimate / step.energy_norm:.2f} %)" if step.energy_norm else ""
-    print(
-        f"pass {step.number}: {step.mesh.p.shape[1]} nodes, estimate {step.estimate:.4g}{share}, "
-        f"{sum(step.seconds.values()):.2f} s",
-        flush=True,
-    )
-
-
-def _draw(example: dict[str, Any], before: AdaptResult, after: AdaptResult, folder: Path) -> None:
+def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn | None:
+    """What the drawing gives, or None without matplotlib; everything else is written by then."""
+    terminal.say(f"Results are in {folder}; now pictures and the report, which Ctrl-C leaves out.")
+    terminal.leave_signals()
     try:
-        example["draw"](before, after, folder)
+        return draw()
     except ModuleNotFoundError as error:
-        _only_matplotlib(error)
-        print(PLOT_REMEDY)
-
-
-def _only_matplotlib(error: ModuleNotFoundError) -> None:
-    """Let nothing but a missing matplotlib pass."""
-    if (error.name or "").partition(".")[0] != "matplotlib":
-        raise error
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        terminal.say(PLOT_REMEDY)
+        return None
 
 
 def _writable(folder: Path) -> Path:

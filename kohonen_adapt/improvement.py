@@ -63,6 +63,15 @@ class Improvement:
             self._examine(mesh, self._ritz)
         return None if self.skipped else value
 
+    def recall(self, comparable: bool, skipped: str) -> None:
+        """Take over what another process found out about the functional."""
+        self.comparable, self.skipped = comparable, skipped
+
+    def resume(self, mesh: MeshTri, solution: Any) -> None:
+        """Go on from the last mesh that another process solved."""
+        if not self.skipped:
+            self._ritz = ritz_of(self._problem, mesh, solution)
+
     def _examine(self, mesh: MeshTri, ritz: Ritz) -> None:
         som = guarded_map(mesh, self._settings.limits)
         try:

@@ -1,6 +1,8 @@
 """The loop: solve, estimate, relocate, and stop when it is enough."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -8,24 +10,28 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from .chains import Curve
+from .checkpoint import Checkpoint
 from .growth import Growth
+from .identity import fingerprint
 from .improvement import Improvement, Settings
-from .journal import Ending, Journal, StepFailed
+from .journal import UNSOLVED, Ending, Finished, Journal, StepFailed
 from .limits import Limits
 from .outputs import Output, check_outputs, output_value
-from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve
-from .relocation import guarded_map
+from .problem import Problem, check_problem, energy_norm, estimate, norm_of, solve, solve_again
+from .relocation import Relocation, guarded_map
 from .result import AdaptResult, Pass, Status
 from .schedule import Schedule, check_training, is_count
-from .stopping import StopTest, failed, interrupted, not_moved, remarked
+from .stopping import StopTest, failed, interrupted, not_moved, remarked, under_way
 
-__all__ = ["adapt"]
+__all__ = ["PASSES", "adapt"]
 
 # The measured best of the topologies.
 _TOPOLOGY = "recycle"
 
 # How a loop ends that nothing has cut short.
 _AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
+
+PASSES = 4
 
 _NUMBERS = (int, float, np.integer, np.floating)
 
@@ -34,7 +40,7 @@ def adapt(
     mesh: MeshTri,
     problem: Problem,
     *,
-    passes: int = 4,
+    passes: int = PASSES,
     rtol: float | None = None,
     atol: float | None = None,
     schedule: Schedule | None = None,
@@ -50,6 +56,9 @@ def adapt(
     layers: Mapping[str, int] | None = None,
     outputs: Mapping[str, Output] | None = None,
     output_rtol: float | None = None,
+    interim: Callable[[AdaptResult], Any] | None = None,
+    progress: Callable[[int, str], Any] | None = None,
+    checkpoint: str | PathLike[str] | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
 
@@ -109,6 +118,18 @@ def adapt(
         Stop when no output has changed by more than this fraction of its value in the pass before. With `rtol` or
         `atol` besides, both must be met. An output that is zero but for rounding (the force across a symmetry) never
         settles: leave it out.
+    interim
+        Called after every pass with the result so far, which is what would come back if the loop ended there: write it,
+        and a process that is killed has not worked for nothing. What it raises is not caught.
+    progress
+        Called with the number of a pass and a step of it when that begins: "relocate", "polish", "solve", "estimate",
+        "checkpoint" or "solve again". What it raises is not caught.
+    checkpoint
+        A folder, created if missing, that gets a file for every finished pass, whole or not at all. If it has passes
+        of this run (the same mesh and arguments; those that say when to end may differ, and `passes` too without
+        `target_nodes`), the loop goes on from the last of them: it hears its callback about each again, solves that
+        mesh again, and the best one if that is another. A linear problem then has the same history and the same result,
+        bit for bit, as without a break; a nonlinear one to the accuracy of its solver.
 
     Returns
     -------
@@ -121,11 +142,13 @@ def adapt(
     ------
     ValueError
         If an argument is out of range, the mesh has fewer layers than are to be kept, the problem lacks a method, its
-        indicators of the input mesh have the wrong shape or are not finite numbers >= 0, or an output of it is not one
-        finite number.
+        indicators of the input mesh have the wrong shape or are not finite numbers >= 0, an output of it is not one
+        finite number, or the passes in `checkpoint` are damaged, of another run or of another problem.
+    OSError
+        If `checkpoint` cannot be read; where it cannot be written, the loop ends like after any failure.
     Exception
-        Whatever the problem or an output raises on the input mesh, Ctrl-C included. Later that ends the loop, with the
-        status ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
+        Whatever the problem or an output raises on the first mesh it is asked to solve, Ctrl-C included. Later that
+        ends the loop, with the status ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
 
     Examples
     --------
@@ -142,65 +165,126 @@ def adapt(
     """
     topology = _TOPOLOGY if topology is None else topology
     pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
-    _check_loop(passes, rtol, atol, callback, polish)
+    _check_loop(passes, rtol, atol, polish)
+    _check_hooks(callback=callback, interim=interim, progress=progress)
     outputs = check_outputs(outputs, output_rtol)
     check_training(schedule, seed)
     limits = Limits(topology, min_quality, pinned, curves, periodic, layers)
     guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
     check_problem(problem, rtol)
-    growth = Growth.of(mesh, target_nodes, passes)
-    improvement = Improvement(problem, Settings(schedule, limits, seed, polish))
-    journal = Journal(norm_of(problem))
+    growth, settings = Growth.of(mesh, target_nodes, passes), Settings(schedule, limits, seed, polish)
+    run = fingerprint(mesh, problem, settings, growth, outputs) if checkpoint is not None else {}
+    kept = Checkpoint.at(checkpoint, mesh, run)
     stop = StopTest(passes, rtol, atol, output_rtol, callback)
-    try:
-        ending = _loop(mesh, problem, outputs, improvement, growth, stop, journal)
-    except KeyboardInterrupt:
-        if not journal.history:
-            raise
-        ending = interrupted(journal)
-    except StepFailed as failure:
-        ending = failed(journal, failure)
-    ending = remarked(ending, improvement.remark)
-    if ending.status in _AT_ITS_END:
-        ending = remarked(ending, growth.shortfall(journal.history[-1].mesh.p.shape[1]))
-    return journal.result(ending)
+    journal, improvement = Journal(norm_of(problem), progress), Improvement(problem, settings)
+    return _Loop(problem, outputs, improvement, growth, stop, journal, kept, interim).adapted(mesh)
 
 
-def _loop(
-    mesh: MeshTri,
-    problem: Problem,
-    outputs: Mapping[str, Output],
-    improvement: Improvement,
-    growth: Growth,
-    stop: StopTest,
-    journal: Journal,
-) -> Ending:
-    """Solve, estimate, stop or relocate and polish, and again."""
-    move = None
-    while True:
+@dataclass(frozen=True)
+class _Loop:
+    """The algorithm, with what its steps need."""
+
+    problem: Problem
+    outputs: Mapping[str, Output]
+    improvement: Improvement
+    growth: Growth
+    stop: StopTest
+    journal: Journal
+    checkpoint: Checkpoint
+    interim: Callable[[AdaptResult], Any] | None
+
+    def adapted(self, mesh: MeshTri) -> AdaptResult:
+        """The result of the loop, however it ends."""
+        try:
+            ending = self.run(mesh)
+        except KeyboardInterrupt:
+            if not self.journal.begun:
+                raise
+            ending = interrupted(self.journal)
+        except StepFailed as failure:
+            ending = failed(self.journal, failure)
+        ending = remarked(ending, self.improvement.remark)
+        if ending.status in _AT_ITS_END:
+            ending = remarked(ending, self.growth.shortfall(self.journal.history[-1].mesh.p.shape[1]))
+        return self.result(ending)
+
+    def run(self, mesh: MeshTri) -> Ending:
+        """Solve and estimate; until it is enough, relocate and polish, solve and estimate again."""
+        ending = self.resume()
+        if not self.journal.history:
+            ending = self.assess(mesh)
+        while ending is None:
+            move = self.improve()
+            if _same(self.journal.history[-1].mesh, move.mesh) and not self.growth.goes_on(self.journal.number):
+                return not_moved(self.journal, move)
+            ending = self.assess(move.mesh, move)
+        return ending
+
+    def resume(self) -> Ending | None:
+        """Go through the passes that were finished before; solve the last of them, unless the loop ended there."""
+        for finished in self.checkpoint.passes():
+            self.journal.record(finished, UNSOLVED)
+            self.improvement.recall(finished.comparable, finished.skipped)
+            if ending := self.ended(finished.move):
+                return ending
+        if self.journal.history:
+            self.journal.solve_last(self.solve_again)
+            self.improvement.resume(*self.journal.last)
+        return None
+
+    def assess(self, mesh: MeshTri, move: Relocation | None = None) -> Ending | None:
+        """Solve and estimate the mesh that `move` made, and see whether that is enough."""
+        journal, improvement = self.journal, self.improvement
         with journal.timed("solve"):
-            solution = solve(problem, mesh, *journal.last)
+            solution = solve(self.problem, mesh, *journal.last)
         with journal.timed("estimate"):
-            indicators = estimate(problem, mesh, solution)
-            energy = energy_norm(problem, mesh, solution)
+            indicators = estimate(self.problem, mesh, solution)
+            energy = energy_norm(self.problem, mesh, solution)
             functional = improvement.functional(mesh, solution)
         values = {}
-        for name, function in outputs.items():
+        for name, function in self.outputs.items():
             with journal.timed("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
-        journal.record(mesh, solution, indicators, energy, functional, values, improvement.comparable, move)
-        growing = growth.goes_on(journal.number - 1)
-        if ending := stop(journal, move, growing):
-            return ending
+        comparable, skipped = improvement.comparable, improvement.skipped
+        finished = Finished(
+            mesh, indicators, energy, functional, values, comparable, skipped, move, journal.seconds
+        )  # fmt: skip
+        journal.record(finished, solution)
+        self.keep(finished)
+        return self.ended(move)
+
+    def keep(self, finished: Finished) -> None:
+        """Hand over the result so far before the pass counts as finished: who goes on from here has that."""
+        if self.interim:
+            self.interim(self.result(under_way(self.journal)))
+        if self.checkpoint.folder:
+            number = self.journal.number - 1
+            with self.journal.timed("checkpoint", f"checkpoint of pass {number}", number):
+                self.checkpoint.keep(number, finished)
+
+    def improve(self) -> Relocation:
+        """Let the map learn where the error wants nodes, and polish what it learnt."""
+        journal, last = self.journal, self.journal.last_finished
         with journal.timed("relocate"):
-            trained = improvement.train(mesh, indicators, journal.number, growth.nodes(journal.number))
+            trained = self.improvement.train(
+                last.mesh, last.indicators, journal.number, self.growth.nodes(journal.number)
+            )
         with journal.timed("polish"):
-            gain = improvement.polish(trained)
+            gain = self.improvement.polish(trained)
         with journal.timed("relocate"):
-            move = trained.relocation(gain)
-        if _same(mesh, move.mesh) and not growth.goes_on(journal.number):
-            return not_moved(journal, move)
-        mesh = move.mesh
+            return trained.relocation(gain)
+
+    def ended(self, move: Relocation | None) -> Ending | None:
+        """How the loop ends after the last pass, or None."""
+        return self.stop(self.journal, move, self.growth.goes_on(self.journal.number - 1))
+
+    def result(self, ending: Ending) -> AdaptResult:
+        """The best pass with its solution."""
+        return self.journal.result(ending, self.solve_again)
+
+    def solve_again(self, finished: Finished) -> Any:
+        """The solution of a pass that another process finished."""
+        return solve_again(self.problem, finished.mesh, finished.indicators)
 
 
 def _same(before: MeshTri, after: MeshTri) -> bool:
@@ -212,13 +296,22 @@ def _triples(mesh: MeshTri) -> NDArray[np.integer]:
     return np.unique(np.sort(mesh.t, axis=0), axis=1)
 
 
-def _check_loop(passes: Any, rtol: Any, atol: Any, callback: Any, polish: Any) -> None:
+def _check_loop(passes: Any, rtol: Any, atol: Any, polish: Any) -> None:
     if not is_count(passes):
         raise ValueError(f"passes must be an integer >= 0; got {passes!r}.")
     for name, value in (("rtol", rtol), ("atol", atol)):
         if value is not None and not (isinstance(value, _NUMBERS) and 0.0 <= value < np.inf):
             raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
-    if callback is not None and not callable(callback):
-        raise ValueError(f"callback must be a function of the pass, or None; got {callback!r}.")
     if not isinstance(polish, bool | np.bool_):
         raise ValueError(f"polish must be True or False; got {polish!r}. Polish alone: kohonen_adapt.polish.")
+
+
+def _check_hooks(callback: Any, interim: Any, progress: Any) -> None:
+    told = {
+        "callback": (callback, "the pass"),
+        "interim": (interim, "the result so far"),
+        "progress": (progress, "number and step"),
+    }
+    for name, (hook, of) in told.items():
+        if hook is not None and not callable(hook):
+            raise ValueError(f"{name} must be a function of {of}, or None; got {hook!r}.")

@@ -18,10 +18,13 @@ __all__ = [
     "order_of",
     "ritz_of",
     "solve",
+    "solve_again",
     "why_without",
 ]
 
 Floats = NDArray[np.float64]
+
+SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
 
 
 class Problem(Protocol):
@@ -99,6 +102,24 @@ def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
     _check_values(values, np.isfinite(values), "finite; check the solution")
     _check_values(values, values >= 0.0, ">= 0; take their absolute values")
     return values
+
+
+def solve_again(problem: Problem, mesh: MeshTri, indicators: Floats) -> Any:
+    """Solve a mesh that was solved before, in another process.
+
+    Raises
+    ------
+    ValueError
+        If its indicators (nelements,) are no longer those of before, so that it is another problem.
+    """
+    solution = problem.solve(mesh)
+    off = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
+    if off > SAME * indicators.max():
+        raise ValueError(
+            f"the problem is not the one of the checkpoint: on the same mesh its indicators differ by up to {off:.3g}. "
+            "Go on with the problem of before, or choose another folder."
+        )
+    return solution
 
 
 def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:

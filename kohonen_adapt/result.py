@@ -26,7 +26,8 @@ class Status(StrEnum):
 
     ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all passes asked for are done.
     ``STALLED``: no pass improves any more. ``NOT_MOVED``: nothing could move. ``STOPPED``: the callback returned True,
-    or Ctrl-C. ``FAILED``: an exception after the input mesh was estimated; it stands in ``AdaptResult.error``.
+    or Ctrl-C, or it is a result so far. ``FAILED``: an exception after the input mesh was estimated; it stands in
+    ``AdaptResult.error``.
     """
 
     CONVERGED = auto()

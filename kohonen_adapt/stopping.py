@@ -11,7 +11,7 @@ from .outputs import have_settled
 from .relocation import Relocation
 from .result import Pass, Status
 
-__all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved", "remarked"]
+__all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved", "remarked", "under_way"]
 
 # The estimate of a pass carries about one per cent of chance (other training points), so one pass without a gain says
 # little: the next one often gains again. Over the L-shape, example 22 of scikit-fem and a square magnet, at 225 to 3201
@@ -94,6 +94,13 @@ def not_moved(journal: Journal, move: Relocation) -> Ending:
 def remarked(ending: Ending, remark: str) -> Ending:
     """The ending with one thing more to say at the end of its sentence."""
     return replace(ending, message=f"{ending.message.removesuffix('.')}; {remark}.") if remark else ending
+
+
+def under_way(journal: Journal) -> Ending:
+    """A pass is done and there may be more."""
+    return Ending(
+        Status.STOPPED, f"Under way: pass {journal.history[-1].number} is done; {_best(journal)}, adapt it to go on."
+    )
 
 
 def interrupted(journal: Journal) -> Ending:

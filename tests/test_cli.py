@@ -11,6 +11,7 @@ import pytest
 
 import kohonen_adapt as ka
 from kohonen_adapt import cli
+from kohonen_adapt.terminal import Terminal
 
 ROOT = Path(__file__).parents[1]
 
@@ -56,12 +57,13 @@ def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path,
     assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
 
 
-def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path):
-    def draw(*given):
+def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib():
+    def draw():
         raise ModuleNotFoundError("No module named 'other'", name="other")
 
+    terminal = Terminal()
     with pytest.raises(ModuleNotFoundError, match="other"):
-        cli._draw({"draw": draw}, None, None, tmp_path)
+        terminal.wait_for(lambda: cli._drawn(terminal, Path("out"), draw))
 
 
 @pytest.mark.slow

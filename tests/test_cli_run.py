@@ -18,7 +18,7 @@ from kohonen_adapt.magnetostatics import Magnetostatics
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PICTURES = ["adaptation.png", "density.png", "quality.png", "estimate.png", "outlines.png", "passes.gif"]
-FILES = sorted(["adapted.msh", "adapted.vtu", "history.csv", "report.html", *PICTURES])
+FILES = sorted(["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html", *PICTURES])
 
 CASE = f"""
 mesh = {json.dumps(str(EXAMPLES / "c_core.msh"))}
@@ -149,7 +149,7 @@ def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, mo
     monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
-    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv", "report.html"]
+    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html"]
     assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
 
@@ -163,13 +163,13 @@ def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeyp
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 2
     error = capsys.readouterr().err
     assert "No space left on device" in error and "adapted.msh" in error and error.count("\n") == 1
-    assert names_in(tmp_path / "out") == []
+    assert [file.name for file in (tmp_path / "out").rglob("*")] == ["passes"]
 
 
 def test_without_a_folder(case, capsys):
     assert cli.main(["run", str(case)]) == 2
     assert capsys.readouterr().err == (
-        "kohonen-adapt: run expected --out DIR, the folder for the files, or --dry-run.\n"
+        "kohonen-adapt: run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.\n"
     )
 
 
@@ -180,7 +180,7 @@ def test_a_problem_without_a_solution_is_no_wrong_use(case, tmp_path, capsys, mo
     monkeypatch.setattr(Magnetostatics, "solve", solve)
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
     assert capsys.readouterr().err.endswith("kohonen-adapt: no finite solution\n")
-    assert names_in(tmp_path / "out") == []
+    assert [file.name for file in (tmp_path / "out").rglob("*")] == ["passes"]
 
 
 def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, capsys, monkeypatch):

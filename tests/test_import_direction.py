@@ -13,19 +13,19 @@ PACKAGE = Path(__file__).parents[1] / "kohonen_adapt"
 
 # From the bottom to the loop; a room may import any room named before it.
 TOWER = [
-    *("kernels", "threads", "triangles", "facets"),
+    *("kernels", "threads", "triangles", "facets", "whole_file"),
     *("polylines", "spans", "curves"),
     *("triangulation", "borders", "chains", "pairs", "outline", "sides", "layers", "locate", "density", "sampling"),
     *("ritz", "recycling", "tables", "functional", "carry"),
     *("schedule", "transport", "epoch", "som"),
     *("limits", "relocation", "problem", "descent", "precompile"),
-    *("outputs", "result", "journal", "stopping", "improvement", "growth", "loop"),
+    *("outputs", "result", "journal", "checkpoint", "stopping", "improvement", "growth", "identity", "loop"),
 ]
 GROUND = TOWER[: TOWER.index("recycling")]
 # The physics stands beside the tower: the loop knows nothing of it, and it nothing of the map and the loop.
 BESIDE = {"estimators": GROUND, "magnetostatics": [*GROUND, "estimators"]}
 # What a person touches; nothing but the package's front imports it.
-TOP = ["showing", "io", "plotting", "report", "cases", "commands", "cli"]
+TOP = ["showing", "io", "plotting", "report", "cases", "commands", "terminal", "cli"]
 FRONT = ["__init__", "__main__"]
 
 # What a notebook shows of a result is drawn when it asks: such an import stands in a function.
@@ -38,6 +38,7 @@ GUESTS = {
     "matplotlib": {"plotting"},
     "pyamg": {"magnetostatics"},
     "gmsh": set(),
+    "tqdm": {"terminal"},
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -1,7 +1,8 @@
 """A mesh file and a density file in, a better mesh file out: the map for any solver."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from skfem import MeshTri
 
@@ -9,7 +10,9 @@ from ..io import MSH_VERSION, read_mesh, write_mesh
 from ..io.fields import read_field
 from ..relocation import relocate
 
-__all__ = ["density_source", "relocate_file"]
+__all__ = ["STEPS", "density_source", "relocate_file"]
+
+STEPS = ("read", "relocate", "write")
 
 
 def density_source(text: str) -> tuple[Path, str]:
@@ -37,6 +40,7 @@ def relocate_file(
     seed: int = 0,
     periodic: Sequence[tuple[str, str]] = (),
     layers: Mapping[str, int] | None = None,
+    progress: Callable[[int, str], Any] = lambda number, step: None,
 ) -> tuple[MeshTri, MeshTri]:
     """Read a mesh and a density on it, relocate, and write the mesh in the unit it came in.
 
@@ -48,6 +52,8 @@ def relocate_file(
         VTU file and name of a field, per element or per node.
     topology, min_quality, pinned, seed, periodic, layers
         As `relocate` takes them.
+    progress
+        Called with number and name of each of the `STEPS` when it begins.
 
     Returns
     -------
@@ -63,10 +69,13 @@ def relocate_file(
     """
     if target.suffix.lower() not in (*MSH_VERSION, ".vtu"):
         raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{target.name}'.")
+    progress(0, STEPS[0])
     mesh = read_mesh(source)
+    wanted = read_field(*density, mesh)
+    progress(1, STEPS[1])
     after = relocate(
         mesh,
-        read_field(*density, mesh),
+        wanted,
         topology=topology,
         min_quality=min_quality,
         pinned=pinned,
@@ -74,5 +83,6 @@ def relocate_file(
         periodic=periodic,
         layers=layers,
     )
+    progress(2, STEPS[2])
     write_mesh(target, after)
     return mesh, after

@@ -7,11 +7,11 @@ from typing import Any
 from ..cases import Case
 from ..density import density_from_indicators
 from ..io import write_mesh
-from ..io.whole_file import whole_file
 from ..result import AdaptResult, Pass
+from ..whole_file import whole_file
 from .reporting import energy_unit, length_unit, magnitude, write_run_report
 
-__all__ = ["write_pictures", "write_results"]
+__all__ = ["RESULTS", "write_history", "write_pictures", "write_results"]
 
 MESH, FIELDS, HISTORY, REPORT = "adapted.msh", "adapted.vtu", "history.csv", "report.html"
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
@@ -26,6 +26,8 @@ CAPTIONS = {
     PASSES: "The mesh, pass by pass",
 }
 """Of the pictures in a report, in its order."""
+
+RESULTS = (MESH, FIELDS, HISTORY)
 
 
 def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
@@ -51,8 +53,8 @@ def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
         point_data={"A (Wb per m)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
-    _write_history(folder / HISTORY, result.history)
-    return [MESH, FIELDS, HISTORY]
+    write_history(result.history, folder)
+    return list(RESULTS)
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
@@ -114,9 +116,16 @@ def _save(path: Path, figure: Any) -> None:
         figure.savefig(draft, format="png")
 
 
-def _write_history(path: Path, history: tuple[Pass, ...]) -> None:
+def write_history(history: tuple[Pass, ...], folder: Path) -> None:
+    """Write ``history.csv``, a row for every pass.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
     rows = [_row(step) for step in history]
-    with whole_file(path) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
+    with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)

@@ -11,13 +11,13 @@ from skfem import MeshTri
 
 from ..curves import Spline
 from ..triangulation import check_mesh
+from ..whole_file import whole_file
 from .assembly import to_mesh
 from .checks import checked_fields, checked_sets
 from .gmsh_reader import read_msh
 from .gmsh_writer import write_msh
 from .second_order import to_curves
 from .vtu import read_vtu, write_vtu
-from .whole_file import whole_file
 
 __all__ = ["read_curves", "read_mesh", "write_mesh"]
 

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from ..io.whole_file import whole_file
 from ..result import Pass
 from ..schedule import Schedule, check_training
 from ..som import KohonenMap
+from ..whole_file import whole_file
 from .adaptation import draw_mesh
 
 __all__ = ["animate_map", "animate_passes"]

@@ -5,8 +5,8 @@ from os import PathLike
 from pathlib import Path
 
 from .. import __version__
-from ..io.whole_file import whole_file
 from ..result import AdaptResult
+from ..whole_file import whole_file
 from .page import filled_page
 from .reproduction import versions, without_folders
 from .scene import FieldOf, view_data
