@@ -19,7 +19,7 @@ from .cases import Case, case_text, read_case
 from .cases.kinds import about
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts
-from .commands.moving import density_source, relocate_file
+from .commands.moving import MEANINGS, field_source, relocate_file
 from .commands.results import write_pictures, write_results
 from .io import read_mesh
 from .io.whole_file import whole_file
@@ -108,10 +108,17 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_relocate(commands: Any) -> None:
     move = commands.add_parser(
-        "relocate", help="move the nodes of a mesh to where a density wants them, for any solver"
+        "relocate",
+        help="move the nodes of a mesh to where a field wants them, for any solver",
+        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
+        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
+        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
     )
     move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    move.add_argument("--density", metavar="FIELD.vtu:name", required=True, help="per element or node of that mesh")
+    field = move.add_mutually_exclusive_group(required=True)
+    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
+    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element, in the energy norm")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths")
     move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
     move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
     move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
@@ -228,10 +235,12 @@ def _check(arguments: argparse.Namespace) -> int:
 def _relocate(arguments: argparse.Namespace) -> int:
     """Relocate a mesh from file to file."""
     _writable(arguments.out.parent)
+    meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
     before, after = relocate_file(
         arguments.mesh,
-        density_source(arguments.density),
+        field_source(text, f"--{meaning}"),
         arguments.out,
+        meaning=meaning,
         topology=arguments.topology,
         min_quality=arguments.min_quality,
         pinned=[_number_or_name(word) for word in arguments.pinned],

@@ -3,13 +3,14 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from skfem import MeshTri
 
 from ..growth import Growth
-from ..io import read_mesh
+from ..io import Groups, read_groups, read_mesh
 from ..limits import Limits
 from ..magnetostatics import Magnetostatics
 from ..magnetostatics.bodies import elements_of
@@ -80,6 +81,19 @@ class Case:
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
 
+    @cached_property
+    def groups(self) -> Groups:
+        """The physical groups of the mesh file, in its unit; read once, so that the file may go after the mesh is read.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        OSError
+            If it cannot be read.
+        """
+        return read_groups(self.mesh)
+
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
 
@@ -93,6 +107,7 @@ class Case:
         """
         with about("mesh"):
             mesh = read_mesh(self.mesh, scale=self.scale)
+            _ = self.groups  # now, and not when hours later the results are written
         problem = self.problem
         with about("materials"):
             coefficients(mesh, problem.materials, problem.ampere_turns)

@@ -8,6 +8,7 @@ from skfem import MeshTri
 
 from ..triangles import area
 from .content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
+from .groups import DIMENSION, name_of
 
 __all__ = ["to_mesh"]
 
@@ -16,8 +17,6 @@ logger = logging.getLogger(__name__)
 Sets = dict[str, Ints]
 
 CORNERS = {LINE: 2, TRIANGLE: 3}
-DIMENSION = {LINE: 1, TRIANGLE: 2}
-UNNAMED = {LINE: "boundary_{}", TRIANGLE: "region_{}"}
 FLAT = 1e-9
 """How far from a plane z = constant a drawing may be, in sizes of the mesh."""
 
@@ -116,7 +115,7 @@ def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | No
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
     sets: Sets = {}
     for tag in np.union1d(group[group > 0], named).astype(int):
-        name = content.names.get((DIMENSION[shape], tag)) or UNNAMED[shape].format(tag)
+        name = name_of(content, DIMENSION[shape], int(tag))
         if not name.startswith("gmsh:"):
             sets[name] = np.union1d(sets.get(name, ()), item[group == tag]).astype(np.int32)
     for name, items in sets.items():

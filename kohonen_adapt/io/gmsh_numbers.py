@@ -38,6 +38,12 @@ class Numbers(Protocol):
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` elements of MSH 2.2."""
 
+    def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of an int and some doubles: numbers (count,) and values (count, components)."""
+
+    def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
+        """Take `count` rows of an int, how many nodes, and doubles for each: (m,) and (m, nodes, components)."""
+
 
 class TextNumbers:
     """Numbers of a text file, all of them parsed at once.
@@ -65,6 +71,10 @@ class TextNumbers:
             raise ValueError("a section ends before its last number")
         return self._numbers[start : self._position]
 
+    def rest(self) -> Floats:
+        """Take all that is left."""
+        return self.floats(len(self._numbers) - self._position)
+
     def ints(self, count: int) -> Ints:
         """Take `count` integers; they are below 2^53, so that nothing is lost."""
         return self.floats(count).astype(np.int64)
@@ -79,6 +89,25 @@ class TextNumbers:
         """Take `count` rows of an integer and three floats."""
         rows = self.floats(4 * count).reshape(-1, 4)
         return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+    def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of an integer and some floats."""
+        rows = self.floats((1 + components) * count).reshape(count, 1 + components)
+        return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+    def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
+        """Take `count` rows; those of as many nodes come together."""
+        while count > 0:
+            start = self._position
+            nodes = int(self.ints(2)[1])
+            width = 2 + _counted(nodes) * components
+            rows = self._numbers[start : start + (len(self._numbers) - start) // width * width].reshape(-1, width)
+            other = rows[:count, 1] != nodes
+            run = max(int(other.argmax()) if other.any() else len(other), 1)
+            self._position = start
+            table = self.floats(run * width).reshape(run, width)
+            yield table[:, 0].astype(np.int64), table[:, 2:].reshape(run, nodes, components)
+            count -= run
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` lines of number, type, how many tags, tags, nodes; lines of the same make come as one table."""
@@ -114,6 +143,8 @@ class BinaryNumbers:
         self._position = position
 
     def _take(self, kind: np.dtype, count: int) -> np.ndarray:
+        if not 0 <= count <= (len(self._data) - self._position) // kind.itemsize:
+            raise ValueError("a section ends before its last number")
         taken = np.frombuffer(self._data, kind, int(count), self._position)
         self._position += taken.nbytes
         return taken
@@ -141,6 +172,17 @@ class BinaryNumbers:
         rows = self._take(self._POINT, count)
         return rows["number"].astype(np.int64), rows["point"]
 
+    def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
+        """Take `count` rows of four bytes and some times eight."""
+        rows = self._take(np.dtype([("number", np.int32), ("values", np.float64, (components,))]), count)
+        return rows["number"].astype(np.int64), rows["values"]
+
+    def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
+        """Take `count` rows, one at a time: their lengths differ."""
+        for _ in range(count):
+            number, nodes = self.ints(2)
+            yield number[None], self.floats(_counted(int(nodes)) * components).reshape(1, nodes, components)
+
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` elements, each table after a header of its type, how many, and how many tags."""
         while count > 0:
@@ -150,6 +192,12 @@ class BinaryNumbers:
             width = _width(kind, tags)
             yield kind, tags, self.ints(number * width).reshape(-1, width)
             count -= number
+
+
+def _counted(nodes: int) -> int:
+    if nodes < 1:
+        raise ValueError(f"an element has values at {nodes} nodes")
+    return nodes
 
 
 def _width(kind: int, tags: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from .content import Content, Floats, Ints, Rows, nodes_of
 from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
-__all__ = ["read_msh"]
+__all__ = ["header_of", "read_msh"]
 
 Block = tuple[int, Rows]
 """Elements of one type, by numbers of nodes."""
@@ -34,14 +34,21 @@ def read_msh(path: Path) -> Content:
         If it is none, or damaged.
     """
     data = path.read_bytes()
-    version, binary = _header(data, path)
+    version, binary = header_of(data, path)
     try:
         return _content(data, version, binary)
     except (KeyError, OverflowError, ValueError) as error:
         raise ValueError(f"'{path}' is not a complete Gmsh file: {error}. Write it again with Gmsh.") from error
 
 
-def _header(data: bytes, path: Path) -> tuple[str, bool]:
+def header_of(data: bytes, path: Path) -> tuple[str, bool]:
+    """Version of a Gmsh file, and whether it is binary.
+
+    Raises
+    ------
+    ValueError
+        If it is no Gmsh file, or one of another version or byte order.
+    """
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
     if start < 0 or len(words) < 3:
@@ -77,7 +84,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         numbers, points = nodes.numbered_points(nodes.count())
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
-    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing)
+    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing, numbers[order])
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:

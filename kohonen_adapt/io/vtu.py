@@ -9,8 +9,9 @@ from skfem import MeshTri
 
 from .combinations import combinations
 from .content import Content, Floats, Ints, Rows
+from .sampled import Field, Sampled
 
-__all__ = ["load_vtu", "read_vtu", "write_vtu"]
+__all__ = ["read_arrays", "read_vtu", "write_vtu"]
 
 Sets = dict[str, Ints]
 Fields = dict[str, Floats]
@@ -82,7 +83,7 @@ def read_vtu(path: Path) -> Content:
     ValueError
         If meshio cannot read it.
     """
-    mesh = load_vtu(path, "read_mesh")
+    mesh = _load(path, "read_mesh")
     rows = {}
     for kind in {_gmsh_type(block) for block in mesh.cells}:
         nodes = np.concatenate([block.data for block in mesh.cells if _gmsh_type(block) == kind]).astype(np.int64)
@@ -95,7 +96,31 @@ def read_vtu(path: Path) -> Content:
     return Content(points.astype(float), rows, names)
 
 
-def load_vtu(path: Path, caller: str) -> meshio.Mesh:
+def read_arrays(path: Path) -> Sampled:
+    """The triangles of a VTU file and the fields on them.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        If meshio cannot read it.
+    """
+    mesh = _load(path, "read_field")
+    which = [number for number, block in enumerate(mesh.cells) if block.type == "triangle"]
+    triangles = np.concatenate([np.empty((0, 3), np.int64), *(mesh.cells[number].data for number in which)])
+    nodal = [Field(name, True, np.asarray(values)) for name, values in mesh.point_data.items()]
+    cellwise = [
+        Field(name, False, np.concatenate([parts[number] for number in which]) if which else np.empty(0))
+        for name, parts in mesh.cell_data.items()
+    ]
+    return Sampled(mesh.points, triangles, [*nodal, *cellwise])
+
+
+def _load(path: Path, caller: str) -> meshio.Mesh:
     """What meshio makes of a VTU file; a ValueError of the caller's if it cannot."""
     try:
         return meshio.vtu.read(str(path))
