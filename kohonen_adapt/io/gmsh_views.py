@@ -15,7 +15,7 @@ from .sampled import Field, Sampled
 __all__ = ["read_views"]
 
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
-VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{(.*?)\n?\}\s*;', re.DOTALL)
+VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
 TRIANGLES = re.compile(rb"\bST\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
 CORNERS, VALUES = 9, 3  # numbers of a triangle of a list, and of its scalar
 
@@ -71,12 +71,13 @@ def _listed(data: bytes, path: Path) -> Sampled:
     """Every view of a list has triangles of its own; those of the first count, and others must be the same."""
     fields: list[Field] = []
     corners = np.empty((0, CORNERS))
-    for name, body in VIEW.findall(data):
-        rows = TRIANGLES.findall(body)
+    found = list(VIEW.finditer(data))
+    ends = [*(view.start() for view in found[1:]), len(data)]
+    for view, end in zip(found, ends, strict=True):
+        name, rows = view[1], TRIANGLES.findall(data, view.end(), end)
         try:
-            places = TextNumbers(b",".join(place for place, _ in rows).replace(b",", b" ")).rest().reshape(-1, CORNERS)
-            values = TextNumbers(b",".join(value for _, value in rows).replace(b",", b" ")).rest()
-            table = values.reshape(len(rows), VALUES)
+            places = _numbers([place for place, _ in rows]).reshape(len(rows), CORNERS)
+            table = _numbers([value for _, value in rows]).reshape(len(rows), VALUES)
         except ValueError:
             raise ValueError(
                 f"'{path}' must have triangles of nine coordinates and three values, one step; write one step only."
@@ -87,6 +88,10 @@ def _listed(data: bytes, path: Path) -> Sampled:
         fields.append(Field(name.decode("utf-8", "replace"), False, table.mean(axis=1)[:, None]))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return Sampled(points, node.reshape(-1, 3), fields)
+
+
+def _numbers(lists: list[bytes]) -> Floats:
+    return TextNumbers(b",".join(lists).replace(b",", b" ")).rest()
 
 
 def _views(data: bytes, binary: bool) -> Iterator[View]:
