@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .content import Floats, Ints, nodes_of
 
@@ -12,9 +13,6 @@ __all__ = ["BinaryNumbers", "Numbers", "TextNumbers"]
 
 Table = tuple[int, int, Ints]
 """Element type, tags per element, and rows of number, tags (the first one the group) and nodes."""
-
-WINDOW = 2**16
-"""How many lines of text are looked at together."""
 
 
 class Numbers(Protocol):
@@ -97,32 +95,36 @@ class TextNumbers:
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
         """Take `count` rows; those of as many nodes come together."""
+        window = 1
         while count > 0:
             start = self._position
             nodes = int(self.ints(2)[1])
             width = 2 + _counted(nodes) * components
-            rows = self._numbers[start : start + (len(self._numbers) - start) // width * width].reshape(-1, width)
-            other = rows[:count, 1] != nodes
-            run = max(int(other.argmax()) if other.any() else len(other), 1)
+            rows = self._ahead(start, min(count, window), width)
+            run, window = _run(rows[:, 1] == nodes, window)
             self._position = start
             table = self.floats(run * width).reshape(run, width)
             yield table[:, 0].astype(np.int64), table[:, 2:].reshape(run, nodes, components)
             count -= run
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
-        """Take `count` lines of number, type, how many tags, tags, nodes; lines of the same make come as one table."""
+        """Take `count` lines of number, type, how many tags, tags, nodes; lines of the same make come together."""
+        window = 1
         while count > 0:
             start = self._position
             _, kind, tags = (int(number) for number in self.ints(3))
             width = 2 + _width(kind, tags)
-            available = (len(self._numbers) - start) // width
-            rows = self._numbers[start : start + min(available, count, WINDOW) * width].reshape(-1, width)
-            other = (rows[:, 1] != kind) | (rows[:, 2] != tags)
-            run = int(other.argmax()) if other.any() else len(rows)
+            rows = self._ahead(start, min(count, window), width)
+            run, window = _run((rows[:, 1] == kind) & (rows[:, 2] == tags), window)
             self._position = start
-            table = self.ints(max(run, 1) * width).reshape(-1, width)
+            table = self.ints(run * width).reshape(-1, width)
             yield kind, tags, np.delete(table, (1, 2), axis=1)
-            count -= len(table)
+            count -= run
+
+    def _ahead(self, start: int, count: int, width: int) -> Floats:
+        """The next rows, at most `count` of them."""
+        available = (len(self._numbers) - start) // width
+        return self._numbers[start : start + min(available, count) * width].reshape(-1, width)
 
 
 class BinaryNumbers:
@@ -178,20 +180,49 @@ class BinaryNumbers:
         return rows["number"].astype(np.int64), rows["values"]
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
-        """Take `count` rows, one at a time: their lengths differ."""
-        for _ in range(count):
-            number, nodes = self.ints(2)
-            yield number[None], self.floats(_counted(int(nodes)) * components).reshape(1, nodes, components)
+        """Take `count` rows; those of as many nodes come together."""
+        window = 1
+        while count > 0:
+            nodes = int(self._ahead(np.dtype((np.int32, 2)), 1)[0, 1])
+            row = np.dtype([("head", np.int32, 2), ("values", np.float64, (_counted(nodes), components))])
+            run, window = _run(self._ahead(row, min(count, window))["head"][:, 1] == nodes, window)
+            table = self._take(row, run)
+            yield table["head"][:, 0].astype(np.int64), table["values"]
+            count -= run
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
-        """Take `count` elements, each table after a header of its type, how many, and how many tags."""
+        """Take `count` elements, each table after a header of its type, how many, and how many tags.
+
+        Gmsh writes a header for every element, so those of the same make come together.
+        """
+        window = 1
         while count > 0:
-            kind, number, tags = (int(part) for part in self.ints(3))
+            head = self._ahead(np.dtype((np.int32, 3)), 1)[0]
+            kind, number, tags = (int(part) for part in head)
             if number < 1:
                 raise ValueError(f"a block of elements has {number} of them")
             width = _width(kind, tags)
-            yield kind, tags, self.ints(number * width).reshape(-1, width)
-            count -= number
+            row = np.dtype([("head", np.int32, 3), ("table", np.int32, (number, width))])
+            run, window = _run(np.all(self._ahead(row, min(count, window))["head"] == head, axis=1), window)
+            yield kind, tags, self._take(row, run)["table"].reshape(-1, width).astype(np.int64)
+            count -= run * number
+
+    def _ahead(self, kind: np.dtype, count: int) -> np.ndarray:
+        """The next rows, at most `count` of them and at least one."""
+        available = (len(self._data) - self._position) // kind.itemsize
+        ahead = self._take(kind, max(1, min(count, available)))
+        self._position -= ahead.nbytes
+        return ahead
+
+
+def _run(alike: NDArray[np.bool_], window: int) -> tuple[int, int]:
+    """How many rows from the first on are alike, and how many to look at next: twice as many if all were.
+
+    So every row is looked at a bounded number of times, however a file mixes them.
+    """
+    if len(alike) and alike.all():
+        return len(alike), 2 * window
+    return max(1, int(np.argmin(alike)) if len(alike) else 1), 1
 
 
 def _counted(nodes: int) -> int:
