@@ -52,8 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 if all went well, 1 if the problem could not be solved, 2 for wrong arguments and files that cannot be read
-        or written, 130 for Ctrl-C.
+        0 if all went well, 1 if the problem could not be solved or `check` found faults, 2 for wrong arguments and
+        files that cannot be read or written, 130 for Ctrl-C.
 
     Raises
     ------
@@ -131,7 +131,12 @@ def _add_relocate(commands: Any) -> None:
 
 
 def _add_check(commands: Any) -> None:
-    check = commands.add_parser("check", help="say what a mesh is, and what would go wrong with it")
+    check = commands.add_parser(
+        "check",
+        help="say what a mesh is, and what would go wrong with it",
+        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
+        "faults were found, and 2 if the file holds no mesh at all.",
+    )
     _add_mesh(check)
     check.set_defaults(run=_check)
 
@@ -220,7 +225,7 @@ def _init(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    """Describe a mesh; what is refused anyhow ends the description with an error."""
+    """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh)
     print("\n".join(described(mesh)))
@@ -229,7 +234,7 @@ def _check(arguments: argparse.Namespace) -> int:
     print("\n".join(outlines_described(som)))
     found += thin_parts(som)
     print("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
-    return DONE
+    return FAILED if found else DONE
 
 
 def _relocate(arguments: argparse.Namespace) -> int:
