@@ -53,6 +53,8 @@ ADAPT: dict[str, Kind] = {
 }
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
+LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
+
 LIMITS = ("topology", "min_quality", "pinned", "periodic", "layers")
 """Those of them that limit what nodes may do."""
 
@@ -141,6 +143,9 @@ def read_case(path: Path) -> Case:
     """
     if not path.is_file():
         raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
+    size = path.stat().st_size
+    if size > LARGEST:
+        raise ValueError(f"{path}: a case has at most {LARGEST} bytes; this has {size}.")
     content = path.read_bytes()
     try:
         given = tomllib.loads(content.decode("utf-8"))

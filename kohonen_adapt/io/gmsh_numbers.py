@@ -15,6 +15,9 @@ Table = tuple[int, int, Ints]
 """Element type, tags per element, and rows of number, tags (the first one the group) and nodes."""
 
 
+LARGEST = 2.0**53  # of whole numbers in a text, which are parsed as floats
+
+
 class Numbers(Protocol):
     """Where the readers of sections get their numbers from."""
 
@@ -75,7 +78,7 @@ class TextNumbers:
 
     def ints(self, count: int) -> Ints:
         """Take `count` integers; they are below 2^53, so that nothing is lost."""
-        return self.floats(count).astype(np.int64)
+        return _whole(self.floats(count))
 
     sizes = ints
 
@@ -86,12 +89,12 @@ class TextNumbers:
     def numbered_points(self, count: int) -> tuple[Ints, Floats]:
         """Take `count` rows of an integer and three floats."""
         rows = self.floats(4 * count).reshape(-1, 4)
-        return rows[:, 0].astype(np.int64), rows[:, 1:]
+        return _whole(rows[:, 0]), rows[:, 1:]
 
     def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take `count` rows of an integer and some floats."""
         rows = self.floats((1 + components) * count).reshape(count, 1 + components)
-        return rows[:, 0].astype(np.int64), rows[:, 1:]
+        return _whole(rows[:, 0]), rows[:, 1:]
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
         """Take `count` rows; those of as many nodes come together."""
@@ -104,7 +107,7 @@ class TextNumbers:
             run, window = _run(rows[:, 1] == nodes, window)
             self._position = start
             table = self.floats(run * width).reshape(run, width)
-            yield table[:, 0].astype(np.int64), table[:, 2:].reshape(run, nodes, components)
+            yield _whole(table[:, 0]), table[:, 2:].reshape(run, nodes, components)
             count -= run
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
@@ -213,6 +216,15 @@ class BinaryNumbers:
         ahead = self._take(kind, max(1, min(count, available)))
         self._position -= ahead.nbytes
         return ahead
+
+
+def _whole(values: Floats) -> Ints:
+    if not np.all(np.abs(values) < LARGEST):
+        raise ValueError("a number that counts is too large, or none")
+    whole = values.astype(np.int64)
+    if np.any(whole != values):
+        raise ValueError(f"{values[whole != values][0]} stands where a whole number must")
+    return whole
 
 
 def _run(alike: NDArray[np.bool_], window: int) -> tuple[int, int]:

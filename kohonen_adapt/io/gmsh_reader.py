@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .content import Content, Floats, Ints, Rows, nodes_of
+from .damaged import refusing
 from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
 __all__ = ["header_of", "read_msh"]
@@ -18,6 +19,10 @@ Block = tuple[int, Rows]
 """Elements of one type, by numbers of nodes."""
 
 SURFACE = 2
+FRONT = 2**16
+"""Bytes in which the header must be, so that nothing is read in vain."""
+
+LARGEST = 2**31 - 1  # of numbers of groups: Gmsh has them as int
 
 
 def read_msh(path: Path) -> Content:
@@ -33,12 +38,11 @@ def read_msh(path: Path) -> Content:
     ValueError
         If it is none, or damaged.
     """
-    data = path.read_bytes()
-    version, binary = header_of(data, path)
-    try:
-        return _content(data, version, binary)
-    except (KeyError, OverflowError, ValueError) as error:
-        raise ValueError(f"'{path}' is not a complete Gmsh file: {error}. Write it again with Gmsh.") from error
+    with path.open("rb") as stream:
+        start = stream.read(FRONT)
+        version, binary = header_of(start, path)
+        with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
+            return _content(start + stream.read(), version, binary)
 
 
 def header_of(data: bytes, path: Path) -> tuple[str, bool]:
@@ -96,7 +100,9 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
     names = {}
     for line in lines:
         dimension, tag, quoted = line.split(maxsplit=2)
-        names[int(dimension), int(tag)] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
+        if abs(int(tag)) > LARGEST:
+            raise ValueError(f"a group has the number {tag}")
+        names[int(dimension), abs(int(tag))] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
     return names
 
 
@@ -151,6 +157,8 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
     for kind in {kind for kind, _ in blocks}:
         parts = [part for other, part in blocks if other == kind]
         nodes = np.concatenate([part.nodes for part in parts])
+        if nodes.size and not len(numbers):
+            raise ValueError("it has elements and no nodes")
         place = np.searchsorted(numbers, nodes).clip(max=len(numbers) - 1)
         if np.any(numbers[place] != nodes):
             raise ValueError(f"an element has node {nodes[numbers[place] != nodes][0]}, which is not there")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .content import TRIANGLE, Content, Floats, Ints, shape_of
+from .damaged import refusing
 from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 from .gmsh_reader import header_of, read_msh
 from .sampled import Field, Sampled
@@ -61,10 +62,8 @@ def read_views(path: Path) -> Sampled:
         return _listed(data, path)
     binary = header_of(data, path)[1]
     content = read_msh(path)
-    try:
+    with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
         return _on_mesh(content, list(_views(data, binary)))
-    except (IndexError, OverflowError, ValueError) as error:
-        raise ValueError(f"'{path}' is not a complete Gmsh file: {error}. Write it again.") from None
 
 
 def _listed(data: bytes, path: Path) -> Sampled:
