@@ -71,6 +71,8 @@ def _listed(data: bytes, path: Path) -> Sampled:
     fields: list[Field] = []
     corners = np.empty((0, CORNERS))
     found = list(VIEW.finditer(data))
+    if not found:
+        raise ValueError(f"read_field expected lists of triangles; '{path}' begins like one and has none.")
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
         name, rows = view[1], TRIANGLES.findall(data, view.end(), end)
