@@ -21,6 +21,7 @@ from ..relocation import guarded_map
 from .kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
 from .materials import material_in
 from .quantities import Quantity, quantity
+from .shapes import shape
 
 __all__ = ["Case", "case_of", "read_case"]
 
@@ -48,6 +49,7 @@ ADAPT: dict[str, Kind] = {
     "polish": flag,
     "target_nodes": integer(least=1),
     "periodic": pairs,
+    "curves": table_of(shape),
     "layers": table_of(integer(least=1)),
     "output_rtol": number(least=0.0),
 }
@@ -55,7 +57,7 @@ ADAPT: dict[str, Kind] = {
 
 LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
 
-LIMITS = ("topology", "min_quality", "pinned", "periodic", "layers")
+LIMITS = ("topology", "min_quality", "pinned", "curves", "periodic", "layers")
 """Those of them that limit what nodes may do."""
 
 

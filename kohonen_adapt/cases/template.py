@@ -51,6 +51,7 @@ seed = 0
 # target_nodes = 5000  # grow to so many nodes
 # pinned = ["outer"]  # names and node numbers of what is to stay
 # layers = {gap = 2}  # layers of elements to keep across thin subdomains
+# curves = {rim = {curve = "arc", centre = [0.0, 0.0], radius = 0.05}}  # m; or "line" (start, end), "spline" (points)
 # output_rtol = 0.01  # stop when no output changes by more than this share
 
 # [outputs.force]
