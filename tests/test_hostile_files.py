@@ -183,6 +183,20 @@ def test_what_unpacks_to_more_than_a_mesh_is_not_unpacked(tmp_path):
         within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
 
 
+def test_arrays_that_name_the_same_bytes(tmp_path):
+    array = '<DataArray type="Float64" Name="{}" format="appended" offset="0"/>'
+    arrays = "".join(array.format(name) for name in range(5000))
+    blob = np.uint32(800_000).tobytes() + bytes(800_000)
+    (tmp_path / "m.vtu").write_bytes(
+        f'<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece><Points>{arrays}</Points></Piece></UnstructuredGrid>'
+        '<AppendedData encoding="raw">_'.encode()
+        + blob
+        + b"</AppendedData></VTKFile>"
+    )
+    with pytest.raises(ValueError, match="cannot be read: it unpacks to far more than a mesh of its size holds"):
+        ka.read_mesh(tmp_path / "m.vtu")
+
+
 def test_what_unpacks_to_more_than_it_says_is_cut(tmp_path):
     (tmp_path / "m.vtu").write_bytes(raw_vtu(declared=16, repeat=10**6))
     with pytest.raises(ValueError, match="a block of its data has another length than it says"):
@@ -253,22 +267,65 @@ def test_counts_beyond_the_file(version, binary, count, tmp_path):
         ka.read_mesh(tmp_path / "m.msh")
 
 
+ONE = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+2 1 "all"
+$EndPhysicalNames
+$Entities
+0 0 1 0
+1 0 0 0 1 1 0 1 1 0
+$EndEntities
+$Nodes
+1 3 1 3
+2 1 0 3
+1
+2
+3
+0 0 0
+1 0 0
+0 1 0
+$EndNodes
+$Elements
+1 1 1 1
+2 1 2 1
+1 1 2 3
+$EndElements
+"""
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("\n1 1 1\n", "\n1 1 1.5\n", "1.5 stands where a whole number must"),
-        ('2 1 "left"', '2 99999999999 "left"', "a group has the number 99999999999"),
-        ("\n1 1 1\n", "\n1 1 1e300\n", "a number that counts is too large, or none"),
+        ("\n2 1 0 3\n", "\n2 1 0 2.5\n", "2.5 stands where a whole number must"),
+        ("\n2\n3\n", "\n2\n2.5\n", "2.5 stands where a whole number must"),
+        ("\n2\n3\n", "\n2\n1e300\n", "a number that counts is too large, or none"),
+        ("\n2\n3\n", "\n2\nnan\n", "a number that counts is too large, or none"),
+        ("\n2 1 0 3\n", "\n2 1 0 1e300\n", "a section ends before its last number"),
+        ('2 1 "all"', '2 99999999999 "all"', "a group has the number 99999999999"),
+        (ONE[ONE.index("\n2 1 0 3") : ONE.index("\n$EndNodes")], "", "it has elements and no nodes"),
     ],
 )
 def test_numbers_that_are_none(old, new, said, tmp_path):
-    ka.write_mesh(tmp_path / "m.msh", two_rooms())
-    text = (tmp_path / "m.msh").read_text().replace('2 4 "left"', '2 1 "left"')
-    head, mark, rest = text.partition("$Nodes\n")
-    nodes = mark + rest.replace(rest.split("\n")[1], old.strip(), 1) if old.startswith("\n") else mark + rest
-    (tmp_path / "m.msh").write_text((head + nodes).replace(old, new, 1))
+    assert old in ONE
+    text = ONE.replace(old, new, 1).replace("$Nodes\n1 3", "$Nodes\n0 0" if "no nodes" in said else "$Nodes\n1 3")
+    (tmp_path / "m.msh").write_text(text)
     with pytest.raises(ValueError, match=said):
         ka.read_mesh(tmp_path / "m.msh")
+
+
+def test_an_entity_in_thousands_of_groups(tmp_path):
+    """Two hundred kilobytes that stand for forty million memberships."""
+    groups, count = 2000, 20_000
+    text = ONE.replace(
+        "1 1 0 1 1 0\n$EndEntities", f"1 1 0 {groups} {' '.join(map(str, range(1, 1 + groups)))} 0\n$EndEntities"
+    )
+    elements = "\n".join(f"{number} 1 2 3" for number in range(1, 1 + count))
+    (tmp_path / "m.msh").write_text(text.replace("2 1 2 1\n1 1 2 3", f"2 1 2 {count}\n{elements}"))
+    with pytest.raises(ValueError, match="it has elements in more groups than a mesh of its size can need"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.msh"))
 
 
 def mixed_22(binary):

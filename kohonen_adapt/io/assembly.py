@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from ..triangles import area
 from .content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
-from .groups import DIMENSION, name_of
+from .groups import DIMENSION, by_group, name_of
 
 __all__ = ["to_mesh"]
 
@@ -115,11 +115,13 @@ def _check_points(points: Floats, path: Path) -> None:
 def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
     """Items by the name of their group; row k says that `item[k]` is in `group[k]`."""
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
+    members = by_group(group, item)
     sets: Sets = {}
-    for tag in np.union1d(group[group > 0], named).astype(int):
-        name = name_of(content, DIMENSION[shape], int(tag))
+    for tag in sorted({*members, *named}):
+        name = name_of(content, DIMENSION[shape], tag)
         if not name.startswith("gmsh:"):
-            sets[name] = np.union1d(sets.get(name, ()), item[group == tag]).astype(np.int32)
+            items = members.get(tag, np.empty(0, np.int64))
+            sets[name] = np.union1d(sets.get(name, ()), items).astype(np.int32)
     for name, items in sets.items():
         if len(items) == 0:
             logger.warning("group '%s' has no %s in the mesh.", name, "facet" if shape == LINE else "triangle")

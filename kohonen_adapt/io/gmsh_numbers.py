@@ -1,7 +1,7 @@
 """The numbers of one section of a Gmsh file, taken from its front, text or binary."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,8 @@ Table = tuple[int, int, Ints]
 """Element type, tags per element, and rows of number, tags (the first one the group) and nodes."""
 
 
+SHORT = 4  # rows that plain Python compares
+
 LARGEST = 2.0**53  # of whole numbers in a text, which are parsed as floats
 
 
@@ -23,6 +25,12 @@ class Numbers(Protocol):
 
     def count(self) -> int:
         """Take the count that MSH 2.2 writes as text, in binary files too."""
+
+    def integer(self) -> int:
+        """Take one number of C type int."""
+
+    def size(self) -> int:
+        """Take one number of C type size_t."""
 
     def ints(self, count: int) -> Ints:
         """Take `count` numbers of C type int."""
@@ -82,9 +90,14 @@ class TextNumbers:
 
     sizes = ints
 
-    def count(self) -> int:
+    def integer(self) -> int:
         """Take one integer."""
-        return int(self.ints(1)[0])
+        value = float(self.floats(1)[0])
+        if not value.is_integer():
+            raise ValueError(f"{value} stands where a whole number must")
+        return int(value)
+
+    size = count = integer
 
     def numbered_points(self, count: int) -> tuple[Ints, Floats]:
         """Take `count` rows of an integer and three floats."""
@@ -98,36 +111,25 @@ class TextNumbers:
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
         """Take `count` rows; those of as many nodes come together."""
-        window = 1
-        while count > 0:
-            start = self._position
-            nodes = int(self.ints(2)[1])
-            width = 2 + _counted(nodes) * components
-            rows = self._ahead(start, min(count, window), width)
-            run, window = _run(rows[:, 1] == nodes, window)
-            self._position = start
-            table = self.floats(run * width).reshape(run, width)
-            yield _whole(table[:, 0]), table[:, 2:].reshape(run, nodes, components)
-            count -= run
+
+        def row(nodes: int) -> tuple[int, int]:
+            return 2 + _counted(nodes) * components, 1
+
+        taken, tables = _alike(self._numbers[self._position :], count, (1,), row)
+        self._position += taken
+        for (nodes,), table in tables:
+            yield _whole(table[:, 0]), table[:, 2:].reshape(-1, nodes, components)
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` lines of number, type, how many tags, tags, nodes; lines of the same make come together."""
-        window = 1
-        while count > 0:
-            start = self._position
-            _, kind, tags = (int(number) for number in self.ints(3))
-            width = 2 + _width(kind, tags)
-            rows = self._ahead(start, min(count, window), width)
-            run, window = _run((rows[:, 1] == kind) & (rows[:, 2] == tags), window)
-            self._position = start
-            table = self.ints(run * width).reshape(-1, width)
-            yield kind, tags, np.delete(table, (1, 2), axis=1)
-            count -= run
 
-    def _ahead(self, start: int, count: int, width: int) -> Floats:
-        """The next rows, at most `count` of them."""
-        available = (len(self._numbers) - start) // width
-        return self._numbers[start : start + min(available, count) * width].reshape(-1, width)
+        def line(kind: int, tags: int) -> tuple[int, int]:
+            return 2 + _width(kind, tags), 1
+
+        taken, tables = _alike(self._numbers[self._position :], count, (1, 2), line)
+        self._position += taken
+        for (kind, tags), table in tables:
+            yield kind, tags, _whole(np.delete(table, (1, 2), axis=1))
 
 
 class BinaryNumbers:
@@ -160,6 +162,14 @@ class BinaryNumbers:
         start, self._position = self._position, end + 1
         return int(self._data[start:end])
 
+    def integer(self) -> int:
+        """Take a number of four bytes."""
+        return int(self._take(np.dtype(np.int32), 1)[0])
+
+    def size(self) -> int:
+        """Take a number of eight bytes."""
+        return int(self._take(np.dtype(np.uint64), 1)[0])
+
     def ints(self, count: int) -> Ints:
         """Take `count` numbers of four bytes."""
         return self._take(np.dtype(np.int32), count).astype(np.int64)
@@ -184,38 +194,88 @@ class BinaryNumbers:
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
         """Take `count` rows; those of as many nodes come together."""
-        window = 1
-        while count > 0:
-            nodes = int(self._ahead(np.dtype((np.int32, 2)), 1)[0, 1])
-            row = np.dtype([("head", np.int32, 2), ("values", np.float64, (_counted(nodes), components))])
-            run, window = _run(self._ahead(row, min(count, window))["head"][:, 1] == nodes, window)
-            table = self._take(row, run)
-            yield table["head"][:, 0].astype(np.int64), table["values"]
-            count -= run
+
+        def row(nodes: int) -> tuple[int, int]:
+            return 2 + 2 * _counted(nodes) * components, 1
+
+        taken, tables = _alike(self._words(), count, (1,), row)
+        self._position += 4 * taken
+        for (nodes,), table in tables:
+            values = np.ascontiguousarray(table[:, 2:]).view(np.float64)
+            yield table[:, 0].astype(np.int64), values.reshape(-1, nodes, components)
 
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` elements, each table after a header of its type, how many, and how many tags.
 
         Gmsh writes a header for every element, so those of the same make come together.
         """
-        window = 1
-        while count > 0:
-            head = self._ahead(np.dtype((np.int32, 3)), 1)[0]
-            kind, number, tags = (int(part) for part in head)
+
+        def block(kind: int, number: int, tags: int) -> tuple[int, int]:
             if number < 1:
                 raise ValueError(f"a block of elements has {number} of them")
-            width = _width(kind, tags)
-            row = np.dtype([("head", np.int32, 3), ("table", np.int32, (number, width))])
-            run, window = _run(np.all(self._ahead(row, min(count, window))["head"] == head, axis=1), window)
-            yield kind, tags, self._take(row, run)["table"].reshape(-1, width).astype(np.int64)
-            count -= run * number
+            return 3 + number * _width(kind, tags), number
 
-    def _ahead(self, kind: np.dtype, count: int) -> np.ndarray:
-        """The next rows, at most `count` of them and at least one."""
-        available = (len(self._data) - self._position) // kind.itemsize
-        ahead = self._take(kind, max(1, min(count, available)))
-        self._position -= ahead.nbytes
-        return ahead
+        taken, tables = _alike(self._words(), count, (0, 1, 2), block)
+        self._position += 4 * taken
+        for (kind, _, tags), table in tables:
+            yield kind, tags, table[:, 3:].reshape(-1, _width(kind, tags)).astype(np.int64)
+
+    def _words(self) -> NDArray[np.int32]:
+        """All that is left, as numbers of four bytes."""
+        return np.frombuffer(self._data, np.int32, (len(self._data) - self._position) // 4, self._position)
+
+
+def _alike(
+    words: NDArray, count: int, columns: tuple[int, ...], row_of: Callable[..., tuple[int, int]]
+) -> tuple[int, list[tuple[tuple[int, ...], NDArray]]]:
+    """Rows whose length depends on what they begin with, those of the same beginning together.
+
+    Runs of like rows are sought in steps that double, so that every row is looked at a bounded number of times, however
+    a file mixes them.
+
+    Parameters
+    ----------
+    words
+        The numbers from the first row on.
+    count
+        How many items there are in all rows.
+    columns
+        Where a row says what it is.
+    row_of
+        Words and items of such a row.
+
+    Returns
+    -------
+    int
+        Words of all rows.
+    list
+        What rows say in these columns, and a table of them.
+    """
+    places: dict[tuple[int, ...], list[NDArray]] = {}
+    position, window = 0, 1
+    while count > 0:
+        head = tuple(int(words[position + column]) for column in columns)
+        width, items = row_of(*head)
+        limit = min(window, -(-count // items), (len(words) - position) // width)
+        if limit < 1:
+            raise ValueError("a section ends before its last number")
+        rows = words[position : position + limit * width].reshape(limit, width)
+        run = _run(rows, columns, head)
+        if run < 1:
+            raise ValueError("a number that is not whole stands where an element says what it is")
+        places.setdefault(head, []).append(rows[:run])
+        window = 2 * window if run == limit else 1
+        position, count = position + run * width, count - run * items
+    return position, [(head, np.concatenate(parts)) for head, parts in places.items()]
+
+
+def _run(rows: NDArray, columns: tuple[int, ...], head: tuple[int, ...]) -> int:
+    """How many rows from the first on have this head; in plain Python where that is faster."""
+    if len(rows) <= SHORT:
+        alike = (all(row[column] == word for column, word in zip(columns, head, strict=True)) for row in rows)
+        return next((number for number, same in enumerate(alike) if not same), len(rows))
+    same = np.all(rows[:, columns] == head, axis=1)
+    return len(rows) if same.all() else int(np.argmin(same))
 
 
 def _whole(values: Floats) -> Ints:
@@ -225,16 +285,6 @@ def _whole(values: Floats) -> Ints:
     if np.any(whole != values):
         raise ValueError(f"{values[whole != values][0]} stands where a whole number must")
     return whole
-
-
-def _run(alike: NDArray[np.bool_], window: int) -> tuple[int, int]:
-    """How many rows from the first on are alike, and how many to look at next: twice as many if all were.
-
-    So every row is looked at a bounded number of times, however a file mixes them.
-    """
-    if len(alike) and alike.all():
-        return len(alike), 2 * window
-    return max(1, int(np.argmin(alike)) if len(alike) else 1), 1
 
 
 def _counted(nodes: int) -> int:

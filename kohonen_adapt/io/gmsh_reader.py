@@ -22,6 +22,11 @@ SURFACE = 2
 FRONT = 2**16
 """Bytes in which the header must be, so that nothing is read in vain."""
 
+FEW = 10**6
+"""Rows, one per element and group, that any file may have; above, two for each byte."""
+
+NO_GROUPS = np.empty(0, np.int64)
+
 LARGEST = 2**31 - 1  # of numbers of groups: Gmsh has them as int
 
 
@@ -81,7 +86,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
     if version == "4.1":
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
         numbers, points = _nodes_41(section("Nodes"))
-        blocks, meshed = _elements_41(section("Elements"), groups)
+        blocks, meshed = _elements_41(section("Elements"), groups, max(FEW, 2 * len(data)))
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
     else:
         nodes = section("Nodes")
@@ -111,33 +116,39 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
     groups = {}
     for dimension, count in enumerate(section.sizes(4)):
         for _ in range(count):
-            tag = int(section.ints(1)[0])
+            tag = section.integer()
             section.floats(6 if dimension else 3)
-            groups[dimension, tag] = np.abs(section.ints(section.sizes(1)[0]))
-            if dimension:
-                section.ints(section.sizes(1)[0])
+            number = section.size()
+            groups[dimension, tag] = np.abs(section.ints(number)) if number else NO_GROUPS
+            if dimension and (number := section.size()):
+                section.ints(number)
     return groups
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
     numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
     for _ in range(section.sizes(4)[0]):
-        dimension, _, parametric = section.ints(3)
-        count = section.sizes(1)[0]
+        dimension, _, parametric = (section.integer() for _ in range(3))
+        count = section.size()
         numbers.append(section.sizes(count))
         width = 3 + (dimension if parametric else 0)
         points.append(section.floats(count * width).reshape(-1, width)[:, :3])
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple[list[Block], set[tuple[int, int]]]:
-    """Blocks of elements, one per entity and group, and the entities that have any."""
+def _elements_41(
+    section: Numbers, groups: dict[tuple[int, int], Ints], most: int
+) -> tuple[list[Block], set[tuple[int, int]]]:
+    """Blocks of elements, one per entity and group, and the entities that have any; `most` rows in all."""
     blocks, meshed = [], set()
     for _ in range(section.sizes(4)[0]):
-        dimension, entity, kind = (int(number) for number in section.ints(3))
-        table = section.sizes(section.sizes(1)[0] * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
+        dimension, entity, kind = (section.integer() for _ in range(3))
+        table = section.sizes(section.size() * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
         meshed.add((dimension, entity))
-        tags = groups.get((dimension, entity), ())
+        tags = groups.get((dimension, entity), NO_GROUPS)
+        most -= len(tags) * len(table)
+        if most < 0:
+            raise ValueError("it has elements in more groups than a mesh of its size can need")
         for tag in tags if len(tags) else (0,):
             blocks.append((kind, Rows(table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed

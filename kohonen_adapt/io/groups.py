@@ -13,7 +13,7 @@ from skfem import MeshTri
 
 from .content import LINE, TRIANGLE, Content, Floats, Ints, shape_of
 
-__all__ = ["DIMENSION", "UNNAMED", "Groups", "name_of", "numbers_for", "to_groups"]
+__all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
 logger = logging.getLogger(__name__)
 
@@ -81,12 +81,21 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
             keys |= {(dimension, int(number)) for number in np.unique(rows.group[rows.group > 0])}
     names = {key: name for key in sorted(keys) if not (name := name_of(content, *key)).startswith("gmsh:")}
     _report_shared(names, path)
-    return Groups(names, {number: _positions(content, number, scale) for dimension, number in names if dimension == 0})
+    members: dict[int, Ints] = {}
+    for kind, rows in content.rows.items():
+        if shape_of(kind) == POINT:
+            members = by_group(rows.group, rows.nodes[:, 0])
+    nowhere = np.empty(0, np.int64)
+    nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
+    return Groups(names, {number: scale * content.points[rows, :2].T for number, rows in nodes.items()})
 
 
-def _positions(content: Content, number: int, scale: float) -> Floats:
-    rows = [rows.nodes[rows.group == number, 0] for kind, rows in content.rows.items() if shape_of(kind) == POINT]
-    return scale * content.points[np.concatenate([np.empty(0, np.int64), *rows]), :2].T
+def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
+    """Items by the number of their group, in order; row k says that `item[k]` is in `group[k]`, 0 for none."""
+    order = np.argsort(group, kind="stable")
+    numbers, start = np.unique(group[order], return_index=True)
+    parts = np.split(item[order], start[1:])
+    return {number: part for number, part in zip(numbers.tolist(), parts, strict=False) if number > 0}
 
 
 def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:

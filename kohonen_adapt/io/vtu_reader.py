@@ -184,8 +184,18 @@ class _Reader:
         return values if components == 1 else values.reshape(-1, components)
 
     def _unpacked(self, source: "_Encoded | _Plainly", code: str) -> NDArray:
-        packed = b"".join(self._blocks(source)) if self._compressor else source.sized(self._size)
-        return np.frombuffer(packed, self._order + code)
+        data = b"".join(self._blocks(source)) if self._compressor else self._as_it_is(source)
+        return np.frombuffer(data, self._order + code)
+
+    def _as_it_is(self, source: "_Encoded | _Plainly") -> bytes:
+        data = source.sized(self._size)
+        self._spend(len(data))  # arrays may name the same bytes
+        return data
+
+    def _spend(self, count: int) -> None:
+        self._budget -= count
+        if self._budget < 0:
+            raise ValueError("it unpacks to far more than a mesh of its size holds")
 
     def _blocks(self, source: "_Encoded | _Plainly") -> Iterator[bytes]:
         """Unpacked blocks, each as long as the header says."""
@@ -195,9 +205,7 @@ class _Reader:
         packed, start = source.take(sum(sizes)), 0
         for number, size in enumerate(sizes):
             length = last if last and number == count - 1 else full
-            self._budget -= length
-            if self._budget < 0:
-                raise ValueError("it unpacks to far more than a mesh of its size holds")
+            self._spend(length)
             yield self._decompressed(packed[start : start + size], length)
             start += size
 
