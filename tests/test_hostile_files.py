@@ -187,12 +187,9 @@ def test_arrays_that_name_the_same_bytes(tmp_path):
     array = '<DataArray type="Float64" Name="{}" format="appended" offset="0"/>'
     arrays = "".join(array.format(name) for name in range(5000))
     blob = np.uint32(800_000).tobytes() + bytes(800_000)
-    (tmp_path / "m.vtu").write_bytes(
-        f'<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece><Points>{arrays}</Points></Piece></UnstructuredGrid>'
-        '<AppendedData encoding="raw">_'.encode()
-        + blob
-        + b"</AppendedData></VTKFile>"
-    )
+    piece = f"<UnstructuredGrid><Piece><Points>{arrays}</Points></Piece></UnstructuredGrid>"
+    head = f'<VTKFile type="UnstructuredGrid">{piece}<AppendedData encoding="raw">_'.encode()
+    (tmp_path / "m.vtu").write_bytes(head + blob + b"</AppendedData></VTKFile>")
     with pytest.raises(ValueError, match="cannot be read: it unpacks to far more than a mesh of its size holds"):
         ka.read_mesh(tmp_path / "m.vtu")
 
