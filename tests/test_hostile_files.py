@@ -222,6 +222,8 @@ def limited(code, path):
     """What a process says that may have two gigabytes more than it has after its imports."""
     limit = (
         "import resource, sys, kohonen_adapt as ka\n"
+        "from pathlib import Path\n"
+        "from kohonen_adapt.io.fields import read_field\n"
         "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, resource.RLIM_INFINITY))\n"
     )
@@ -231,13 +233,20 @@ def limited(code, path):
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc to know the memory of a process")
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
-def test_a_file_that_does_not_fit_into_memory(suffix, tmp_path):
+@pytest.mark.parametrize(
+    ("suffix", "read"),
+    [
+        (".msh", "ka.read_mesh(sys.argv[1])"),
+        (".vtu", "ka.read_mesh(sys.argv[1])"),
+        (".pos", "read_field(Path(sys.argv[1]), 'f', None)"),
+    ],
+)
+def test_a_file_that_does_not_fit_into_memory(suffix, read, tmp_path):
     path = tmp_path / f"m{suffix}"
     path.write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n")
     with path.open("r+b") as stream:
         stream.truncate(2**36)  # takes no space: nothing but holes
-    assert limited("ka.read_mesh(sys.argv[1])", path) == f"'{path}' does not fit into memory.\n"
+    assert limited(read, path) == f"'{path}' does not fit into memory.\n"
 
 
 def test_a_large_file_without_a_header_is_not_read(tmp_path):

@@ -57,8 +57,9 @@ def read_views(path: Path) -> Sampled:
     ValueError
         If it is neither, or damaged.
     """
-    data = path.read_bytes()
-    if data.lstrip()[:4] == b"View":
+    with refusing(path, f"read_field cannot read '{path}': {{}}."):
+        data = path.read_bytes()
+    if data[:80].lstrip()[:4] == b"View":
         return _listed(data, path)
     binary = header_of(data, path)[1]
     content = read_msh(path)
