@@ -200,6 +200,12 @@ def test_what_unpacks_to_more_than_it_says_is_cut(tmp_path):
         within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
 
 
+def test_a_piece_without_points(tmp_path):
+    (tmp_path / "m.vtu").write_bytes(raw_vtu().replace(b"<Points>", b"<Point>").replace(b"</Points>", b"</Point>"))
+    with pytest.raises(ValueError, match="cannot be read: a piece has 0 arrays of points"):
+        ka.read_mesh(tmp_path / "m.vtu")
+
+
 def test_deep_nesting(tmp_path):
     (tmp_path / "m.vtu").write_text("<VTKFile>" + "<a>" * 100_000 + "</a>" * 100_000 + "</VTKFile>")
     with pytest.raises(ValueError, match="it holds no UnstructuredGrid"):

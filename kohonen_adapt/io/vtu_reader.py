@@ -143,7 +143,10 @@ class _Reader:
         )
 
     def _piece(self, piece: ElementTree.Element) -> Grid:
-        places = next(iter(self._arrays(piece, "Points").values()))
+        arrays = list(self._arrays(piece, "Points").values())
+        if len(arrays) != 1:
+            raise ValueError(f"a piece has {len(arrays)} arrays of points")
+        (places,) = arrays
         points = places.reshape(len(places), -1).astype(float)
         points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
         cells = self._arrays(piece, "Cells")
