@@ -4,6 +4,7 @@ import argparse
 
 from benchmarks import (
     drift,
+    files,
     force,
     large,
     limit,
@@ -38,6 +39,7 @@ CHECKS = {
     "force": force.report,
     "oracle": ngsolve_oracle.report,
     "large": large.report,
+    "files": files.report,
 }
 
 

@@ -4,7 +4,7 @@ from . import estimators
 from .curves import Arc, Line, Spline
 from .density import density_from_indicators, density_from_sizes
 from .descent import polish
-from .io import read_curves, read_mesh, write_mesh
+from .io import read_curves, read_groups, read_mesh, write_mesh
 from .locate import find_elements, interpolate
 from .loop import adapt
 from .precompile import warmup
@@ -37,6 +37,7 @@ __all__ = [
     "polish",
     "quality",
     "read_curves",
+    "read_groups",
     "read_mesh",
     "relocate",
     "warmup",

@@ -20,7 +20,7 @@ from .cases import case_text, read_case
 from .cases.kinds import about
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts
-from .commands.moving import STEPS, density_source, relocate_file
+from .commands.moving import MEANINGS, STEPS, field_source, relocate_file
 from .commands.results import RESULTS, write_pictures
 from .commands.running import CaseRun
 from .io import read_mesh
@@ -57,9 +57,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 if all went well, 1 if the problem could not be solved, 2 for wrong arguments and files that cannot be read
-        or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at work, the process ends with
-        that number, or while it draws by that signal, and nothing is returned.
+        0 if all went well, 1 if the problem could not be solved or `check` found faults, 2 for wrong arguments and
+        files that cannot be read or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at
+        work, the process ends with that number, or while it draws by that signal, and nothing is returned.
 
     Raises
     ------
@@ -105,10 +105,17 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_relocate(commands: Any) -> None:
     move = commands.add_parser(
-        "relocate", help="move the nodes of a mesh to where a density wants them, for any solver"
+        "relocate",
+        help="move the nodes of a mesh to where a field wants them, for any solver",
+        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
+        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
+        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
     )
     move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    move.add_argument("--density", metavar="FIELD.vtu:name", required=True, help="per element or node of that mesh")
+    field = move.add_mutually_exclusive_group(required=True)
+    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
+    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element, in the energy norm")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths")
     move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
     move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
     move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
@@ -121,7 +128,12 @@ def _add_relocate(commands: Any) -> None:
 
 
 def _add_check(commands: Any) -> None:
-    check = commands.add_parser("check", help="say what a mesh is, and what would go wrong with it")
+    check = commands.add_parser(
+        "check",
+        help="say what a mesh is, and what would go wrong with it",
+        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
+        "faults were found, and 2 if the file holds no mesh at all.",
+    )
     _add_mesh(check)
     check.set_defaults(run=_check)
 
@@ -253,7 +265,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Describe a mesh; what is refused anyhow ends the description with an error."""
+    """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh)
     terminal.say("\n".join(described(mesh)))
@@ -262,16 +274,18 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say("\n".join(outlines_described(som)))
     found += thin_parts(som)
     terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
-    return DONE
+    return FAILED if found else DONE
 
 
 def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Relocate a mesh from file to file."""
     terminal.writes_to(_writable(arguments.out.parent))
+    meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
     before, after = relocate_file(
         arguments.mesh,
-        density_source(arguments.density),
+        field_source(text, f"--{meaning}"),
         arguments.out,
+        meaning=meaning,
         topology=arguments.topology,
         min_quality=arguments.min_quality,
         pinned=[_number_or_name(word) for word in arguments.pinned],

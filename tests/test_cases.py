@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from meshes import disk
 
 from kohonen_adapt.cases import case_of, read_case
+from kohonen_adapt.curves import Arc, Line, Spline
+from kohonen_adapt.io import write_mesh
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
 
 CONTRACT = """
@@ -61,6 +64,10 @@ polish = false
 target_nodes = 5000
 layers = {air = 2}
 output_rtol = 0.01
+[adapt.curves]
+round = {curve = "arc", centre = [1, 0.0], radius = 2}
+straight = {curve = "line", start = [0, 0], end = [1, 1]}
+bent = {curve = "spline", points = [[0, 0], [1, 1], [2, 0]], closed = true}
 [outputs]
 fx = {quantity = "force", body = "coil", component = "x"}
 fy = {quantity = "force", body = ["coil", "air"], component = "y"}
@@ -106,6 +113,9 @@ def test_every_key():
         "arctan": Arctan(2000.0, 2.0),
     }
     assert problem.materials["magnet"].coercivity == (1e5, 0.0) and problem.ampere_turns == {"coil": 100.0}
+    curves = it.adapt.pop("curves")
+    assert (curves["round"], curves["straight"]) == (Arc((1.0, 0.0), 2.0), Line((0.0, 0.0), (1.0, 1.0)))
+    assert isinstance(curves["bent"], Spline) and curves["bent"].closed
     assert it.adapt == {
         "passes": 3,
         "rtol": 0.01,
@@ -143,6 +153,21 @@ class RecordingField:
 
     def flux_linkage(self, coil, turns):
         return turns * len(coil)
+
+
+def test_a_curve_that_is_not_that_of_the_mesh_is_refused_before_the_run(tmp_path):
+    mesh = whole_disk(0.25)
+    write_mesh(tmp_path / "m.msh", mesh)
+    text = 'mesh = "m.msh"\n[materials.all]\n[potential]\nrim = 0.0\n[adapt.curves]\nrim = {curve = "arc", '
+    right, wrong_one = (case(text + f"centre = [0, 0], radius = {radius}}}", tmp_path) for radius in (0.25, 0.4))
+    assert right.fitting_mesh().p.shape == mesh.p.shape
+    with pytest.raises(ValueError, match=r"adapt: .*curve"):
+        wrong_one.fitting_mesh()
+
+
+def whole_disk(radius):
+    mesh = disk(4, radius)
+    return mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
 
 
 def test_outputs_ask_the_field():
@@ -214,6 +239,17 @@ def wrong(old, new, *said):
         wrong("passes = 4", "passes = -1", "adapt.passes must be an integer from 0 to 2147483647; got -1."),
         wrong("passes = 4", 'topology = "flp"', "adapt.topology must be one of", "Did you mean 'flip'?"),
         wrong("passes = 4", "layers = {gap = 0}", "adapt.layers.gap must be an integer from 1"),
+        wrong(
+            "passes = 4", "curves = {a = {radius = 1}}", "adapt.curves.a.curve must be one of 'arc', 'line', 'spline'"
+        ),
+        wrong("passes = 4", 'curves = {a = {curve = "arc", radius = 1}}', "adapt.curves.a.centre is missing"),
+        wrong(
+            "passes = 4",
+            'curves = {a = {curve = "line", start = [0, 0], end = [0, 0]}}',
+            "adapt.curves.a: start and end",
+        ),
+        wrong("passes = 4", 'curves = {a = {curve = "spline", points = [[0, 0]]}}', "adapt.curves.a: "),
+        wrong("passes = 4", 'curves = {a = {curve = "spline", points = 3}}', "adapt.curves.a.points must be a list of"),
         wrong("passes = 4", "pinned = [1.5]", "adapt.pinned[0] must be an integer from 0"),
         wrong("passes = 4", 'pinned = "iron"', "adapt.pinned must be a list of names and node numbers; got 'iron'."),
         wrong("passes = 4", "output_rtol = 0.1", "adapt.output_rtol limits the changes of outputs, and there are none"),

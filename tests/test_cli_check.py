@@ -16,10 +16,13 @@ from kohonen_adapt.commands.faults import faults, thin_parts
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
-def said_of(mesh, tmp_path, capsys, *options):
+def said_of(mesh, tmp_path, capsys):
+    """What is said of a mesh; the status is that of what is said."""
     ka.write_mesh(tmp_path / "it.msh", mesh)
-    assert cli.main(["check", str(tmp_path / "it.msh"), *options]) == 0
-    return capsys.readouterr().out
+    status = cli.main(["check", str(tmp_path / "it.msh")])
+    said = capsys.readouterr().out
+    assert status == (0 if said.endswith("\nNothing is wrong.\n") else 1)
+    return said
 
 
 def whole(mesh):
@@ -57,7 +60,7 @@ def test_the_smallest_angle(tmp_path, capsys):
 
 
 def test_millimetres(capsys):
-    assert cli.main(["check", str(EXAMPLES / "c_core.msh")]) == 0
+    assert cli.main(["check", str(EXAMPLES / "c_core.msh")]) == 1
     said = capsys.readouterr().out
     assert (
         "- the mesh is 140 x 140 m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)." in said
@@ -113,6 +116,13 @@ def test_a_gap_of_one_layer(layers, thin):
 def test_no_fault_in_a_mesh_with_every_kind_of_name():
     said = " ".join(faults(named(8)))
     assert "hanging" not in said and "coincident rim node" not in said
+
+
+def test_the_status_is_in_the_help(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The exit status is 0 if nothing would, 1 if faults were found, and 2 if the file holds no mesh" in said
 
 
 def test_no_mesh(tmp_path, capsys):

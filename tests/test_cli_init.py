@@ -53,6 +53,19 @@ def test_overlapping_names_are_commented_out(tmp_path):
     assert cli.main(["run", str(tmp_path / "rooms.toml"), "--dry-run"]) == 0
 
 
+def test_no_flux_leaves_where_most_of_the_rim_is():
+    """Not on the longest boundary, which is inside, nor on the rim of a hole."""
+    mesh = MeshTri.init_tensor(np.linspace(0, 9, 10), np.linspace(0, 9, 10))
+    mesh = mesh.remove_elements(np.flatnonzero((np.abs(mesh.p[:, mesh.t].mean(axis=1) - 4.5) < 0.5).all(axis=0)))
+    rim = mesh.boundary_facets()
+    far = (np.abs(mesh.p[:, mesh.facets[:, rim]].mean(axis=1) - 4.5) > 4).any(axis=0)
+    inside = np.setdiff1d(np.arange(mesh.facets.shape[1]), rim)
+    mesh = mesh.with_boundaries({"hole": rim[~far], "inside": inside, "outside": rim[far]})
+    written = case_text(mesh, "m.msh", 1.0)
+    assert tomllib.loads(written)["potential"] == {"outside": 0.0}
+    assert "# On the largest part of the rim, 90 % of it: no flux leaves there.\noutside = 0.0" in written
+
+
 def test_a_mesh_without_names_says_what_it_lacks(tmp_path):
     text = case_text(MeshTri().refined(1), "m.msh", 1.0)
     assert "# 100 % of the area has no material above: give it a surface group of its own" in text

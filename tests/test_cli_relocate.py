@@ -184,12 +184,15 @@ def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
     assert error.startswith("kohonen-adapt: ") and error.count("\n") == 1 and said in error
 
 
+EXPECTED = "--density expected FIELD.vtu:name, a file (or .msh, .msh2, .pos) and a field of it;"
+
+
 @pytest.mark.parametrize(
     ("density", "out", "said"),
     [
-        ("f.vtu", "a.msh", "--density expected FIELD.vtu:name, a file and a field of it; got 'f.vtu'."),
-        ("f.vtu:", "a.msh", "--density expected FIELD.vtu:name, a file and a field of it; got 'f.vtu:'."),
-        ("none.vtu:rho", "a.msh", "read_field expected a VTU file; there is none at 'none.vtu'."),
+        ("f.vtu", "a.msh", f"{EXPECTED} got 'f.vtu'."),
+        ("f.vtu:", "a.msh", f"{EXPECTED} got 'f.vtu:'."),
+        ("none.vtu:rho", "a.msh", "read_field expected a file with a field; there is none at 'none.vtu'."),
         ("f.vtu:rho", "a.stl", "--out expected a file that ends in .msh, .msh2, .vtu; got 'a.stl'."),
     ],
 )
@@ -203,4 +206,4 @@ def test_a_broken_field_file(source, tmp_path, capsys):
     (tmp_path / "f.vtu").write_text("<VTKFile")
     code, _ = move(source, tmp_path / "f.vtu", "--quiet")
     assert code == 2
-    assert "read_field expected a VTU file; meshio cannot read" in capsys.readouterr().err
+    assert "read_field expected a VTU file; " in capsys.readouterr().err

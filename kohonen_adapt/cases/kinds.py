@@ -179,13 +179,15 @@ def pins(given: Any, place: str) -> list[int | str]:
 
 
 def _below(place: str, key: str) -> str:
-    return f"{place}.{key}" if place else key
+    name = key if key.isprintable() and len(key) <= SHOWN else _shown(key)
+    return f"{place}.{name}" if place else name
 
 
 def _unknown(key: str, known: list[str], place: str) -> str:
     near = get_close_matches(key, known, 1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
-    return f"{_below(place, key)!r} is no key of a case.{hint} Known{f' in {place}' * bool(place)}: {', '.join(known)}."
+    where = f" in {place}" if place else ""
+    return f"{_below(place, key)!r} is no key of a case.{hint} Known{where}: {', '.join(known)}."
 
 
 def _shown(given: Any) -> str:

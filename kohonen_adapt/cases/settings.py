@@ -3,13 +3,14 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from skfem import MeshTri
 
 from ..growth import Growth
-from ..io import read_mesh
+from ..io import Groups, read_groups, read_mesh
 from ..limits import Limits
 from ..magnetostatics import Magnetostatics
 from ..magnetostatics.bodies import elements_of
@@ -20,6 +21,7 @@ from ..relocation import guarded_map
 from .kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
 from .materials import material_in
 from .quantities import Quantity, quantity
+from .shapes import shape
 
 __all__ = ["Case", "case_of", "read_case"]
 
@@ -47,12 +49,15 @@ ADAPT: dict[str, Kind] = {
     "polish": flag,
     "target_nodes": integer(least=1),
     "periodic": pairs,
+    "curves": table_of(shape),
     "layers": table_of(integer(least=1)),
     "output_rtol": number(least=0.0),
 }
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
-LIMITS = ("topology", "min_quality", "pinned", "periodic", "layers")
+LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
+
+LIMITS = ("topology", "min_quality", "pinned", "curves", "periodic", "layers")
 """Those of them that limit what nodes may do."""
 
 
@@ -84,6 +89,19 @@ class Case:
     file: str = ""
     text: str = ""
 
+    @cached_property
+    def groups(self) -> Groups:
+        """The physical groups of the mesh file, in its unit; read once, so that the file may go after the mesh is read.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        OSError
+            If it cannot be read.
+        """
+        return read_groups(self.mesh)
+
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
 
@@ -97,6 +115,7 @@ class Case:
         """
         with about("mesh"):
             mesh = read_mesh(self.mesh, scale=self.scale)
+            _ = self.groups  # now, and not when hours later the results are written
         problem = self.problem
         with about("materials"):
             coefficients(mesh, problem.materials, problem.ampere_turns)
@@ -135,6 +154,9 @@ def read_case(path: Path) -> Case:
     """
     if not path.is_file():
         raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
+    size = path.stat().st_size
+    if size > LARGEST:
+        raise ValueError(f"{path}: a case has at most {LARGEST} bytes; this has {size}.")
     content = path.read_bytes()
     try:
         said = content.decode("utf-8")

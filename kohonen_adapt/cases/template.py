@@ -51,6 +51,7 @@ seed = 0
 # target_nodes = 5000  # grow to so many nodes
 # pinned = ["outer"]  # names and node numbers of what is to stay
 # layers = {gap = 2}  # layers of elements to keep across thin subdomains
+# curves = {rim = {curve = "arc", centre = [0.0, 0.0], radius = 0.05}}  # m; or "line" (start, end), "spline" (points)
 # output_rtol = 0.01  # stop when no output changes by more than this share
 
 # [outputs.force]
@@ -75,8 +76,8 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
     Returns
     -------
     str
-        TOML: every subdomain is air, and A = 0 on the longest boundary of the rim. Subdomains that overlap those, and
-        other boundaries, are commented out.
+        TOML: every subdomain is air, and A = 0 on the boundary that holds most of the rim. Subdomains that overlap
+        those, and other boundaries, are commented out.
     """
     width, height = np.ptp(mesh.p, axis=1)
     head = HEAD.format(mesh=_quoted(file), scale=float(scale), width=width, height=height)
@@ -118,23 +119,27 @@ def _disjoint(sets: Sets, names: list[str], count: int) -> set[str]:
 
 
 def _potential(mesh: MeshTri) -> str:
-    ends = mesh.p[:, mesh.facets]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
-    rim = np.zeros(len(length), dtype=bool)
-    rim[mesh.boundary_facets()] = True
-    lengths = {
-        name: length[rows].sum() * rim[rows].all()
-        for name, rows in (mesh.boundaries or {}).items()
-        if not name.startswith("gmsh:") and len(rows)
-    }
-    longest = max(lengths, key=lambda name: lengths[name], default=None)
+    sets = {name: rows for name, rows in (mesh.boundaries or {}).items() if not name.startswith("gmsh:")}
+    shares = {name: _share_of_rim(mesh, rows) for name, rows in sets.items() if len(rows)}
+    outer = max(shares, key=lambda name: shares[name], default=None)
     lines = ["", "[potential]  # A in Wb/m; where none is given, flux crosses the boundary at a right angle"]
-    for name in sorted(lengths):
-        used = name == longest and lengths[name] > 0.0
-        lines.append(f"{'' if used else '# '}{_key(name)} = 0.0")
-    if not any(lengths.values()):
+    for name in sorted(shares):
+        if name == outer and shares[name] > 0.0:
+            lines += [f"# On the largest part of the rim, {100.0 * shares[name]:.3g} % of it: no flux leaves there."]
+            lines += [f"{_key(name)} = 0.0"]
+        else:
+            lines += [f"# {_key(name)} = 0.0"]
+    if not any(shares.values()):
         lines.append("# The mesh names no part of its rim: give the lines there a physical group, and name it here.")
     return "\n".join([*lines, ""])
+
+
+def _share_of_rim(mesh: MeshTri, rows: NDArray[np.integer]) -> float:
+    """Which share of the length of the rim is in a boundary; 0 if some of it is inside, where A = 0 cuts the field."""
+    rim = mesh.boundary_facets()
+    ends = mesh.p[:, mesh.facets]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
+    return float(length[rows].sum() / length[rim].sum()) if np.isin(rows, rim).all() else 0.0
 
 
 def _key(name: str) -> str:

@@ -1,39 +1,65 @@
-"""A mesh file and a density file in, a better mesh file out: the map for any solver."""
+"""A mesh file and a field file in, a better mesh file out: the map for any solver."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
 from skfem import MeshTri
 
-from ..io import MSH_VERSION, read_mesh, write_mesh
-from ..io.fields import read_field
+from ..density import density_from_indicators, density_from_sizes
+from ..io import MSH_VERSION, read_groups, read_mesh, write_mesh
+from ..io.fields import FIELD_SUFFIXES, read_field
 from ..relocation import relocate
 
-__all__ = ["STEPS", "density_source", "relocate_file"]
+__all__ = ["MEANINGS", "STEPS", "field_source", "relocate_file"]
 
 STEPS = ("read", "relocate", "write")
 
 
-def density_source(text: str) -> tuple[Path, str]:
+def _as_it_is(mesh: MeshTri, values: NDArray[Any]) -> NDArray[Any]:
+    return values
+
+
+MEANINGS: dict[str, Callable[[MeshTri, NDArray[Any]], NDArray[Any]]] = {
+    "density": _as_it_is,
+    "indicators": density_from_indicators,
+    "sizes": density_from_sizes,
+}
+"""What a field may hold, to what makes a density of it."""
+
+SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)", re.IGNORECASE | re.DOTALL)
+
+
+def field_source(text: str, option: str) -> tuple[Path, str]:
     """File and field of ``FIELD.vtu:name``.
+
+    Parameters
+    ----------
+    text
+        What the user wrote.
+    option
+        Where, for messages.
 
     Raises
     ------
     ValueError
         If it is none.
     """
-    file, found, name = text.partition(".vtu:")
-    if not (file and found and name):
-        raise ValueError(f"--density expected FIELD.vtu:name, a file and a field of it; got '{text}'.")
-    return Path(f"{file}.vtu"), name
+    found = SOURCE.fullmatch(text)
+    if not found:
+        others = ", ".join(FIELD_SUFFIXES[1:])
+        raise ValueError(f"{option} expected FIELD.vtu:name, a file (or {others}) and a field of it; got '{text}'.")
+    return Path(found[1]), found[2]
 
 
 def relocate_file(
     source: Path,
-    density: tuple[Path, str],
+    field: tuple[Path, str],
     target: Path,
     *,
+    meaning: str = "density",
     topology: str = "flip",
     min_quality: float = 0.3,
     pinned: Sequence[int | str] = (),
@@ -42,14 +68,18 @@ def relocate_file(
     layers: Mapping[str, int] | None = None,
     progress: Callable[[int, str], Any] = lambda number, step: None,
 ) -> tuple[MeshTri, MeshTri]:
-    """Read a mesh and a density on it, relocate, and write the mesh in the unit it came in.
+    """Read a mesh and a field on it, relocate, and write the mesh in the unit it came in, with the same groups.
+
+    Physical groups keep their numbers, and points in a group their place.
 
     Parameters
     ----------
     source, target
         Mesh files.
-    density
-        VTU file and name of a field, per element or per node.
+    field
+        File and name of a field, per element or per node.
+    meaning
+        What it holds, a key of `MEANINGS`.
     topology, min_quality, pinned, seed, periodic, layers
         As `relocate` takes them.
     progress
@@ -70,19 +100,20 @@ def relocate_file(
     if target.suffix.lower() not in (*MSH_VERSION, ".vtu"):
         raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{target.name}'.")
     progress(0, STEPS[0])
-    mesh = read_mesh(source)
-    wanted = read_field(*density, mesh)
+    mesh, groups = read_mesh(source), read_groups(source)
+    points = [int(node) for nodes in groups.nodes(mesh).values() for node in nodes]
+    values = read_field(*field, mesh)
     progress(1, STEPS[1])
     after = relocate(
         mesh,
-        wanted,
+        MEANINGS[meaning](mesh, values),
         topology=topology,
         min_quality=min_quality,
-        pinned=pinned,
+        pinned=[*pinned, *points],
         seed=seed,
         periodic=periodic,
         layers=layers,
     )
     progress(2, STEPS[2])
-    write_mesh(target, after)
+    write_mesh(target, after, groups=groups)
     return mesh, after

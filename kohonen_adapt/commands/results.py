@@ -33,7 +33,8 @@ RESULTS = (MESH, FIELDS, HISTORY)
 def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
     """Write ``adapted.msh``, ``adapted.vtu`` and ``history.csv``.
 
-    The Gmsh file has the unit of the mesh that came in, so that it can take its place; the VTU file is in metres.
+    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place; the
+    VTU file is in metres.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
         If one cannot be written.
     """
     field = result.solution
-    write_mesh(folder / MESH, result.mesh.scaled(1.0 / case.scale))
+    write_mesh(folder / MESH, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
     write_mesh(
         folder / FIELDS,
         result.mesh,

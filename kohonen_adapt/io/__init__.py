@@ -16,10 +16,11 @@ from .assembly import to_mesh
 from .checks import checked_fields, checked_sets
 from .gmsh_reader import read_msh
 from .gmsh_writer import write_msh
+from .groups import Groups, to_groups
 from .second_order import to_curves
 from .vtu import read_vtu, write_vtu
 
-__all__ = ["read_curves", "read_mesh", "write_mesh"]
+__all__ = ["Groups", "read_curves", "read_groups", "read_mesh", "write_mesh"]
 
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Which version of MSH a suffix asks for; `.msh2` is what Gmsh itself takes for 2.2."""
@@ -29,7 +30,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     """Read a mesh of triangles with the names of its surface and line groups.
 
     Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
-    dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``.
+    dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``;
+    `read_groups` reads the numbers of the others.
     Second-order triangles are read as their corners (`read_curves` reads what their mid-side nodes say), an element in
     several groups is read once, nodes that no triangle uses are dropped. Which part of the area carries a name, and
     what was left out, is reported through ``logging``. Boundaries come without orientation: the files hold none that
@@ -67,6 +69,36 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     _check_source(path, scale, "read_mesh")
     content = read_vtu(path) if suffix == ".vtu" else read_msh(path)
     return to_mesh(content, path, float(scale))
+
+
+def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
+    """Read the numbers of the physical groups of a Gmsh file, by which GetDP and others know them.
+
+    ``write_mesh(path, mesh, groups=groups)`` gives them to a mesh that was changed in between.
+
+    Parameters
+    ----------
+    path
+        A Gmsh file. A ``.vtu`` file has names and no numbers, so there is nothing to read.
+    scale
+        The same as for `read_mesh`.
+
+    Returns
+    -------
+    Groups
+        What the groups of each number are called in the mesh that `read_mesh` makes, and where groups of points are.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is unknown or the file is damaged.
+    """
+    path = Path(path)
+    suffix = _suffix(path, "read_groups", (*MSH_VERSION, ".vtu"))
+    _check_source(path, scale, "read_groups")
+    return Groups() if suffix == ".vtu" else to_groups(read_msh(path), path, float(scale))
 
 
 def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
@@ -111,6 +143,7 @@ def write_mesh(
     *,
     point_data: Mapping[str, ArrayLike] | None = None,
     cell_data: Mapping[str, ArrayLike] | None = None,
+    groups: Groups | None = None,
 ) -> None:
     """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
 
@@ -130,12 +163,16 @@ def write_mesh(
         Fields (nnodes,) by name.
     cell_data
         Fields (nelements,) or vectors (2, nelements) by name.
+    groups
+        What `read_groups` read: names keep their numbers, and groups of points are written where they have a node.
+        Without it, ``region_7`` and ``boundary_7`` are groups of that number and no name, and others are numbered
+        anew. VTU files have no numbers.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, the mesh is empty, broken or not exactly a `MeshTri`, a name cannot be stored, or a
-        field has another shape or holds a value that is not finite.
+        If the suffix is unknown, the mesh is empty, broken or not exactly a `MeshTri`, a name or number cannot be
+        stored, or a field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
 
@@ -158,7 +195,8 @@ def write_mesh(
         if suffix == ".vtu":
             write_vtu(draft, mesh, subdomains, boundaries, points, cells)
         else:
-            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=MSH_VERSION[suffix])
+            version = MSH_VERSION[suffix]
+            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups or Groups())
 
 
 def _suffix(path: Path, caller: str, known: tuple[str, ...]) -> str:

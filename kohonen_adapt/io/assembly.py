@@ -8,6 +8,7 @@ from skfem import MeshTri
 
 from ..triangles import area
 from .content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
+from .groups import DIMENSION, by_group, name_of
 
 __all__ = ["to_mesh"]
 
@@ -16,8 +17,6 @@ logger = logging.getLogger(__name__)
 Sets = dict[str, Ints]
 
 CORNERS = {LINE: 2, TRIANGLE: 3}
-DIMENSION = {LINE: 1, TRIANGLE: 2}
-UNNAMED = {LINE: "boundary_{}", TRIANGLE: "region_{}"}
 FLAT = 1e-9
 """How far from a plane z = constant a drawing may be, in sizes of the mesh."""
 
@@ -42,10 +41,12 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     _check_shapes(content, path)
     rows = _rows_of(TRIANGLE, content)
     triangles, element = _listed_once(rows)
-    used, t = np.unique(triangles, return_inverse=True)
+    is_used = np.zeros(len(content.points), dtype=bool)
+    is_used[triangles] = True
+    used = np.flatnonzero(is_used)
     _check_points(content.points[used], path)
     p = np.ascontiguousarray(scale * content.points[used, :2].T)
-    bare = MeshTri(p, np.ascontiguousarray(t.reshape(triangles.shape).T))
+    bare = MeshTri(p, np.ascontiguousarray((np.cumsum(is_used) - 1)[triangles].T))
     subdomains = _by_name(rows.group, element, TRIANGLE, content)
     mesh = MeshTri(bare.p, bare.t, _boundaries(bare, used, content, path), subdomains)
     _report(mesh, content, path)
@@ -114,11 +115,13 @@ def _check_points(points: Floats, path: Path) -> None:
 def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
     """Items by the name of their group; row k says that `item[k]` is in `group[k]`."""
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
+    members = by_group(group, item)
     sets: Sets = {}
-    for tag in np.union1d(group[group > 0], named).astype(int):
-        name = content.names.get((DIMENSION[shape], tag)) or UNNAMED[shape].format(tag)
+    for tag in sorted({*members, *named}):
+        name = name_of(content, DIMENSION[shape], tag)
         if not name.startswith("gmsh:"):
-            sets[name] = np.union1d(sets.get(name, ()), item[group == tag]).astype(np.int32)
+            items = members.get(tag, np.empty(0, np.int64))
+            sets[name] = np.union1d(sets.get(name, ()), items).astype(np.int32)
     for name, items in sets.items():
         if len(items) == 0:
             logger.warning("group '%s' has no %s in the mesh.", name, "facet" if shape == LINE else "triangle")

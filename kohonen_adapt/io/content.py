@@ -1,6 +1,6 @@
 """What a mesh file holds, before anything is made of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,15 @@ class Content:
         Names of physical groups by (dimension, tag): the same tag may come once per dimension.
     missing
         Tags of surfaces of the geometry whose triangles are not in the file.
+    numbers
+        (n,): numbers of the nodes in the file, if it has any.
     """
 
     points: Floats
     rows: dict[int, Rows]
     names: dict[tuple[int, int], str]
     missing: tuple[int, ...] = ()
+    numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
 
 def shape_of(kind: int) -> str:

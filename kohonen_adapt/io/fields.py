@@ -1,29 +1,33 @@
-"""Fields of other programs: one number per node or element from a VTU file that is on the mesh at hand."""
+"""Fields of other programs: one number per node or element, from a file, on the mesh at hand."""
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from .content import Floats, Ints
-from .vtu import load_vtu
+from .gmsh_views import read_views
+from .sampled import Field, Sampled
+from .vtu import read_arrays
 
-__all__ = ["read_field"]
+__all__ = ["FIELD_SUFFIXES", "read_field"]
+
+FIELD_SUFFIXES = (".vtu", ".msh", ".msh2", ".pos")
 
 NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
 
 
 def read_field(path: Path, name: str, mesh: MeshTri) -> Floats:
-    """Read a scalar field from a VTU file, one number per element.
+    """Read a scalar field from a file, one number per element.
 
     Parameters
     ----------
     path
-        The file; cells other than triangles, and points that no triangle uses, have no say.
+        A VTU file, or one with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write). Cells other
+        than triangles, and points that no triangle uses, have no say.
     name
-        Of the cell data, or of the point data: then the mean over each element is taken.
+        Of the data of cells or elements, or of points or nodes: then the mean over each element is taken.
     mesh
         The mesh that it must be on: the same nodes and triangles, in any order. Other programs number them as they
         like, so triangles are known by their centres.
@@ -38,25 +42,26 @@ def read_field(path: Path, name: str, mesh: MeshTri) -> Floats:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no VTU file, is on another mesh, lacks the field, has two of that name, or the field is no scalar.
+        If it is no such file, is on another mesh, lacks the field, has two of that name, or the field is no scalar.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"read_field expected a VTU file; there is none at '{path}'.")
-    content = load_vtu(path, "read_field")
-    blocks = [block.data for block in content.cells if block.type == "triangle"]
-    triangles = np.concatenate([np.empty((0, 3), np.int64), *blocks])
-    place = _places(mesh, content.points[:, :2], triangles, path)
-    if _is_nodal(content, name, path):
-        return np.mean(_scalar(content.point_data[name], name, path)[triangles[place]], axis=1)
-    parts = zip(content.cells, content.cell_data[name], strict=True)
-    return _scalar(np.concatenate([part for block, part in parts if block.type == "triangle"]), name, path)[place]
+        raise FileNotFoundError(f"read_field expected a file with a field; there is none at '{path}'.")
+    if path.suffix.lower() not in FIELD_SUFFIXES:
+        known = ", ".join(FIELD_SUFFIXES)
+        raise ValueError(f"read_field expected a file name that ends in {known}; got '{path.name}'.")
+    content = read_arrays(path) if path.suffix.lower() == ".vtu" else read_views(path)
+    place = _places(mesh, content.points[:, :2], content.triangles, path)
+    field = _field(content, name, path)
+    values = _scalar(field.values, name, path)
+    return np.mean(values[content.triangles[place]], axis=1) if field.nodal else values[place]
 
 
 def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
     """Where in the file every element of the mesh stands, (nelements,)."""
     used = np.unique(triangles)
     counts, own = (len(used), len(triangles)), (mesh.p.shape[1], mesh.t.shape[1])
-    if counts != own:
+    # Programs with discontinuous elements write a point for every corner.
+    if counts != own and (_distinct(points[used]), counts[1]) != (_distinct(mesh.p.T), own[1]):
         raise ValueError(
             f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} triangles; '{path}' has "
             f"{counts[0]} and {counts[1]}."
@@ -66,6 +71,10 @@ def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
     if len(np.unique(place)) < len(place):
         raise ValueError(f"read_field expected a field on the mesh; '{path}' has other triangles.")
     return place
+
+
+def _distinct(points: Floats) -> int:
+    return len(np.unique(points, axis=0))
 
 
 def _matched(wanted: Floats, given: Floats, mesh: MeshTri, path: Path, what: str) -> Ints:
@@ -82,14 +91,16 @@ def _matched(wanted: Floats, given: Floats, mesh: MeshTri, path: Path, what: str
     return place
 
 
-def _is_nodal(content: meshio.Mesh, name: str, path: Path) -> bool:
-    nodal, cellwise = name in content.point_data, name in content.cell_data
-    if nodal and cellwise:
+def _field(content: Sampled, name: str, path: Path) -> Field:
+    found = [field for field in content.fields if field.name == name]
+    if {field.nodal for field in found} == {True, False}:
         raise ValueError(f"'{path}' has '{name}' at points and in cells; rename one of them.")
-    if not (nodal or cellwise):
-        known = ", ".join(f"'{known}'" for known in sorted([*content.point_data, *content.cell_data])) or "none"
+    if len(found) > 1:
+        raise ValueError(f"'{path}' has {len(found)} fields or steps '{name}'; write one only.")
+    if not found:
+        known = ", ".join(f"'{known}'" for known in sorted({field.name for field in content.fields})) or "none"
         raise ValueError(f"'{path}' has no field '{name}'; its fields are: {known}.")
-    return nodal
+    return found[0]
 
 
 def _scalar(values: Floats, name: str, path: Path) -> Floats:

@@ -10,14 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from .content import Content, Floats, Ints, Rows, nodes_of
+from .damaged import refusing
 from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
-__all__ = ["read_msh"]
+__all__ = ["header_of", "read_msh"]
 
 Block = tuple[int, Rows]
 """Elements of one type, by numbers of nodes."""
 
 SURFACE = 2
+FRONT = 2**16
+"""Bytes in which the header must be, so that nothing is read in vain."""
+
+FEW = 10**6
+"""Rows, one per element and group, that any file may have; above, two for each byte."""
+
+NO_GROUPS = np.empty(0, np.int64)
+
+LARGEST = 2**31 - 1  # of numbers of groups: Gmsh has them as int
 
 
 def read_msh(path: Path) -> Content:
@@ -33,15 +43,21 @@ def read_msh(path: Path) -> Content:
     ValueError
         If it is none, or damaged.
     """
-    data = path.read_bytes()
-    version, binary = _header(data, path)
-    try:
-        return _content(data, version, binary)
-    except (KeyError, OverflowError, ValueError) as error:
-        raise ValueError(f"'{path}' is not a complete Gmsh file: {error}. Write it again with Gmsh.") from error
+    with path.open("rb") as stream:
+        start = stream.read(FRONT)
+        version, binary = header_of(start, path)
+        with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
+            return _content(start + stream.read(), version, binary)
 
 
-def _header(data: bytes, path: Path) -> tuple[str, bool]:
+def header_of(data: bytes, path: Path) -> tuple[str, bool]:
+    """Version of a Gmsh file, and whether it is binary.
+
+    Raises
+    ------
+    ValueError
+        If it is no Gmsh file, or one of another version or byte order.
+    """
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
     if start < 0 or len(words) < 3:
@@ -70,14 +86,14 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
     if version == "4.1":
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
         numbers, points = _nodes_41(section("Nodes"))
-        blocks, meshed = _elements_41(section("Elements"), groups)
+        blocks, meshed = _elements_41(section("Elements"), groups, max(FEW, 2 * len(data)))
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
     else:
         nodes = section("Nodes")
         numbers, points = nodes.numbered_points(nodes.count())
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
-    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing)
+    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing, numbers[order])
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:
@@ -89,7 +105,9 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
     names = {}
     for line in lines:
         dimension, tag, quoted = line.split(maxsplit=2)
-        names[int(dimension), int(tag)] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
+        if abs(int(tag)) > LARGEST:
+            raise ValueError(f"a group has the number {tag}")
+        names[int(dimension), abs(int(tag))] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
     return names
 
 
@@ -98,33 +116,39 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
     groups = {}
     for dimension, count in enumerate(section.sizes(4)):
         for _ in range(count):
-            tag = int(section.ints(1)[0])
+            tag = section.integer()
             section.floats(6 if dimension else 3)
-            groups[dimension, tag] = np.abs(section.ints(section.sizes(1)[0]))
-            if dimension:
-                section.ints(section.sizes(1)[0])
+            number = section.size()
+            groups[dimension, tag] = np.abs(section.ints(number)) if number else NO_GROUPS
+            if dimension and (number := section.size()):
+                section.ints(number)
     return groups
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
     numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
     for _ in range(section.sizes(4)[0]):
-        dimension, _, parametric = section.ints(3)
-        count = section.sizes(1)[0]
+        dimension, _, parametric = (section.integer() for _ in range(3))
+        count = section.size()
         numbers.append(section.sizes(count))
         width = 3 + (dimension if parametric else 0)
         points.append(section.floats(count * width).reshape(-1, width)[:, :3])
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple[list[Block], set[tuple[int, int]]]:
-    """Blocks of elements, one per entity and group, and the entities that have any."""
+def _elements_41(
+    section: Numbers, groups: dict[tuple[int, int], Ints], most: int
+) -> tuple[list[Block], set[tuple[int, int]]]:
+    """Blocks of elements, one per entity and group, and the entities that have any; `most` rows in all."""
     blocks, meshed = [], set()
     for _ in range(section.sizes(4)[0]):
-        dimension, entity, kind = (int(number) for number in section.ints(3))
-        table = section.sizes(section.sizes(1)[0] * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
+        dimension, entity, kind = (section.integer() for _ in range(3))
+        table = section.sizes(section.size() * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
         meshed.add((dimension, entity))
-        tags = groups.get((dimension, entity), ())
+        tags = groups.get((dimension, entity), NO_GROUPS)
+        most -= len(tags) * len(table)
+        if most < 0:
+            raise ValueError("it has elements in more groups than a mesh of its size can need")
         for tag in tags if len(tags) else (0,):
             blocks.append((kind, Rows(table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed
@@ -144,6 +168,8 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
     for kind in {kind for kind, _ in blocks}:
         parts = [part for other, part in blocks if other == kind]
         nodes = np.concatenate([part.nodes for part in parts])
+        if nodes.size and not len(numbers):
+            raise ValueError("it has elements and no nodes")
         place = np.searchsorted(numbers, nodes).clip(max=len(numbers) - 1)
         if np.any(numbers[place] != nodes):
             raise ValueError(f"an element has node {nodes[numbers[place] != nodes][0]}, which is not there")

@@ -1,7 +1,8 @@
 """Write Gmsh's MSH 4.1 and 2.2 as text, with a physical group per name.
 
 In MSH 4.1 an element lies on one entity, and an entity may be in several groups. So the elements of every combination
-of names make an entity of their own, which is in all these groups. In MSH 2.2 an element is listed once per group.
+of names make an entity of their own, which is in all these groups; a point that is in a group is one by itself. In MSH
+2.2 an element is listed once per group.
 meshio writes one group per element, and breaks a file that has an entity without a node of its own.
 """
 
@@ -15,11 +16,15 @@ from skfem import MeshTri
 
 from .combinations import combinations
 from .content import Floats, Ints
+from .groups import UNNAMED, Groups, numbers_for
 
 __all__ = ["write_msh"]
 
 Sets = dict[str, Ints]
 Fields = dict[str, Floats]
+
+ELEMENT_TYPE = {0: 15, 1: 1, 2: 2}
+"""Dimension to Gmsh's number for the type of the element."""
 
 CHUNK = 2**16
 """Lines that are formatted together."""
@@ -27,12 +32,12 @@ CHUNK = 2**16
 
 @dataclass(frozen=True)
 class Layer:
-    """All elements of one dimension, which is also Gmsh's number for their type.
+    """All elements of one dimension.
 
     Attributes
     ----------
     dimension
-        1 for lines, 2 for triangles.
+        0 for points, 1 for lines, 2 for triangles.
     nodes
         (m, dimension + 1).
     number
@@ -42,7 +47,7 @@ class Layer:
     groups
         Tags of the groups of every entity.
     names
-        Names of the groups by tag.
+        Names of the groups by tag; those that have none in a file are not among them.
     """
 
     dimension: int
@@ -62,6 +67,7 @@ def write_msh(
     cell_data: Fields,
     *,
     version: str,
+    groups: Groups,
 ) -> None:
     """Write a mesh to a Gmsh file; arguments as `write_mesh` has checked them.
 
@@ -77,26 +83,46 @@ def write_msh(
         Fields (nnodes,), and (nelements,) or (2, nelements), by name.
     version
         "4.1" or "2.2".
+    groups
+        Numbers for names, and groups of points.
     """
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *boundaries.values()]))
     lines = {name: np.searchsorted(facets, items) for name, items in boundaries.items()}
-    # Tags go on from surfaces to lines, for readers that overlook the dimension of a group.
-    surface = _layer(2, mesh.t.T, subdomains, tag=1, number=1)
-    curve = _layer(1, mesh.facets[:, facets].T, lines, tag=1 + len(subdomains), number=1 + mesh.t.shape[1])
+    nodes = groups.nodes(mesh)
+    names = {number: groups.names.get((0, number), UNNAMED[0].format(number)) for number in nodes}
+    numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
+    surface = _layer(2, mesh.t.T, subdomains, numbers, first=1)
+    curve = _layer(1, mesh.facets[:, facets].T, lines, numbers, first=1 + mesh.t.shape[1])
+    point = _points(nodes, names, first=1 + mesh.t.shape[1] + len(facets))
+    layers = [point, curve, surface]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n")
-        _write_names(stream, [curve, surface])
-        (_write_41 if version == "4.1" else _write_22)(stream, mesh.p, curve, surface)
+        _write_names(stream, layers)
+        (_write_41 if version == "4.1" else _write_22)(stream, mesh.p, layers)
         for name, values in point_data.items():
             _write_field(stream, "NodeData", name, values)
         for name, values in cell_data.items():
             _write_field(stream, "ElementData", name, values)
 
 
-def _layer(dimension: int, nodes: Ints, sets: Sets, *, tag: int, number: int) -> Layer:
+def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: dict[tuple[int, str], int], *, first: int) -> Layer:
     entity, members = combinations(list(sets.values()), len(nodes))
-    names = dict(enumerate(sets, tag))
-    return Layer(dimension, nodes, number + np.arange(len(nodes)), entity, [tag + each for each in members], names)
+    tags = np.array([numbers[dimension, name] for name in sets], dtype=np.int64)
+    # A name that says no more than the number is not in the file, unless it would be forgotten with an empty set.
+    names = {
+        numbers[dimension, name]: name
+        for name, items in sets.items()
+        if len(items) == 0 or name != UNNAMED[dimension].format(numbers[dimension, name])
+    }
+    return Layer(dimension, nodes, first + np.arange(len(nodes)), entity, [tags[each] for each in members], names)
+
+
+def _points(nodes: dict[int, Ints], names: dict[int, str], *, first: int) -> Layer:
+    used = np.unique(np.concatenate([np.empty(0, np.int64), *nodes.values()]))
+    tags = [np.array([tag for tag, members in nodes.items() if node in members], np.int64) for node in used]
+    number = first + np.arange(len(used))
+    said = {tag: name for tag, name in names.items() if name != UNNAMED[0].format(tag)}
+    return Layer(0, used[:, None], number, np.arange(len(used)), tags, said)
 
 
 def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:
@@ -112,17 +138,17 @@ def _write_names(stream: TextIO, layers: list[Layer]) -> None:
         stream.write(f"$PhysicalNames\n{len(rows)}\n{''.join(rows)}$EndPhysicalNames\n")
 
 
-def _write_41(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
-    stream.write(f"$Entities\n0 {len(curve.groups)} {len(surface.groups)} 0\n")
-    for layer in (curve, surface):
+def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
+    stream.write(f"$Entities\n{' '.join(str(len(layer.groups)) for layer in layers)} 0\n")
+    for layer in layers:
         _write_entities(stream, p, layer)
     stream.write("$EndEntities\n")
-    _write_nodes_41(stream, p, curve, surface)
-    parts = [(layer, tag, which) for layer in (curve, surface) for tag, which in _by_entity(layer.entity)]
-    total = len(curve.number) + len(surface.number)
+    _write_nodes_41(stream, p, layers)
+    parts = [(layer, tag, which) for layer in layers for tag, which in _by_entity(layer.entity)]
+    total = sum(len(layer.number) for layer in layers)
     stream.write(f"$Elements\n{len(parts)} {total} 1 {total}\n")
     for layer, entity, which in parts:
-        stream.write(f"{layer.dimension} {entity + 1} {layer.dimension} {len(which)}\n")
+        stream.write(f"{layer.dimension} {entity + 1} {ELEMENT_TYPE[layer.dimension]} {len(which)}\n")
         table = np.column_stack([layer.number[which], layer.nodes[which] + 1])
         _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
     stream.write("$EndElements\n")
@@ -136,35 +162,36 @@ def _by_entity(entity: Ints) -> list[tuple[int, Ints]]:
 
 
 def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
-    """Entities with their bounding boxes and groups, without naming what bounds them."""
+    """Entities with their bounding boxes and groups, without naming what bounds them; points with their place."""
     for entity, which in _by_entity(layer.entity):
         corners = p[:, layer.nodes[which]]
         (left, bottom), (right, top) = corners.min(axis=(1, 2)).tolist(), corners.max(axis=(1, 2)).tolist()
         groups = layer.groups[entity]
-        tags = " ".join(map(str, [len(groups), *groups]))
-        stream.write(f"{entity + 1} {left!r} {bottom!r} 0 {right!r} {top!r} 0 {tags} 0\n")
+        place = f"{left!r} {bottom!r} 0" + (f" {right!r} {top!r} 0" if layer.dimension else "")
+        bounds = " 0" if layer.dimension else ""
+        stream.write(f"{entity + 1} {place} {' '.join(map(str, [len(groups), *groups]))}{bounds}\n")
 
 
-def _write_nodes_41(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
-    """Every node on one entity: a curve where it lies on a named facet, else a surface."""
-    shift = len(curve.groups)
-    owner = np.full(p.shape[1], shift)
-    owner[surface.nodes] = shift + surface.entity[:, None]
-    owner[curve.nodes] = curve.entity[:, None]
+def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
+    """Every node on one entity: a point or a curve where it lies on one that is named, else a surface."""
+    start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
+    owner = np.empty(p.shape[1], dtype=np.int64)
+    for layer, shift in reversed(list(zip(layers, start, strict=False))):
+        owner[layer.nodes] = shift + layer.entity[:, None]
     parts = _by_entity(owner)
     stream.write(f"$Nodes\n{len(parts)} {p.shape[1]} 1 {p.shape[1]}\n")
     for entity, which in parts:
-        layer, number = (curve, entity) if entity < shift else (surface, entity - shift)
-        stream.write(f"{layer.dimension} {number + 1} 0 {len(which)}\n")
+        rank = int(np.searchsorted(start, entity, side="right")) - 1
+        stream.write(f"{layers[rank].dimension} {entity - start[rank] + 1} 0 {len(which)}\n")
         _write_rows(stream, "%d", which + 1)
         _write_rows(stream, "%r %r 0", p[:, which].T)
     stream.write("$EndNodes\n")
 
 
-def _write_22(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
+def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$Nodes\n{p.shape[1]}\n")
     _write_rows(stream, "%d %r %r 0", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
-    tables = [_listing(layer, rank) for rank in range(_most_groups(curve, surface)) for layer in (surface, curve)]
+    tables = [_listing(layer, rank) for rank in range(_most_groups(layers)) for layer in reversed(layers)]
     stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
     start = 1
     for table in tables:
@@ -175,7 +202,7 @@ def _write_22(stream: TextIO, p: Floats, curve: Layer, surface: Layer) -> None:
     stream.write("$EndElements\n")
 
 
-def _most_groups(*layers: Layer) -> int:
+def _most_groups(layers: list[Layer]) -> int:
     return max(1, *(len(groups) for layer in layers for groups in layer.groups))
 
 
@@ -184,7 +211,7 @@ def _listing(layer: Layer, rank: int) -> Ints:
     group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
     listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
     tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
-    head = np.full((len(listed), 3), [0, layer.dimension, 2])
+    head = np.full((len(listed), 3), [0, ELEMENT_TYPE[layer.dimension], 2])
     return np.column_stack([head, tags, layer.nodes[listed] + 1])
 
 

@@ -9,8 +9,10 @@ from skfem import MeshTri
 
 from .combinations import combinations
 from .content import Content, Floats, Ints, Rows
+from .sampled import Field, Sampled
+from .vtu_reader import read_grid
 
-__all__ = ["load_vtu", "read_vtu", "write_vtu"]
+__all__ = ["read_arrays", "read_vtu", "write_vtu"]
 
 Sets = dict[str, Ints]
 Fields = dict[str, Floats]
@@ -18,7 +20,15 @@ Fields = dict[str, Floats]
 REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
 LINE, TRIANGLE = 1, 2
-_GMSH_TYPES = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9}
+VTK_TRIANGLE = 5
+GMSH_TYPES = {1: 15, 3: LINE, 21: 8, VTK_TRIANGLE: TRIANGLE, 22: 9}
+"""VTK's number of a type to Gmsh's."""
+
+SOLID = (10, 11, 12, 13, 14, 15, 16, 24, 25, 26, 27, 28, 29, 31, 32, 33, 42, 71, 72, 73, 74)
+QUADRILATERAL, TETRAHEDRON = 3, 4
+"""What all that is refused anyhow counts as."""
+
+LARGEST = 2.0**53
 SIDES = ([0, 1], [1, 2], [0, 2])
 """Corners of the sides of an element, numbered as in `MeshTri.t2f`."""
 
@@ -80,40 +90,55 @@ def read_vtu(path: Path) -> Content:
     Raises
     ------
     ValueError
-        If meshio cannot read it.
+        If it is damaged.
     """
-    mesh = load_vtu(path, "read_mesh")
-    rows = {}
-    for kind in {_gmsh_type(block) for block in mesh.cells}:
-        nodes = np.concatenate([block.data for block in mesh.cells if _gmsh_type(block) == kind]).astype(np.int64)
-        rows[kind] = Rows(nodes, np.zeros(len(nodes), np.int64), np.arange(len(nodes)))
+    grid = read_grid(path, "read_mesh")
+    rows = {GMSH_TYPES[kind]: _rows(*grid.cells(kind)) for kind in np.unique(grid.types).tolist() if kind in GMSH_TYPES}
+    solid = np.isin(grid.types, SOLID)
+    for number, refused in ((TETRAHEDRON, solid), (QUADRILATERAL, ~solid & ~np.isin(grid.types, list(GMSH_TYPES)))):
+        if refused.any():
+            which = np.flatnonzero(refused)
+            rows[number] = _rows(which, np.empty((len(which), 0), np.int64))
     names: dict[tuple[int, int], str] = {}
     if set(rows) == {TRIANGLE}:
-        data = {name: np.concatenate(parts) for name, parts in mesh.cell_data.items()}
-        rows = _named_rows(rows[TRIANGLE].nodes, data, names)
-    points = np.column_stack([mesh.points, np.zeros((len(mesh.points), 3 - mesh.points.shape[1]))])
-    return Content(points.astype(float), rows, names)
+        rows = _named_rows(rows[TRIANGLE].nodes, grid.cell_data, names, path)
+    return Content(grid.points, rows, names)
 
 
-def load_vtu(path: Path, caller: str) -> meshio.Mesh:
-    """What meshio makes of a VTU file; a ValueError of the caller's if it cannot."""
-    try:
-        return meshio.vtu.read(str(path))
-    except Exception as error:  # meshio and the XML parser under it raise all kinds
-        raise ValueError(f"{caller} expected a VTU file; meshio cannot read '{path}': {error}") from error
+def _rows(which: Ints, nodes: Ints) -> Rows:
+    return Rows(nodes, np.zeros(len(which), np.int64), which)
 
 
-def _gmsh_type(block: meshio.CellBlock) -> int:
-    """Gmsh's number for the type; all that is refused anyhow counts as a quadrilateral or a tetrahedron."""
-    return _GMSH_TYPES.get(block.type, 4 if block.dim == 3 else 3)
+def read_arrays(path: Path) -> Sampled:
+    """The triangles of a VTU file and the fields on them.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged.
+    """
+    grid = read_grid(path, "read_field")
+    which, triangles = grid.cells(VTK_TRIANGLE)
+    nodal = [Field(name, True, values) for name, values in grid.point_data.items()]
+    cellwise = [Field(name, False, values[which]) for name, values in grid.cell_data.items()]
+    return Sampled(grid.points, triangles, [*nodal, *cellwise])
 
 
-def _named_rows(triangles: Ints, data: dict[str, np.ndarray], names: dict[tuple[int, int], str]) -> dict[int, Rows]:
+def _named_rows(
+    triangles: Ints, data: dict[str, np.ndarray], names: dict[tuple[int, int], str], path: Path
+) -> dict[int, Rows]:
     """Rows of all triangles, of those in each subdomain, and of the sides in each boundary; fills in `names`."""
     surfaces, sides = [np.arange(len(triangles))], [np.empty((0, 2), np.int64)]
     # The sides are numbered by the sorted corners.
     corners = np.sort(triangles, axis=1)
     for key, values in data.items():
+        if key.startswith((SUBDOMAIN, BOUNDARY)) and not (values.ndim == 1 and np.all(np.abs(values) < LARGEST)):
+            raise ValueError(f"read_mesh expected whole numbers, one for each cell, in '{key}' of '{path}'.")
         if key.startswith(SUBDOMAIN):
             names[2, len(surfaces)] = key.removeprefix(SUBDOMAIN)
             surfaces.append(np.flatnonzero(values))

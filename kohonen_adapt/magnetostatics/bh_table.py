@@ -20,6 +20,7 @@ LARGEST_POLARISATION = 3.0
 LARGEST_PERMEABILITY = 2e5
 STEEL = 1.7
 
+SHOWN = 60  # characters of a wrong line
 SATURATED = 100.0  # relative differential permeability above which a table ends far from saturation
 
 Floats = NDArray[np.float64]
@@ -123,20 +124,28 @@ def read_bh(path: str | Path) -> Table:
     >>> _ = Path("steel.csv").write_text("B, H\\n1.0, 100\\n1.5, 700\\n1.8, 8000\\n2.1, 60000\\n")
     >>> steel = Material(bh=read_bh("steel.csv"))
     """
-    text = Path(path).read_text(encoding="utf-8-sig")
+    if not Path(path).is_file():  # a device or a pipe would never end
+        raise FileNotFoundError(f"read_bh expected a text file with columns B and H; there is none at '{path}'.")
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no text in UTF-8: {error}.") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     heading = bool(lines) and _numbers(lines[0][1]) is None and bool(re.match(r"\W*[A-Za-z]", lines[0][1]))
     swapped = heading and bool(re.match(r"\W*[Hh]", lines[0][1]))
     rows = [_row(path, number, line) for number, line in lines[heading:]]
     table = np.array(rows).reshape(-1, 2)
-    return Table(table[:, ::-1] if swapped else table)
+    try:
+        return Table(table[:, ::-1] if swapped else table)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _row(path: str | Path, number: int, line: str) -> list[float]:
     row = _numbers(line)
     if row is None or len(row) != 2:
-        raise ValueError(f"{path}, line {number}: expected two numbers, B in T and H in A/m; got {line!r}.")
+        raise ValueError(f"{path}, line {number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}.")
     return row
 
 

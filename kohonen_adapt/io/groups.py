@@ -1,0 +1,157 @@
+"""Physical groups as other programs know them: by number. A `MeshTri` has names only, and none for single points."""
+
+import logging
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+from skfem import MeshTri
+
+from .content import LINE, TRIANGLE, Content, Floats, Ints, shape_of
+
+__all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
+
+logger = logging.getLogger(__name__)
+
+POINT = "point"
+DIMENSION = {POINT: 0, LINE: 1, TRIANGLE: 2}
+UNNAMED = {0: "point_{}", 1: "boundary_{}", 2: "region_{}"}
+"""Dimension to what a group without a name is called."""
+
+LARGEST = 2**31 - 1  # Gmsh has them as int
+SAME = 1e-9  # of the size of the mesh: nodes nearer than that are in the same place
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The physical groups of a Gmsh file.
+
+    Attributes
+    ----------
+    names
+        (dimension, number) to the name that the mesh has for the group: dimension 2 for ``subdomains``, 1 for
+        ``boundaries``, 0 for points.
+    points
+        Number to the coordinates (2, n) of the nodes in a group of points.
+    """
+
+    names: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    points: Mapping[int, Floats] = field(default_factory=dict)
+
+    def nodes(self, mesh: MeshTri) -> dict[int, Ints]:
+        """Nodes of the mesh where the groups of points are, by number; what has no node is left out.
+
+        Parameters
+        ----------
+        mesh
+            A mesh in the unit of the groups.
+        """
+        if not self.points:
+            return {}
+        tree, size = cKDTree(mesh.p.T), np.ptp(mesh.p, axis=1).max()
+        found = {number: tree.query(points.T) for number, points in sorted(self.points.items())}
+        return {number: np.unique(node[off <= SAME * size]) for number, (off, node) in found.items()}
+
+
+def name_of(content: Content, dimension: int, number: int) -> str:
+    """What a group of a file is called."""
+    return content.names.get((dimension, number)) or UNNAMED[dimension].format(number)
+
+
+def to_groups(content: Content, path: Path, scale: float) -> Groups:
+    """The groups that a file has, whether or not anything of the mesh is in them.
+
+    Parameters
+    ----------
+    content
+        What the file holds.
+    path
+        Where it came from, for messages.
+    scale
+        Factor for the coordinates.
+    """
+    keys = {key for key in content.names if key[0] in UNNAMED}
+    for kind, rows in content.rows.items():
+        dimension = DIMENSION.get(shape_of(kind))
+        if dimension is not None:
+            keys |= {(dimension, int(number)) for number in np.unique(rows.group[rows.group > 0])}
+    names = {key: name for key in sorted(keys) if not (name := name_of(content, *key)).startswith("gmsh:")}
+    _report_shared(names, path)
+    members: dict[int, Ints] = {}
+    for kind, rows in content.rows.items():
+        if shape_of(kind) == POINT:
+            members = by_group(rows.group, rows.nodes[:, 0])
+    nowhere = np.empty(0, np.int64)
+    nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
+    return Groups(names, {number: scale * content.points[rows, :2].T for number, rows in nodes.items()})
+
+
+def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
+    """Items by the number of their group, in order; row k says that `item[k]` is in `group[k]`, 0 for none."""
+    order = np.argsort(group, kind="stable")
+    numbers, start = np.unique(group[order], return_index=True)
+    parts = np.split(item[order], start[1:])
+    return {number: part for number, part in zip(numbers.tolist(), parts, strict=False) if number > 0}
+
+
+def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
+    first: dict[tuple[int, str], int] = {}
+    for (dimension, number), name in names.items():
+        kept = first.setdefault((dimension, name), number)
+        if kept != number and dimension > 0:
+            logger.warning(
+                "groups %d and %d of '%s' have the name '%s' in common and become one, of number %d; give them two "
+                "names to keep them apart.",
+                *(kept, number, path, name, kept),
+            )
+
+
+def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple[int, str], int]:
+    """A number for every group by (dimension, name), no two of a dimension alike.
+
+    It is the one in `groups`, else the one in a name such as ``region_7``, else a new one. New ones differ from all
+    others, for readers that overlook the dimension of a group.
+
+    Parameters
+    ----------
+    sets
+        Names by dimension.
+    groups
+        The numbers that are known.
+
+    Raises
+    ------
+    ValueError
+        If a number of `groups` is no positive integer.
+    """
+    known = _known(groups)
+    keys = [(dimension, name) for dimension, names in sets.items() for name in names]
+    numbers = {key: known[key] for key in keys if key in known}
+    used = {(dimension, number) for (dimension, _), number in numbers.items()}
+    for dimension, name in keys:
+        number = _number_in(name, dimension)
+        if (dimension, name) not in numbers and number and (dimension, number) not in used:
+            numbers[dimension, name] = number
+    taken = {*numbers.values(), *(number for _, number in groups.names)}
+    free = (number for number in count(1) if number not in taken)
+    return {key: numbers[key] if key in numbers else next(free) for key in keys}
+
+
+def _known(groups: Groups) -> dict[tuple[int, str], int]:
+    known: dict[tuple[int, str], int] = {}
+    for (dimension, number), name in groups.names.items():
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 < number <= LARGEST:
+            raise ValueError(f"numbers of groups must be integers from 1 to {LARGEST}; '{name}' has {number!r}.")
+        known.setdefault((dimension, name), int(number))
+    return known
+
+
+def _number_in(name: str, dimension: int) -> int | None:
+    """The number of a group that has no other name: 7 for ``region_7``."""
+    found = re.fullmatch(UNNAMED[dimension].format("([1-9][0-9]{0,9})"), name)
+    number = int(found[1]) if found else 0
+    return number if 0 < number <= LARGEST else None
