@@ -44,7 +44,7 @@ __all__ = [
     "write_mesh",
 ]
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 
 def __dir__() -> list[str]:
