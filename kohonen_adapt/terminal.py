@@ -206,8 +206,9 @@ def _sigterm_interrupts() -> Iterator[None]:
 
 @contextmanager
 def _signals_left() -> Iterator[None]:
-    """Leave Ctrl-C and SIGTERM to the system; only the main thread can."""
-    before = {number: signal.signal(number, signal.SIG_DFL) for number in INTERRUPTIONS}
+    """Leave Ctrl-C and SIGTERM to the system, but what is ignored (in the background); only the main thread can."""
+    heard = [number for number in INTERRUPTIONS if callable(signal.getsignal(number))]
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in heard}
     try:
         yield
     finally:

@@ -191,6 +191,20 @@ def test_signals_are_left_to_the_system_until_the_work_is_done():
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+def test_what_is_ignored_stays_ignored():
+    """As Ctrl-C is in the background of a shell script."""
+
+    def work():
+        terminal.leave_signals()
+        return signal.getsignal(signal.SIGINT)
+
+    terminal, before = Terminal(), signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        assert terminal.wait_for(work) is signal.SIG_IGN is signal.getsignal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_a_command_within_a_thread(capsys):
     """Signals are the business of whoever has the main thread."""
     codes = []
