@@ -101,7 +101,6 @@ def relocate_file(
         raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{target.name}'.")
     progress(0, STEPS[0])
     mesh, groups = read_mesh(source), read_groups(source)
-    points = [int(node) for nodes in groups.nodes(mesh).values() for node in nodes]
     values = read_field(*field, mesh)
     progress(1, STEPS[1])
     after = relocate(
@@ -109,7 +108,7 @@ def relocate_file(
         MEANINGS[meaning](mesh, values),
         topology=topology,
         min_quality=min_quality,
-        pinned=[*pinned, *points],
+        pinned=[*pinned, *groups.held(mesh)],
         seed=seed,
         periodic=periodic,
         layers=layers,

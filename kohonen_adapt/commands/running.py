@@ -115,7 +115,7 @@ class CaseRun:
         return len(self._files())
 
     def result(self) -> AdaptResult:
-        """Adapt, and write the mesh, the fields and the table of passes of the result.
+        """Adapt, and write the mesh, the fields and the table of passes of the result; groups of points stay.
 
         Raises
         ------
@@ -124,14 +124,16 @@ class CaseRun:
         OSError
             If a file cannot be written.
         """
+        case = self._case
+        held = case.groups.held(self._mesh.scaled(1.0 / case.scale))
         result = adapt(
             self._mesh,
-            self._case.problem,
-            outputs=self._case.outputs or None,
+            case.problem,
+            outputs=case.outputs or None,
             interim=self._interim,
             progress=self._progress,
             checkpoint=self.passes,
-            **self._case.adapt,
+            **{**case.adapt, "pinned": [*case.adapt.get("pinned", ()), *held]},
         )
         if self._written is not result.mesh:  # all its passes are of a run before
             self._write(result)

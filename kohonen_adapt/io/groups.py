@@ -56,6 +56,21 @@ class Groups:
         found = {number: tree.query(points.T) for number, points in sorted(self.points.items())}
         return {number: np.unique(node[off <= SAME * size]) for number, (off, node) in found.items()}
 
+    def held(self, mesh: MeshTri) -> list[int]:
+        """Nodes of the mesh in any group of points, which others find by their place: what must be pinned.
+
+        Parameters
+        ----------
+        mesh
+            A mesh in the unit of the groups.
+
+        Returns
+        -------
+        list of int
+            As `relocate` and `adapt` take them for `pinned`.
+        """
+        return sorted({int(node) for nodes in self.nodes(mesh).values() for node in nodes})
+
 
 def name_of(content: Content, dimension: int, number: int) -> str:
     """What a group of a file is called."""
