@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import LENGTH, parameter_of, way_along
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .flip import corner_towards
 
 
@@ -59,7 +59,7 @@ def stretch(position, constraints, c, a, b):
     return start, way
 
 
-@kernel
+@inner_kernel
 def look(position, elements, inside, e, k, x, y):
     """From (x, y) on the edge opposite to corner k of e straight into e and on: the chain there, and its nearness."""
     node = elements.node

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 
 FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
@@ -105,7 +105,7 @@ class Constraints(NamedTuple):
     twins: Twins
 
 
-@kernel
+@inner_kernel
 def point_at(chains, c, parameter):
     """The position that belongs to a parameter."""
     x, y = chains.place[c, 0], chains.place[c, 1]
@@ -123,7 +123,7 @@ def point_at(chains, c, parameter):
     return x, y
 
 
-@kernel
+@inner_kernel
 def tangent_at(chains, c, parameter):
     """The unit vector along the chain at a parameter."""
     tx, ty = chains.place[c, 2], chains.place[c, 3]
@@ -139,7 +139,7 @@ def tangent_at(chains, c, parameter):
     return tx, ty
 
 
-@kernel
+@inner_kernel
 def nearest_parameter(chains, c, x, y, near):
     """The parameter of the point of chain c that nearest to (x, y); on a table from the parameter near on."""
     if chains.flags[c, SHAPE] == TABLED:
@@ -161,7 +161,7 @@ def nearest_parameter(chains, c, x, y, near):
     return min(length, parameter)
 
 
-@kernel
+@inner_kernel
 def parameter_of(position, constraints, c, v):
     """The parameter of a node on chain c; one that does not slide there is at one of its ends."""
     if constraints.kind[v] == SLIDING and constraints.chain[v, 0] == c:
@@ -172,7 +172,7 @@ def parameter_of(position, constraints, c, v):
     return 0.0
 
 
-@kernel
+@inner_kernel
 def distance_to_chain(chains, c, x, y, near):
     """Squared distance from (x, y) to the chain's nearest point, and the parameter of that point."""
     parameter = nearest_parameter(chains, c, x, y, near)
@@ -180,7 +180,7 @@ def distance_to_chain(chains, c, x, y, near):
     return (x - px) * (x - px) + (y - py) * (y - py), parameter
 
 
-@kernel
+@inner_kernel
 def way_along(chains, c, start, end):
     """From one parameter to another; on a loop the shorter way round."""
     way = end - start
@@ -192,7 +192,7 @@ def way_along(chains, c, start, end):
     return way
 
 
-@kernel
+@inner_kernel
 def gone_along(chains, c, start, way):
     """The parameter so far from another; a loop begins anew at its end."""
     parameter = start + way
@@ -204,7 +204,7 @@ def gone_along(chains, c, start, way):
     return parameter
 
 
-@kernel
+@inner_kernel
 def within_reach(position, elements, star, chains, c, v, x, y):
     """Whether node v at (x, y) on chain c makes no facet that is both longer than may be and longer than before."""
     reach = chains.place[c, REACH]
@@ -225,7 +225,7 @@ def within_reach(position, elements, star, chains, c, v, x, y):
     return True
 
 
-@kernel
+@inner_kernel
 def knot_before(chains, c, parameter):
     """The last knot of a tabled chain, its end not counted, that is not beyond a parameter."""
     low, high = chains.row[c], chains.row[c + 1] - 1
@@ -238,13 +238,13 @@ def knot_before(chains, c, parameter):
     return low
 
 
-@kernel
+@inner_kernel
 def span_share(knot, k, parameter):
     """Where between knots k and k + 1 a parameter lies, 0 to 1."""
     return (parameter - knot[k, 0]) / (knot[k + 1, 0] - knot[k, 0])
 
 
-@kernel
+@inner_kernel
 def on_span(knot, k, share):
     """Position between knots k and k + 1 and derivative by the share, of the cubic with the same at the knots."""
     width, r = knot[k + 1, 0] - knot[k, 0], 1.0 - share
@@ -259,7 +259,7 @@ def on_span(knot, k, share):
     return x, y, dx, dy
 
 
-@kernel
+@inner_kernel
 def nearest_on_table(chains, c, x, y, near):
     """From the knot before a parameter to ever nearer ones, and then within the spans on both sides of the last."""
     knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
@@ -280,7 +280,7 @@ def nearest_on_table(chains, c, x, y, near):
     return parameter
 
 
-@kernel
+@inner_kernel
 def next_knot(chains, c, k, way):
     """The next knot of a chain that way; at its end that end, on a loop the first one again, which the last one is."""
     first, last = chains.row[c], chains.row[c + 1] - 1
@@ -290,21 +290,21 @@ def next_knot(chains, c, k, way):
     return max(first, min(last, k))
 
 
-@kernel
+@inner_kernel
 def squared_to_knot(knot, k, x, y):
     """Squared distance from (x, y) to a knot."""
     dx, dy = x - knot[k, 1], y - knot[k, 2]
     return dx * dx + dy * dy
 
 
-@kernel
+@inner_kernel
 def squared_to_parameter(chains, c, parameter, x, y):
     """Squared distance from (x, y) to the point of a chain at a parameter."""
     px, py = point_at(chains, c, parameter)
     return (x - px) * (x - px) + (y - py) * (y - py)
 
 
-@kernel
+@inner_kernel
 def nearest_in_span(knot, k, x, y):
     """The parameter between knots k and k + 1 where the way to (x, y) is square to the curve, or the nearer end."""
     low, high = 0.0, 1.0

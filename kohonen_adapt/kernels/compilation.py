@@ -6,14 +6,19 @@ from collections.abc import Callable
 from numba import config, njit
 from numba.core import event
 
-__all__ = ["kernel", "number_of_threads"]
+__all__ = ["inner_kernel", "kernel", "number_of_threads"]
 
 logger = logging.getLogger("kohonen_adapt")
 
 
 def kernel(function: Callable) -> Callable:
     """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits."""
-    return njit(function, cache=True, nogil=True, error_model="numpy")
+    return njit(function, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+
+
+def inner_kernel(function: Callable) -> Callable:
+    """The same for what only kernels call: without the ways in from Python, which take long to compile."""
+    return njit(function, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
 
 
 def number_of_threads() -> int:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import FREE, HELD, point_at
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .flip import flip_edge
 from .geometry import FLAT, element_quality, may_join, may_move, signed_quality
 from .nonlinear import Laws, improve_value, settled, stored, stored_in
@@ -138,7 +138,7 @@ def quadratic(position, star, trial, v, x, y):
     return c, r, k
 
 
-@kernel
+@inner_kernel
 def move_free(position, star, trial, v, slope, floor):
     """A step of a free node with its value eliminated, or half as far until it is a gain; returns the gain."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
@@ -167,7 +167,7 @@ def move_free(position, star, trial, v, slope, floor):
     return 0.0
 
 
-@kernel
+@inner_kernel
 def newton_step(by_x, by_y, xx, xy, yy):
     """Newton's step, overdone, downhill even where the Hessian is not positive: by its eigenvalues' magnitudes."""
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -278,7 +278,7 @@ def dirichlet(ax, ay, u, bx, by, v):
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
 
 
-@kernel
+@inner_kernel
 def may_flip(position, elements, e, k, other, floor):
     """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e."""
     node = elements.node

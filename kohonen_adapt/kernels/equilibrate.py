@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
 
@@ -71,7 +71,7 @@ def equilibrate(problem, fan, correction, imbalance):
                     add(problem, fan, size, closed, correction)
 
 
-@kernel
+@inner_kernel
 def gather(problem, e, k, fan, seen):
     """List the elements of the fan that begins with corner k of element e; returns their number."""
     size = 0
@@ -90,7 +90,7 @@ def gather(problem, e, k, fan, seen):
     return size
 
 
-@kernel
+@inner_kernel
 def place_of(node, e, v):
     """The place of node v in element e."""
     for k in range(3):
@@ -125,7 +125,7 @@ def balance(problem, fan, size, closed):
     return rest
 
 
-@kernel
+@inner_kernel
 def march(problem, fan, size):
     """From spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
     for s in range(size):
@@ -135,7 +135,7 @@ def march(problem, fan, size):
         fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - share
 
 
-@kernel
+@inner_kernel
 def twice_area(point, a, b, c):
     """Twice the area of a counter-clockwise triangle."""
     along_x, along_y = point[b, 0] - point[a, 0], point[b, 1] - point[a, 1]
@@ -193,7 +193,7 @@ def measure(problem, fan, s):
     fan.slope[1], fan.slope[3] = push * (2.0 * b_rim + c_rim), -push * (b_rim + 2.0 * c_rim)
 
 
-@kernel
+@inner_kernel
 def set_values(fan, right, left):
     """The four values outward through the two spokes of an element."""
     fan.values[0] = -0.5 * fan.jump[right] - fan.mean[right] - fan.tilt[right]
@@ -202,7 +202,7 @@ def set_values(fan, right, left):
     fan.values[3] = fan.mean[left] - fan.tilt[left]
 
 
-@kernel
+@inner_kernel
 def assemble(fan, right, left, circulation):
     """Add the energy of one element as a function of its two tilts and the circulation."""
     ways = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))

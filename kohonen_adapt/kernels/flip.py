@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import FLAT, element_quality, may_join, signed_quality
 
 COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
 
 
-@kernel
+@inner_kernel
 def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
     """Whether s lies well inside the circle through p, q, r (counter-clockwise); edge pq is to be replaced by rs.
 
@@ -22,7 +22,7 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
     return total < 0.0 and total < -COCIRCULAR * (abs(cos_r) + sin_r) * (abs(cos_s) + sin_s)
 
 
-@kernel
+@inner_kernel
 def should_flip(position, elements, e, k, other, floor):
     """Whether the edge opposite to corner k of e is free, not Delaunay, and allowed to flip by layers and quality rule.
 
@@ -64,7 +64,7 @@ def joined(node, neighbour, e, v, other):
     return False
 
 
-@kernel
+@inner_kernel
 def corner_towards(neighbour, e, other):
     """Local number of the corner of e whose opposite edge is shared with the element `other`."""
     for k in range(3):
@@ -94,7 +94,7 @@ def flip_edge(elements, e, k):
         neighbour[beyond_e, corner_towards(neighbour, beyond_e, e)] = other
 
 
-@kernel
+@inner_kernel
 def push(stack, waiting, height, e):
     """Put an element on the stack unless it waits there already; returns the new height."""
     if waiting[e]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import point_at, within_reach
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # a quality below it is rounding: no move or flip may leave such an element, whatever the rule says
@@ -32,13 +32,13 @@ class Star(NamedTuple):
     behind: np.ndarray  # (3 m,) int32
 
 
-@kernel
+@inner_kernel
 def may_join(elements, e, v, w):
     """Whether layers allow an edge between nodes v and w in the region of element e."""
     return not elements.layered[elements.region[e]] or abs(elements.level[v] - elements.level[w]) <= 1
 
 
-@kernel
+@inner_kernel
 def orientation(ax, ay, bx, by, cx, cy):
     """Twice the signed area of a triangle, positive if it is counter-clockwise."""
     return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
@@ -63,7 +63,7 @@ def element_quality(position, node, e):
     )
 
 
-@kernel
+@inner_kernel
 def worst_in_star(position, star, v, x, y):
     """Worst signed quality of the star of v were v at (x, y)."""
     worst = 2.0
@@ -75,7 +75,7 @@ def worst_in_star(position, star, v, x, y):
     return worst
 
 
-@kernel
+@inner_kernel
 def tolerable(worst, floor):
     """Whether this quality needs no comparison with what was before; a negative floor switches every check off."""
     return floor < 0.0 or (worst >= floor and worst > FLAT)
@@ -87,7 +87,7 @@ def allowed(after, before, floor):
     return tolerable(after, floor) or (after > FLAT and after >= before)
 
 
-@kernel
+@inner_kernel
 def star_tolerable(position, star, v, x, y, floor):
     """Whether all qualities in the star of v were tolerable with v at (x, y).
 
@@ -115,7 +115,7 @@ def mark_sound(position, star, floor, first, last, sound):
         sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
 
 
-@kernel
+@inner_kernel
 def may_move(position, star, v, x, y, floor):
     """The guard: moving v to (x, y) leaves its star at least as good as min(floor, the worst there before)."""
     if star_tolerable(position, star, v, x, y, floor):
@@ -126,7 +126,7 @@ def may_move(position, star, v, x, y, floor):
     return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
 
 
-@kernel
+@inner_kernel
 def slide_pair(position, elements, star, constraints, v, parameter, floor):
     """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
     w, chains = np.int64(constraints.twins.partner[v]), constraints.chains
@@ -156,7 +156,7 @@ def settle(position, star, nodes, target, still, floor):
             position[v, 0], position[v, 1] = x, y
 
 
-@kernel
+@inner_kernel
 def squared_distance(position, v, x):
     """Squared distance from node v to the point x, in any number of dimensions."""
     total = 0.0
@@ -166,7 +166,7 @@ def squared_distance(position, v, x):
     return total
 
 
-@kernel
+@inner_kernel
 def squared_distance_to_edge(ax, ay, bx, by, x, y):
     """Squared distance from (x, y) to the segment from a to b."""
     ux, uy = bx - ax, by - ay

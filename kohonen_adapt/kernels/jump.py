@@ -6,7 +6,7 @@ Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", Fig. 3.
 import numpy as np
 
 from .chains import HELD, JUNCTION, SLIDING, distance_to_chain, parameter_of, point_at, within_reach
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import allowed, worst_in_star
 
 
@@ -30,7 +30,7 @@ def follower(elements, star, constraints, corner, chain):
     return -1
 
 
-@kernel
+@inner_kernel
 def relabel_edge(elements, star, a, b, chain):
     """Hand the edge ab to another chain, in the elements on both sides of it."""
     for k in range(star.start[a], star.start[a + 1]):
@@ -64,7 +64,7 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
     relabel_edge(elements, star, v, next_node, onto)
 
 
-@kernel
+@inner_kernel
 def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor):
     """The same where three chains meet: v goes on along one, its neighbour on another takes over, and the third's end.
 
@@ -102,7 +102,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
                 return
 
 
-@kernel
+@inner_kernel
 def may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
     """Whether e, with v at a junction, lies between the chains of its two other nodes, and the next may take over."""
     chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
@@ -119,7 +119,7 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
     return within_reach(position, elements, star, chains, away, next_node, position[v, 0], position[v, 1])
 
 
-@kernel
+@inner_kernel
 def corner_of(elements, e, v):
     """Local number of node v in element e."""
     for j in range(2):
@@ -128,13 +128,13 @@ def corner_of(elements, e, v):
     return 2
 
 
-@kernel
+@inner_kernel
 def chain_of_edge(elements, e, v):
     """Chain of the edge of e opposite to its node v, -1 for none."""
     return elements.chain[e, corner_of(elements, e, v)]
 
 
-@kernel
+@inner_kernel
 def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
     """Move v to a parameter of a chain and its follower into the corner; returns whether the quality rule allows it."""
     before = worst_of_two(position, star, v, next_node)
@@ -149,7 +149,7 @@ def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
     return False
 
 
-@kernel
+@inner_kernel
 def worst_of_two(position, star, v, w):
     """Worst signed quality of the stars of two nodes."""
     return min(
@@ -158,7 +158,7 @@ def worst_of_two(position, star, v, w):
     )
 
 
-@kernel
+@inner_kernel
 def hand_over(constraints, v, next_node, onto, away, parameter):
     """The corner's constraint goes to the follower, and v slides from now on."""
     constraints.kind[next_node], constraints.kind[v] = HELD, SLIDING

@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import orientation
 
 TOLERANCE = 1e-10  # of an element's size: points on an edge or on the outline count as inside
 WALK = 64  # steps before the grid is asked; walks from the grid's hints take two or three
 
 
-@kernel
+@inner_kernel
 def side_of_edge(position, node, e, k, x, y):
     """Twice the signed area that (x, y) spans with the edge opposite to corner k of e; negative beyond it."""
     a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
     return orientation(position[a, 0], position[a, 1], position[b, 0], position[b, 1], x, y)
 
 
-@kernel
+@inner_kernel
 def depth_in_element(position, node, e, x, y):
     """Smallest barycentric coordinate of (x, y) in element e: negative outside."""
     least, doubled = np.inf, 0.0
@@ -79,13 +79,13 @@ def fill_cells(position, node, origin, size, shape, start, content):
                 cursor[c] += 1
 
 
-@kernel
+@inner_kernel
 def cell_index(value, origin, size, count):
     """Index of the cell that holds a coordinate, clipped to the grid."""
     return int(min(count - 1.0, max(0.0, (value - origin) / size)))
 
 
-@kernel
+@inner_kernel
 def cells_of_element(position, node, e, origin, size, shape):
     """Range of cells that the bounding box of element e meets."""
     a, b, c = node[e, 0], node[e, 1], node[e, 2]
@@ -101,7 +101,7 @@ def cells_of_element(position, node, e, origin, size, shape):
     )
 
 
-@kernel
+@inner_kernel
 def best_in_cell(position, node, content, first, last, x, y):
     """The element of a cell that holds (x, y) deepest, or -1 if none does."""
     best, deepest = -1, -TOLERANCE

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 
 STEPS = 2048  # of a table in every octave of s
 TRIES = 4  # of a Newton step of a value, each half of the one before
@@ -79,7 +79,7 @@ def parabola(position, star, trial, v, x, y, w):
     return c, r, k
 
 
-@kernel
+@inner_kernel
 def improve_value(position, star, trial, v):
     """Change the value of v by Newton's step, or half as far until the functional does not rise."""
     x, y = position[v, 0], position[v, 1]
@@ -108,7 +108,7 @@ def settled(position, star, trial, v, x, y, w, given):
     return c + 0.5 * k * w * w, -k * w, k
 
 
-@kernel
+@inner_kernel
 def stored_in(laws, law, ax, ay, u, bx, by, v):
     """int W over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import FREE, MERGED, PAIRED, SLIDING, gone_along, parameter_of, point_at, way_along
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .flip import corner_towards, flip_edge, push, should_flip
 from .geometry import allowed, element_quality, may_join, signed_quality
 
@@ -97,7 +97,7 @@ def remove_first(heap):
     return first, a, b
 
 
-@kernel
+@inner_kernel
 def metric_length(position, density, a, b):
     """Square of the length of an edge in the metric, the same whichever end comes first.
 
@@ -109,7 +109,7 @@ def metric_length(position, density, a, b):
     return spread - (spread - length)
 
 
-@kernel
+@inner_kernel
 def enter(position, origins, longest, shortest, a, b):
     """Put an edge into both heaps."""
     length = metric_length(position, origins.density, a, b)
@@ -125,7 +125,7 @@ def corner_of(node, e, v):
     return 1 if node[e, 1] == v else 2
 
 
-@kernel
+@inner_kernel
 def gather_around(elements, pool, v, around):
     """List the elements around v counter-clockwise, at an outline those on both ways from the anchor."""
     node, neighbour = elements.node, elements.neighbour
@@ -145,7 +145,7 @@ def gather_around(elements, pool, v, around):
     return count
 
 
-@kernel
+@inner_kernel
 def find_edge(elements, pool, a, b, around):
     """An element with the edge ab and the local number of the corner opposite to it, or (-1, -1)."""
     node = elements.node
@@ -159,7 +159,7 @@ def find_edge(elements, pool, a, b, around):
     return NOWHERE, NOWHERE
 
 
-@kernel
+@inner_kernel
 def next_edge(position, elements, pool, origins, heap, sign, around):
     """Take edges out of a heap until one is still there as it was; returns element, corner, key; (-1, -1, 0) if none.
 
@@ -177,7 +177,7 @@ def next_edge(position, elements, pool, origins, heap, sign, around):
     return NOWHERE, NOWHERE, 0.0
 
 
-@kernel
+@inner_kernel
 def half_qualities(position, node, e, k, x, y):
     """Worse quality of the two halves of element e, its edge opposite to corner k split at (x, y)."""
     a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
@@ -192,7 +192,7 @@ def half_qualities(position, node, e, k, x, y):
     return min(signed_quality(ax, ay, x, y, cx, cy), signed_quality(x, y, bx, by, cx, cy))
 
 
-@kernel
+@inner_kernel
 def midpoint(position, constraints, c, a, b):
     """The middle of an edge; on a chain the middle in its parameter, which comes third."""
     ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
@@ -206,7 +206,7 @@ def midpoint(position, constraints, c, a, b):
     return x, y, parameter
 
 
-@kernel
+@inner_kernel
 def may_split(position, elements, pinned, e, k, floor, x, y):
     """Whether the edge opposite to corner k of e may be split there under the quality rule."""
     node, other = elements.node, np.int64(elements.neighbour[e, k])
@@ -239,7 +239,7 @@ def halve(elements, pool, e, k, p):
     return new
 
 
-@kernel
+@inner_kernel
 def guide(elements, constraints, e, k):
     """Of the nodes of e one to find the middle of its edge opposite to corner k from, on the same bank of any slit."""
     c = elements.chain[e, k]
@@ -278,7 +278,7 @@ def split(position, elements, constraints, pool, origins, e, k, x, y, parameter)
     return p
 
 
-@kernel
+@inner_kernel
 def collapsed_quality(position, elements, constraints, pool, origins, v, w, longest, floor, room):
     """Worst quality around v were it merged into its neighbour w, or -1 where that is not allowed.
 
@@ -339,7 +339,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
     return after if common == shared else -1.0
 
 
-@kernel
+@inner_kernel
 def joins_within_reach(position, constraints, w, other, c):
     """Whether the facet between two nodes that an edge of chain c is to become is no longer than it may be."""
     if c < 0:
@@ -403,7 +403,7 @@ def settle(position, elements, pool, origins, longest, shortest, floor, height, 
             break
 
 
-@kernel
+@inner_kernel
 def enter_around(position, elements, pool, origins, longest, shortest, v, height, room):
     """Enter the edges of v and put the elements around it on the stack; returns its new height."""
     node = elements.node
@@ -430,7 +430,7 @@ def fill_heaps(position, elements, origins, longest, shortest):
                 enter(position, origins, longest, shortest, a, b)
 
 
-@kernel
+@inner_kernel
 def split_longest(position, elements, constraints, pool, origins, longest, shortest, least, floor, room):
     """Split the longest edge that may be, if longer than `least`; returns the new node, an end, and the length."""
     while longest.size[0] > 0 and -longest.key[0] > least:
@@ -447,7 +447,7 @@ def split_longest(position, elements, constraints, pool, origins, longest, short
     return NOWHERE, NOWHERE, 0.0
 
 
-@kernel
+@inner_kernel
 def collapse_shortest(position, elements, constraints, pool, origins, shortest, most, longest, spared, floor, room):
     """Collapse the shortest edge that may be, if shorter than `most` and not at `spared`; returns the node left."""
     while shortest.size[0] > 0 and shortest.key[0] < most:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import BULGE, distance_to_chain, parameter_of
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import squared_distance, squared_distance_to_edge
 from .locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
@@ -29,14 +29,14 @@ class Scratch(NamedTuple):
     crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
 
 
-@kernel
+@inner_kernel
 def next_stamp(scratch):
     """A stamp that nothing carries yet."""
     scratch.counter[0] += 1
     return scratch.counter[0]
 
 
-@kernel
+@inner_kernel
 def closest_neighbour(position, elements, star, inner, v, x, region):
     """The neighbour of v within the region that is nearest to x, if nearer than v itself, else v."""
     best, nearest = squared_distance(position, v, x), v
@@ -52,7 +52,7 @@ def closest_neighbour(position, elements, star, inner, v, x, region):
     return nearest
 
 
-@kernel
+@inner_kernel
 def element_in_region(elements, star, v, region):
     """One of the elements around v that belong to the region."""
     for k in range(star.start[v], star.start[v + 1]):
@@ -61,7 +61,7 @@ def element_in_region(elements, star, v, region):
     return star.element[star.start[v]]
 
 
-@kernel
+@inner_kernel
 def holding_element(position, elements, star, constraints, v, x, region, scratch):
     """The element of the region that holds x: a walk that starts at v, and where that is blocked a flood.
 
@@ -90,7 +90,7 @@ def holding_element(position, elements, star, constraints, v, x, region, scratch
     return best
 
 
-@kernel
+@inner_kernel
 def behind_curve(position, elements, constraints, e, x, y):
     """Whether (x, y), outside of e, lies beyond a facet on a curve and no farther from that than its facets may be."""
     chains = constraints.chains
@@ -103,7 +103,7 @@ def behind_curve(position, elements, constraints, e, x, y):
     return False
 
 
-@kernel
+@inner_kernel
 def nearest_reached(position, elements, e, x, scratch):
     """The circle check: the nearest node that x reaches from element e within its region, ties to the lowest index.
 

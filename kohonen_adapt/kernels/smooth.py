@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .chains import FREE, HELD, PAIRED, gone_along, nearest_parameter, point_at, way_along, within_reach
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import may_move, slide_pair
 from .locate import depth_in_element, side_of_edge, walk
 
@@ -38,7 +38,7 @@ def count_sites(elements, star, start):
         start[v + 1] = start[v] + count
 
 
-@kernel
+@inner_kernel
 def first_of_region(elements, star, v, k):
     """Whether row k is the first of the star of v with its region."""
     region = elements.region[star.element[k]]
@@ -76,7 +76,7 @@ def average_at_sites(area, density, elements, star, log_density):
             log_density[e, corner] = np.log(mass / total)
 
 
-@kernel
+@inner_kernel
 def factor_in_region(sites, v, region):
     """Factor of node v as seen from one of its regions."""
     first = sites.start[v]
@@ -111,7 +111,7 @@ def multiply_factors(elements, sites, weight):
             weight[e] *= factor_in_region(sites, elements.node[e, k], elements.region[e])
 
 
-@kernel
+@inner_kernel
 def nearest_element(position, elements, e, x, y):
     """The element of e's region that holds (x, y); where a concave outline blocks the walk, the best that it came by.
 
@@ -163,7 +163,7 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
             slide_both(position, elements, star, constraints, v, RELAXATION * way, floor)
 
 
-@kernel
+@inner_kernel
 def centre_mean(position, star, weight, circumcentres, v):
     """Weighted mean of the circumcentres or else of the barycentres of the star of v, and the sum of the weights."""
     if circumcentres:
@@ -171,7 +171,7 @@ def centre_mean(position, star, weight, circumcentres, v):
     return barycentre_mean(position, star, weight, v)
 
 
-@kernel
+@inner_kernel
 def circumcentre_mean(position, star, weight, v):
     """Weighted mean of the circumcentres of the star of v; |K| c_K needs no division, so flat elements do no harm."""
     x, y = position[v, 0], position[v, 1]
@@ -186,7 +186,7 @@ def circumcentre_mean(position, star, weight, v):
     return x + mean_x / total, y + mean_y / total, total
 
 
-@kernel
+@inner_kernel
 def barycentre_mean(position, star, weight, v):
     """Weighted mean of the barycentres of the star of v."""
     x, y = position[v, 0], position[v, 1]
@@ -201,7 +201,7 @@ def barycentre_mean(position, star, weight, v):
     return x + mean_x / total, y + mean_y / total, total
 
 
-@kernel
+@inner_kernel
 def step_towards(position, star, v, x, y, floor):
     """Move a free node to (x, y), or half as far until the guard agrees."""
     dx, dy = RELAXATION * (x - position[v, 0]), RELAXATION * (y - position[v, 1])
@@ -227,7 +227,7 @@ def slide(position, elements, star, constraints, v, way, floor):
         way *= 0.5
 
 
-@kernel
+@inner_kernel
 def slide_both(position, elements, star, constraints, v, way, floor):
     """Move a node and its partner that far along their chains, likewise."""
     for _ in range(HALVINGS + 1):

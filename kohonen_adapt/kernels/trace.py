@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 
 TURN = 1e-6  # radians: where facets turn by no more they are straight
 BEND = 1e-9  # of its length: no node of a straight piece may lie farther off its chord
@@ -82,13 +82,13 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
     return count
 
 
-@kernel
+@inner_kernel
 def enter_piece(pieces, p, first, last, is_round, closed):
     """Write the row of a piece."""
     pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = first, last, int(is_round), int(closed)
 
 
-@kernel
+@inner_kernel
 def cut_loop(position, node, facet, first, last, pieces, circle, count):
     """Whether a closed run is a circle, which is entered; else it is turned to begin where a piece does."""
     if circle_of_loop(position, node, first, last, circle, count):
@@ -107,7 +107,7 @@ def cut_loop(position, node, facet, first, last, pieces, circle, count):
     return False
 
 
-@kernel
+@inner_kernel
 def turn_run(node, facet, first, last, shift):
     """Let a closed run begin `shift` nodes later."""
     length = last - first
@@ -117,7 +117,7 @@ def turn_run(node, facet, first, last, shift):
     node[last] = node[first]
 
 
-@kernel
+@inner_kernel
 def cut_open(position, node, first, last, pieces, circle, count):
     """Cut a run from its first node to its last; returns the number of pieces and whether any has several facets."""
     at, begin, proper = first, first, False
@@ -133,7 +133,7 @@ def cut_open(position, node, first, last, pieces, circle, count):
     return count, proper
 
 
-@kernel
+@inner_kernel
 def next_piece(position, node, first, last, begin, circle, count):
     """Where the piece that begins at a slot ends, and whether it is an arc, whose circle is entered.
 
@@ -155,7 +155,7 @@ def next_piece(position, node, first, last, begin, circle, count):
     return first + 1, False
 
 
-@kernel
+@inner_kernel
 def turn_at(position, node, slot):
     """The angle by which a run turns at the node in a slot, positive to the left."""
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
@@ -164,7 +164,7 @@ def turn_at(position, node, slot):
     return math.atan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
-@kernel
+@inner_kernel
 def on_chord(position, node, first, last):
     """Whether all nodes of a piece lie on its chord."""
     a, b = node[first], node[last]
@@ -176,7 +176,7 @@ def on_chord(position, node, first, last):
     return True
 
 
-@kernel
+@inner_kernel
 def arc_end(position, node, first, last):
     """The slot up to which nodes from a slot on lie on one circle: each on the one through three of those before."""
     end = first + 2
@@ -194,7 +194,7 @@ def arc_end(position, node, first, last):
     return end
 
 
-@kernel
+@inner_kernel
 def off_circle(position, v, beside, x, y, radius):
     """How far node v is off a circle, as a share of how far its facet, to the node beside, leaves that.
 
@@ -209,7 +209,7 @@ def off_circle(position, v, beside, x, y, radius):
     return 4.0 * max(0.0, twice - noise) / squared
 
 
-@kernel
+@inner_kernel
 def circle_through(position, a, b, c):
     """Centre and radius of the circle through three nodes; the radius is infinite if they lie on a line."""
     ux, uy = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
@@ -222,7 +222,7 @@ def circle_through(position, a, b, c):
     return position[a, 0] + x, position[a, 1] + y, math.hypot(x, y)
 
 
-@kernel
+@inner_kernel
 def circle_of_part(position, node, first, last):
     """The circle through the ends of a part of a run and a node between, or two nodes where it ends as it began."""
     if node[first] == node[last]:
@@ -231,7 +231,7 @@ def circle_of_part(position, node, first, last):
     return circle_through(position, node[first], node[(first + last) // 2], node[last])
 
 
-@kernel
+@inner_kernel
 def circle_of_loop(position, node, first, last, circle, count):
     """Whether a closed run is a circle, on which every node lies; the circle is entered."""
     if last - first < FEWEST:
@@ -244,7 +244,7 @@ def circle_of_loop(position, node, first, last, circle, count):
     return is_round_trip(turn_round(position, node, first, last, x, y))
 
 
-@kernel
+@inner_kernel
 def turn_of_arc(position, node, first, last, circle, count):
     """How far round a whole run goes on a circle that it fits well enough, which is entered; 0 if there is none.
 
@@ -269,7 +269,7 @@ def turn_of_arc(position, node, first, last, circle, count):
     return turn_round(position, node, first, last, x, y)
 
 
-@kernel
+@inner_kernel
 def turn_round(position, node, first, last, x, y):
     """The angle by which a run goes round a point, one way all along; else 0."""
     total = 0.0
@@ -281,13 +281,13 @@ def turn_round(position, node, first, last, x, y):
     return total
 
 
-@kernel
+@inner_kernel
 def is_round_trip(angle):
     """Whether that is once round."""
     return abs(abs(angle) - 2.0 * math.pi) < 1.0
 
 
-@kernel
+@inner_kernel
 def angle_between(position, a, b, x, y):
     """The angle from node a to node b as seen from (x, y)."""
     ax, ay = position[a, 0] - x, position[a, 1] - y
@@ -295,7 +295,7 @@ def angle_between(position, a, b, x, y):
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-@kernel
+@inner_kernel
 def fitted_circle(position, node, first, last):
     """Centre and radius of the circle for which the sum of the squares of |x - c|^2 - r^2 is least (Kasa, 1976).
 

@@ -7,13 +7,13 @@ Kohonen Maps" (sections II and III).
 import numpy as np
 
 from .chains import FREE, JUNCTION, PAIRED, SLIDING, gone_along, nearest_parameter, point_at, way_along, within_reach
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import may_move, slide_pair, star_tolerable
 from .jump import jump, jump_at_junction
 from .search import next_stamp
 
 
-@kernel
+@inner_kernel
 def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp):
     """Append the next ring of neighbours within the region to the queue; returns its new end.
 
@@ -40,7 +40,7 @@ def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp
     return end
 
 
-@kernel
+@inner_kernel
 def reach_beyond(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
     """Let a point also reach those around it that lie beyond a periodic boundary, where its image is.
 
@@ -81,7 +81,7 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
                     last += 1
 
 
-@kernel
+@inner_kernel
 def follow_image(position, elements, star, constraints, v, x, y, step, floor):
     """Move one neuron towards (x, y), guarded; corners and those with a partner stay."""
     chains, chain = constraints.chains, np.int64(constraints.chain[v, 0])

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from .chains import FREE, HELD, PAIRED, REACH, SLIDING, nearest_parameter, point_at, tangent_at
-from .compilation import kernel
+from .compilation import inner_kernel, kernel
 from .geometry import FLAT, SQRT12, allowed, element_quality, orientation
 
 
@@ -89,7 +89,7 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
             keep_to_outline(constraints, v, smoothed)
 
 
-@kernel
+@inner_kernel
 def keep_to_outline(constraints, v, move):
     """Leave of the move of node v the part along its outline; pairs stay, for their partners' sake."""
     chain = np.int64(constraints.chain[v, 0])
@@ -197,7 +197,7 @@ def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring
             put_on_outline(ahead, parameter, constraints, v)
 
 
-@kernel
+@inner_kernel
 def put_on_outline(ahead, parameter, constraints, v):
     """Bring a node to the nearest point of its chain; pairs stay where they are."""
     chain, chains = np.int64(constraints.chain[v, 0]), constraints.chains
