@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
@@ -24,6 +24,7 @@ from .kernels.chains import Constraints
 from .kernels.transport import (
     find_centres,
     find_crossings,
+    find_directions,
     go_to_middle,
     hold_back,
     mark_spoiled,
@@ -44,7 +45,7 @@ __all__ = ["POINTS", "Transport"]
 
 POINTS = 0.25  # training points per neuron and round: four in a cluster
 CLUSTER = 32  # elements
-SWEEPS = 10  # that smooth the flow, which jumps from cluster to cluster
+SMOOTHING = 1 / 16  # sweeps over clusters, per node in a row
 BOUND = 0.7  # of the logarithm of the mass: what is asked for is linear in it
 STEPS = 4  # at most, and edges flip after each: elements are stretched by less than a fifth in one
 STEP = 1.0  # of the distance of neighbours, below which no more steps are needed
@@ -112,7 +113,22 @@ class Transport:
         carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
         # what crosses an edge has gone half of the way between the centres in either cluster
         flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
-        return np.stack(flow, axis=1) / size[:, None]
+        return self._smoothed(np.stack(flow, axis=1) / size[:, None], row, column, conductance)
+
+    def _smoothed(self, flow: Floats, row: Indices, column: Indices, conductance: Floats) -> Floats:
+        """The flow without the errors that two-point fluxes make from cluster to cluster, along outlines on outlines.
+
+        They are a share of the flow, and nodes go the farther, in edges, the more there are.
+        """
+        links = symmetric(conductance, row, column, len(flow))
+        mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
+        along = np.empty((len(flow), 3))
+        find_directions(self.triangulation.elements.node, self.constraints, self.cluster, along)
+        xx, xy, yy = along.T
+        for _ in range(int(SMOOTHING * np.sqrt(self.triangulation.nnodes))):
+            x, y = (0.5 * (flow + mean @ flow)).T
+            flow = np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
+        return flow
 
     def _crossings(self) -> tuple[Indices, Indices, Floats]:
         """Pairs of clusters that share edges which nodes may cross, and the length of those edges."""
@@ -137,7 +153,7 @@ class Transport:
             smooth_moves(star, constraints, moves[0], first, last, moves[1])
 
         shared(begin, cuts)
-        for _ in range(SWEEPS):
+        for _ in range(ceil(n**0.25)):  # they smooth what jumps from cluster to cluster
             shared(smooth, cuts)
             moves = moves[::-1]
         return moves[0]
@@ -249,9 +265,7 @@ def wanted_inflow(mass: Floats, size: Floats, row: Indices, column: Indices) -> 
 
 def potential(row: Indices, column: Indices, conductance: Floats, inflow: Floats) -> Floats:
     """What drives the flow: the solution of Poisson's equation on the clusters, (c,)."""
-    count = len(inflow)
-    links = coo_array((conductance, (row, column)), shape=(count, count))
-    links = links + links.T
+    links = symmetric(conductance, row, column, len(inflow))
     total = links.sum(axis=0)
     total[total == 0.0] = 1.0
     # where nodes can flow the potential is fixed but for a constant; a little leakage fixes that, too
@@ -259,3 +273,9 @@ def potential(row: Indices, column: Indices, conductance: Floats, inflow: Floats
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
         inflow
     )
+
+
+def symmetric(values: Floats, row: Indices, column: Indices, count: int) -> csr_array:
+    """A matrix with these entries, and the same below its diagonal."""
+    upper = coo_array((values, (row, column)), shape=(count, count)).tocsr()
+    return upper + upper.T

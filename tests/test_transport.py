@@ -12,7 +12,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule
 from kohonen_adapt.kernels.geometry import element_quality
-from kohonen_adapt.kernels.transport import hold_back, mark_spoiled, share_out, slow_down, smooth_moves
+from kohonen_adapt.kernels.transport import find_directions, hold_back, mark_spoiled, share_out, slow_down, smooth_moves
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.sampling import density_of
 from kohonen_adapt.transport import Transport, clusters_of, potential, wanted_inflow
@@ -77,6 +77,24 @@ def test_smoothing_is_the_mean_of_the_neighbours():
     x, y = tri.position[on_outline].T
     assert np.all(smoothed[on_outline, 0][(x == 0) | (x == 1)] == 0)
     assert np.all(smoothed[on_outline, 1][(y == 0) | (y == 1)] == 0)
+
+
+def test_clusters_on_outlines_flow_along_them():
+    mesh = square(24)
+    tri, constraints = parts_of(mesh)
+    cluster = clusters_of(tri)
+    along = np.empty((cluster.max() + 1, 3))
+    find_directions(tri.elements.node, constraints, cluster, along)
+    seen = set()
+    for c, matrix in enumerate(along.tolist()):
+        x, y = tri.position[np.unique(tri.elements.node[cluster == c])].T
+        upright, level = bool(np.any((x == 0) | (x == 1))), bool(np.any((y == 0) | (y == 1)))
+        seen.add((upright, level))
+        if not (upright and level):
+            assert matrix == [0.0 if level < upright else 1.0, 0.0, 0.0 if upright < level else 1.0]
+        else:
+            assert 0 < matrix[0] + matrix[2] < 1
+    assert len(seen) == 4
 
 
 def test_flow_balances_what_clusters_ask_for():

@@ -60,6 +60,31 @@ def find_centres(position, node, cluster, centre, area):
 
 
 @kernel
+def find_directions(node, constraints, cluster, along):
+    """Where clusters may flow, as symmetric matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
+
+    t is the tangent, zero where a node is held; a cluster without such corners may flow anywhere.
+    """
+    count = np.zeros(along.shape[0])
+    along[:] = 0.0
+    for e in range(node.shape[0]):
+        for k in range(3):
+            v, c = np.int64(node[e, k]), cluster[e]
+            if constraints.kind[v] != FREE:
+                count[c] += 1.0
+            if constraints.kind[v] == SLIDING:
+                tx, ty = tangent_at(constraints.chains, np.int64(constraints.chain[v, 0]), constraints.parameter[v])
+                along[c, 0] += tx * tx
+                along[c, 1] += tx * ty
+                along[c, 2] += ty * ty
+    for c in range(along.shape[0]):
+        if count[c] == 0.0:
+            along[c, 0], along[c, 2] = 1.0, 1.0
+        else:
+            along[c] /= count[c]
+
+
+@kernel
 def move_with_clusters(star, constraints, cluster, flow, first, last, move):
     """Every node's move is the mean flow of the clusters around it, as far as its outline allows."""
     kind = constraints.kind
