@@ -122,6 +122,8 @@ class Outline:
         kind, chain, chains = self.constraints.kind, self.constraints.chain[:, 0], self.constraints.chains
         curved = (chains.shape != STRAIGHT) | (self.given >= 0)
         nodes = np.flatnonzero((kind == SLIDING) & curved[chain])
+        if not len(nodes):
+            return
         target = np.empty((len(nodes), 2))
         look_up(self.constraints, nodes, target)
         for number, (name, curve) in enumerate(self.curves.items()):

@@ -17,8 +17,8 @@ LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "fixed": (5, (0.3, 0.1)),
     "recycle": (2, 0.3),
 }
-# The widest radius at which points are presented one by one.
-NEAR = {"flip": 2, "fixed": 4, "recycle": 2}
+# The widest radius at which points are presented one by one, and epochs at the radii from there down to 2.
+NEAR = {"flip": (2, 1), "fixed": (4, 2), "recycle": (2, 1)}
 ROUNDLESS = 2  # radii, 2 and 4, for which there is no transport
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
@@ -238,9 +238,8 @@ class Schedule:
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         widest = 1 if topology == "recycle" else widest_radius(nnodes)
         start = widest if radius is None else radius
-        epochs = 3 if start >= NEAR[topology] else 2
-        near = halved(min(start, NEAR[topology]))
-        stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in near]
+        near, epochs = NEAR[topology]
+        stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in halved(min(start, near))]
         rounds = max(0, len(halved(start)) - ROUNDLESS)
         return cls((*stages, Stage(1, *LOCAL[topology])), rounds=rounds, sweeps=SWEEPS[topology])
 

@@ -96,8 +96,8 @@ class Triangulation:
 
     def to_mesh(self) -> MeshTri:
         """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
-        t, node = self.mesh.t, np.sort(self.elements.node, axis=1).T
-        t = t.copy() if np.array_equal(node, np.sort(t, axis=0)) else np.ascontiguousarray(node, dtype=t.dtype)
+        t, node = self.mesh.t, ascending(*self.elements.node.T)
+        t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
         position = np.ascontiguousarray(self.position.T)
         return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=self._subdomains())
 
@@ -210,6 +210,12 @@ def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np
     clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
     node[clockwise, 1:] = node[clockwise, :0:-1]
     return node
+
+
+def ascending(a: NDArray[np.integer], b: NDArray[np.integer], c: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The corners of elements from the least to the greatest, (3, m): many times faster than a sort of short rows."""
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    return np.stack([low, a + b + c - low - high, high])
 
 
 def empty_star(nnodes: int, nelements: int) -> Star:
