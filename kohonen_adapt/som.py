@@ -271,7 +271,7 @@ class KohonenMap:
     ) -> None:
         """Rounds of transport; `starts` learn where the winners of the elements' points are now."""
         tri = self.triangulation
-        transport = Transport.of(tri, self.outline.constraints, self._floor, self._flip)
+        transport = Transport.of(tri, self.outline.constraints, self._floor, self._flip, self._classroom.rank)
         for _ in range(rounds):
             shown = draw(ceil(POINTS * tri.nnodes), rng)
             winners = self._classroom.search(shown, starts[shown.element])[0]

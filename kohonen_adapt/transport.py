@@ -37,7 +37,7 @@ from .kernels.transport import (
     step_ahead,
     take_step,
 )
-from .sampling import Draw, along_curve
+from .sampling import Draw
 from .threads import even_cuts, shared
 from .triangulation import Triangulation
 
@@ -83,10 +83,15 @@ class Transport:
 
     @classmethod
     def of(
-        cls, triangulation: Triangulation, constraints: Constraints, floor: float, flip: Callable[[], None]
+        cls,
+        triangulation: Triangulation,
+        constraints: Constraints,
+        floor: float,
+        flip: Callable[[], None],
+        rank: Indices,
     ) -> "Transport":
-        """Cut every region into clusters; elements keep theirs when edges flip."""
-        return cls(triangulation, constraints, floor, flip, clusters_of(triangulation))
+        """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
+        return cls(triangulation, constraints, floor, flip, clusters_of(triangulation, rank))
 
     def carry(self, shown: Draw, winners: Indices) -> None:
         """One round: let the nodes flow to where these points found too few winners."""
@@ -230,10 +235,10 @@ class Step(NamedTuple):
         )
 
 
-def clusters_of(triangulation: Triangulation) -> Indices:
-    """The cluster of every element, (m,) int32."""
-    region = triangulation.elements.region
-    order = along_curve(triangulation.centroids())
+def clusters_of(triangulation: Triangulation, rank: Indices) -> Indices:
+    """The cluster of every element, (m,) int32, by the rank of nodes along a space-filling curve, (n,)."""
+    region, node = triangulation.elements.region, triangulation.elements.node
+    order = np.argsort(rank[node[:, 0]], kind="stable")
     order = order[np.argsort(region[order], kind="stable")]
     count = np.bincount(region)
     clusters = np.maximum(1, np.round(count / CLUSTER).astype(np.int64))

@@ -5,15 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
 from .facets import number_facets
-from .kernels.connectivity import fill_star, link_neighbours
+from .kernels.connectivity import fill_star, link_neighbours, number_regions
 from .kernels.geometry import Elements, Star
-from .triangles import area
 
 __all__ = ["Triangulation", "check_mesh", "codes_of_names", "empty_star"]
 
@@ -169,9 +166,10 @@ def check_nodes_used(mesh: MeshTri) -> None:
 
 def check_areas(mesh: MeshTri) -> None:
     """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
-    x, y = mesh.p[:, mesh.t]
-    longest = np.max((x - np.roll(x, 1, axis=0)) ** 2 + (y - np.roll(y, 1, axis=0)) ** 2, axis=0)
-    flat = np.flatnonzero(~(2.0 * area(mesh) > 1e-14 * longest))
+    (ax, bx, cx), (ay, by, cy) = mesh.p[:, mesh.t]
+    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
+    longest = np.maximum(np.maximum(ux**2 + uy**2, vx**2 + vy**2), (cx - bx) ** 2 + (cy - by) ** 2)
+    flat = np.flatnonzero(~(np.abs(ux * vy - vx * uy) > 1e-14 * longest))
     if len(flat):
         raise ValueError(
             f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
@@ -255,8 +253,6 @@ def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]
     """
     subdomains = {name: rows for name, rows in (mesh.subdomains or {}).items() if not name.startswith("gmsh:")}
     codes = codes_of_names([(np.asarray(rows), 0) for rows in subdomains.values()], len(neighbour))
-    e, k = np.nonzero(neighbour >= 0)
-    across = neighbour[e, k]
-    joined = codes[e] == codes[across]
-    graph = coo_array((np.ones(joined.sum(), dtype=np.int8), (e[joined], across[joined])), shape=2 * (len(neighbour),))
-    return connected_components(graph, directed=False)[1].astype(np.int32)
+    region = np.empty(len(neighbour), dtype=np.int32)
+    number_regions(neighbour, codes, region, np.empty_like(region))
+    return region

@@ -14,7 +14,7 @@ from kohonen_adapt import KohonenMap, Schedule
 from kohonen_adapt.kernels.geometry import element_quality
 from kohonen_adapt.kernels.transport import find_directions, hold_back, mark_spoiled, share_out, slow_down, smooth_moves
 from kohonen_adapt.outline import Outline
-from kohonen_adapt.sampling import density_of
+from kohonen_adapt.sampling import along_curve, density_of
 from kohonen_adapt.transport import Transport, clusters_of, potential, wanted_inflow
 from kohonen_adapt.triangulation import Triangulation
 
@@ -37,6 +37,10 @@ BUILDS = {
 def parts_of(mesh):
     tri = Triangulation.of(mesh)
     return tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)).constraints
+
+
+def rank_of(tri):
+    return np.argsort(along_curve(tri.position))
 
 
 def wins_per_element(mesh, density, seed=5):
@@ -82,7 +86,7 @@ def test_smoothing_is_the_mean_of_the_neighbours():
 def test_clusters_on_outlines_flow_along_them():
     mesh = square(24)
     tri, constraints = parts_of(mesh)
-    cluster = clusters_of(tri)
+    cluster = clusters_of(tri, rank_of(tri))
     along = np.empty((cluster.max() + 1, 3))
     find_directions(tri.elements.node, constraints, cluster, along)
     seen = set()
@@ -120,7 +124,7 @@ def test_a_part_in_which_no_point_fell_asks_for_nothing():
 @pytest.mark.parametrize("kind", BUILDS)
 def test_clusters_lie_in_one_region_and_are_of_one_size(kind):
     tri = Triangulation.of(BUILDS[kind]())
-    cluster = clusters_of(tri)
+    cluster = clusters_of(tri, rank_of(tri))
     assert np.array_equal(np.unique(cluster), np.arange(cluster.max() + 1))
     region = np.full(cluster.max() + 1, -1)
     region[cluster] = tri.elements.region
@@ -259,7 +263,7 @@ def test_a_round_of_an_unguarded_map_goes_all_the_way():
     mesh = square(16)
     som = KohonenMap(mesh, min_quality=None, topology="fixed")
     tri = som.triangulation
-    transport = Transport.of(tri, som.outline.constraints, som._floor, lambda: None)
+    transport = Transport.of(tri, som.outline.constraints, som._floor, lambda: None, rank_of(tri))
     shown = density_of(tri, lambda x: 1.0 / (0.01 + x[0])).draw(2000, np.random.default_rng(0))
     winners = som._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
     move = transport._moves(transport._flow(shown, winners))

@@ -44,3 +44,23 @@ def link_neighbours(node, star, neighbour):
                 if star.ahead[j] == b and star.element[j] != e:
                     return e
     return np.int32(-1)
+
+
+@kernel
+def number_regions(neighbour, code, region, stack):
+    """Number the connected sets of elements that carry the same code, in the order of their first elements, (m,)."""
+    region[:] = -1
+    count = 0
+    for seed in range(region.shape[0]):
+        if region[seed] >= 0:
+            continue
+        region[seed], stack[0], last = count, seed, 1
+        while last > 0:
+            last -= 1
+            e = stack[last]
+            for k in range(3):
+                other = neighbour[e, k]
+                if other >= 0 and region[other] < 0 and code[other] == code[e]:
+                    region[other], stack[last] = count, other
+                    last += 1
+        count += 1
