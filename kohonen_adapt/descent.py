@@ -25,11 +25,11 @@ PART = 5_000  # nodes: those at the cuts between parts are few
 
 # Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
 #                                    0       4       8      12      16      32
-#     L: E sqrt(N), N = 3201     0.798   0.740   0.733   0.730   0.729   0.728
-#     M: error %, N = 1681       6.995   6.476   6.425   6.426   6.421   6.411
-#     the same with iron         5.028   4.657   4.624   4.622   4.610   4.610
-#     F: E sqrt(N), N = 3201     0.962   0.716   0.692   0.681   0.679   0.671
-# A sweep takes 0.4 microseconds per node.
+#     L: E sqrt(N), N = 3201     0.794   0.735   0.730   0.728   0.728   0.726
+#     M: error %, N = 1681       7.059   6.480   6.434   6.423   6.417   6.419
+#     the same with iron         5.128   4.707   4.657   4.642   4.639   4.630
+#     F: E sqrt(N), N = 3201     0.966   0.707   0.678   0.669   0.664   0.657
+# A sweep takes 0.6 microseconds per node.
 SWEEPS = 12
 
 
