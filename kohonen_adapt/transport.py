@@ -52,6 +52,7 @@ STEP = 1.0  # of the distance of neighbours, below which no more steps are neede
 MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, before the flow is slowed down
 ATTEMPTS = 6  # in all
 SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
+NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
 LEAKAGE = 1e-9  # of the conductance around a cluster
 FEW = 4_000  # nodes or elements that are not worth another thread
 
@@ -108,10 +109,11 @@ class Transport:
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
         size = np.bincount(cluster).astype(np.float64)
-        centre = centres_of(tri, cluster)
+        centre = np.empty((len(size), 2))
+        find_centres(tri.position, tri.elements.node, cluster, centre)
         row, column, length = self._crossings()
         way = centre[column] - centre[row]
-        conductance = length / np.hypot(*way.T)
+        conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
         masses = np.bincount(cluster, weights=mass).astype(np.float64)
         inflow = wanted_inflow(masses, size, row, column)
         height = potential(row, column, conductance, inflow)
@@ -247,14 +249,6 @@ def clusters_of(triangulation: Triangulation, rank: Indices) -> Indices:
     cluster = np.empty(len(order), dtype=np.int32)
     cluster[order] = (np.cumsum(clusters) - clusters)[along] + place * clusters[along] // count[along]
     return cluster
-
-
-def centres_of(triangulation: Triangulation, cluster: Indices) -> Floats:
-    """Centre of gravity of every cluster, (c, 2)."""
-    count = int(cluster.max()) + 1
-    centre, area = np.empty((count, 2)), np.empty(count)
-    find_centres(triangulation.position, triangulation.elements.node, cluster, centre, area)
-    return centre
 
 
 def wanted_inflow(mass: Floats, size: Floats, row: Indices, column: Indices) -> Floats:

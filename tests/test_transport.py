@@ -271,3 +271,23 @@ def test_a_round_of_an_unguarded_map_goes_all_the_way():
     transport.carry(shown, winners)
     free = som.outline.constraints.kind == 0
     np.testing.assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
+
+
+def test_clusters_whose_centres_coincide_exchange_nodes():
+    mesh = square(16)
+    tri, constraints = parts_of(mesh)
+    inside = np.max(np.abs(tri.centroids() - 0.5), axis=1) < 0.25
+    transport = Transport(tri, constraints, FLOOR, lambda: None, inside.astype(np.int32))
+    shown = density_of(tri, peak(mesh, 0.5, 0.5, 100)).draw(500, np.random.default_rng(0))
+    winners = KohonenMap(mesh)._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
+    transport.carry(shown, winners)
+    assert np.all(np.isfinite(tri.position))
+    assert area_of(mesh) == pytest.approx(np.sum(tri.areas()), rel=1e-13)
+
+
+def test_a_map_that_is_not_guarded_may_fold_and_go_on():
+    mesh = generic_square(12)
+    som = KohonenMap(mesh, min_quality=None, topology="fixed")
+    for number in range(3):
+        som.train(lambda count, rng: (rng.random((2, count)) ** 8, None), ROUNDS, seed=number)
+    assert np.all(np.isfinite(som.mesh.p))

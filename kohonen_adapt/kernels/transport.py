@@ -10,7 +10,7 @@ import numpy as np
 
 from .chains import FREE, HELD, PAIRED, REACH, SLIDING, nearest_parameter, point_at, tangent_at
 from .compilation import inner_kernel, kernel
-from .geometry import FLAT, SQRT12, allowed, element_quality, orientation
+from .geometry import FLAT, SQRT12, allowed, element_quality
 
 
 @kernel
@@ -42,21 +42,17 @@ def find_crossings(position, elements, cluster, row, column, length):
 
 
 @kernel
-def find_centres(position, node, cluster, centre, area):
-    """Centre of gravity (c, 2) and area (c,) of every cluster."""
+def find_centres(position, node, cluster, centre):
+    """The mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
+    size = np.zeros(centre.shape[0])
     centre[:] = 0.0
-    area[:] = 0.0
     for e in range(node.shape[0]):
         a, b, c, k = node[e, 0], node[e, 1], node[e, 2], cluster[e]
-        ax, ay, bx, by, cx, cy = (
-            position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1]
-        )  # fmt: skip
-        size = 0.5 * orientation(ax, ay, bx, by, cx, cy)
-        area[k] += size
-        centre[k, 0] += size * (ax + bx + cx)
-        centre[k, 1] += size * (ay + by + cy)
-    for k in range(area.shape[0]):
-        centre[k] /= 3.0 * area[k]
+        size[k] += 3.0
+        centre[k, 0] += position[a, 0] + position[b, 0] + position[c, 0]
+        centre[k, 1] += position[a, 1] + position[b, 1] + position[c, 1]
+    for k in range(size.shape[0]):
+        centre[k] /= size[k]
 
 
 @kernel
