@@ -43,7 +43,7 @@ def look_across(position, elements, constraints, inside, element, corner, step, 
     return count
 
 
-@kernel
+@inner_kernel
 def stretch(position, constraints, c, a, b):
     """The parameter of node a on its chain, and the way from there to its neighbour b.
 

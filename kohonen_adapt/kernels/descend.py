@@ -183,7 +183,7 @@ def newton_step(by_x, by_y, xx, xy, yy):
     return along * by_x + across * (half * by_x + xy * by_y), along * by_y + across * (xy * by_x - half * by_y)
 
 
-@kernel
+@inner_kernel
 def slide(position, star, constraints, trial, v, slope, floor):
     """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
@@ -271,7 +271,7 @@ def gain_of_flip(position, node, value, data, laws, e, k, other):
     return gain if gain > ROUNDING * size else 0.0
 
 
-@kernel
+@inner_kernel
 def dirichlet(ax, ay, u, bx, by, v):
     """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by

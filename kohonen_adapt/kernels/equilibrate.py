@@ -99,7 +99,7 @@ def place_of(node, e, v):
     return -1
 
 
-@kernel
+@inner_kernel
 def balance(problem, fan, size, closed):
     """Mean fluxes that bring every element into equilibrium, tilts where prescribed; returns what does not fit."""
     fan.tilt[: size + 1] = 0.0
@@ -142,7 +142,7 @@ def twice_area(point, a, b, c):
     return along_x * (point[c, 1] - point[a, 1]) - along_y * (point[c, 0] - point[a, 0])
 
 
-@kernel
+@inner_kernel
 def minimise(problem, fan, size, closed):
     """Choose the free tilts and the circulation for the least energy of the correction."""
     spokes = size if closed else size + 1
@@ -166,7 +166,7 @@ def minimise(problem, fan, size, closed):
     fan.mean[: size + 1] += fan.load[spokes]
 
 
-@kernel
+@inner_kernel
 def measure(problem, fan, s):
     """Energies of the boundary values of an element, and their products with the part that its source adds.
 
@@ -220,7 +220,7 @@ def assemble(fan, right, left, circulation):
                     fan.matrix[place[i], place[n]] += ways[i][k] * fan.gram[k, j] * ways[n][j]
 
 
-@kernel
+@inner_kernel
 def solve(matrix, load, n):
     """Solve a small positive definite system by Cholesky's method in place; the answer stands in `load`."""
     for j in range(n):
@@ -241,7 +241,7 @@ def solve(matrix, load, n):
         load[i] /= matrix[i, i]
 
 
-@kernel
+@inner_kernel
 def add(problem, fan, size, closed, correction):
     """Add the field of a fan to the values at the corners of its elements."""
     point = problem.point

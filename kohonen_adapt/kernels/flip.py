@@ -47,7 +47,7 @@ def should_flip(position, elements, e, k, other, floor):
     return after >= floor or after >= before
 
 
-@kernel
+@inner_kernel
 def joined(node, neighbour, e, v, other):
     """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
     for way in (1, 2):

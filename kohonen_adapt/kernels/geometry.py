@@ -44,7 +44,7 @@ def orientation(ax, ay, bx, by, cx, cy):
     return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
 
 
-@kernel
+@inner_kernel
 def signed_quality(ax, ay, bx, by, cx, cy):
     """Quality with the sign of the orientation; nan for three equal points, which every comparison refuses."""
     ux, uy = bx - ax, by - ay
@@ -81,7 +81,7 @@ def tolerable(worst, floor):
     return floor < 0.0 or (worst >= floor and worst > FLAT)
 
 
-@kernel
+@inner_kernel
 def allowed(after, before, floor):
     """The quality rule: the worst quality after a change is tolerable, or no worse than the worst before."""
     return tolerable(after, floor) or (after > FLAT and after >= before)

@@ -6,11 +6,11 @@ Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", Fig. 3.
 import numpy as np
 
 from .chains import HELD, JUNCTION, SLIDING, distance_to_chain, parameter_of, point_at, within_reach
-from .compilation import inner_kernel, kernel
+from .compilation import inner_kernel
 from .geometry import allowed, worst_in_star
 
 
-@kernel
+@inner_kernel
 def follower(elements, star, constraints, corner, chain):
     """The sliding node next to a corner on a chain, or -1; -1 as well where the corner would leave a flat ear."""
     found = np.int64(-1)
@@ -42,7 +42,7 @@ def relabel_edge(elements, star, a, b, chain):
                 elements.chain[e, j] = chain
 
 
-@kernel
+@inner_kernel
 def jump(position, elements, star, constraints, v, x, y, step, floor):
     """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
     chains, onto, away = constraints.chains, np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[v, 1])

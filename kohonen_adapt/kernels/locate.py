@@ -27,7 +27,7 @@ def depth_in_element(position, node, e, x, y):
     return least / doubled
 
 
-@kernel
+@inner_kernel
 def walk(position, elements, e, x, y):
     """Walk from element e towards (x, y) within e's region; returns (element, whether that element holds the point)."""
     node, region = elements.node, elements.region[e]

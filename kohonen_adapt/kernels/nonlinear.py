@@ -92,7 +92,7 @@ def improve_value(position, star, trial, v):
         w *= 0.5
 
 
-@kernel
+@inner_kernel
 def settled(position, star, trial, v, x, y, w, given):
     """A parabola c + r w + k w^2 / 2 with the least value that is found from w for v at (x, y), and at its place.
 

@@ -117,7 +117,7 @@ def enter(position, origins, longest, shortest, a, b):
     insert(shortest, length, a, b)
 
 
-@kernel
+@inner_kernel
 def corner_of(node, e, v):
     """Local number of node v in element e."""
     if node[e, 0] == v:
@@ -220,7 +220,7 @@ def may_split(position, elements, pinned, e, k, floor, x, y):
     return allowed(after, before, floor)
 
 
-@kernel
+@inner_kernel
 def halve(elements, pool, e, k, p):
     """Give the half of e at the end of its edge opposite to corner k to a new element; p is the new node there."""
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
@@ -249,7 +249,7 @@ def guide(elements, constraints, e, k):
     return elements.node[e, k]
 
 
-@kernel
+@inner_kernel
 def split(position, elements, constraints, pool, origins, e, k, x, y, parameter):
     """Split the edge opposite to corner k of e at (x, y); returns the new node."""
     node, neighbour = elements.node, elements.neighbour
@@ -348,7 +348,7 @@ def joins_within_reach(position, constraints, w, other, c):
     return dx * dx + dy * dy <= constraints.chains.place[c, MERGED] ** 2
 
 
-@kernel
+@inner_kernel
 def collapse(elements, pool, v, w, room):
     """Merge node v into its neighbour w; returns the number of elements around v that are left, in room.around."""
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
@@ -380,7 +380,7 @@ def collapse(elements, pool, v, w, room):
     return left
 
 
-@kernel
+@inner_kernel
 def settle(position, elements, pool, origins, longest, shortest, floor, height, room):
     """Flip around the elements on the stack until nothing is left to flip, and enter the new edges."""
     node = elements.node

@@ -262,7 +262,7 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
     return steps
 
 
-@kernel
+@inner_kernel
 def nearer(position, v, other, x, y):
     """Which of two nodes is nearer to (x, y)."""
     ax, ay = position[v, 0] - x, position[v, 1] - y
@@ -270,7 +270,7 @@ def nearer(position, v, other, x, y):
     return other if bx * bx + by * by < ax * ax + ay * ay else v
 
 
-@kernel
+@inner_kernel
 def cuts(px, py, qx, qy, side, best):
     """Whether the edge from p to q, both relative to a point, comes nearer to it than the root of `best`.
 

@@ -213,7 +213,7 @@ def step_towards(position, star, v, x, y, floor):
         dx, dy = 0.5 * dx, 0.5 * dy
 
 
-@kernel
+@inner_kernel
 def slide(position, elements, star, constraints, v, way, floor):
     """Move a node that far along its chain, or half as far until the guard agrees."""
     chains, chain = constraints.chains, np.int64(constraints.chain[v, 0])

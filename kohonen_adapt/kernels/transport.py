@@ -157,7 +157,7 @@ def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
             spoiled[e] = spoils(position, ahead, node, e, floor)
 
 
-@kernel
+@inner_kernel
 def spoils(position, ahead, node, e, floor):
     """Whether the step leaves element e worse than both the floor and before."""
     after = element_quality(ahead, node, e)
