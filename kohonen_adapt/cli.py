@@ -41,6 +41,8 @@ EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 
 PLOT_REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
 
+EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-adapt init MESH."
+
 DONE, FAILED, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
 Drawn = TypeVar("Drawn")
@@ -64,9 +66,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     Raises
     ------
     SystemExit
-        Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know.
+        Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
+        without any, after the help.
     """
-    arguments = _parser().parse_args(argv)
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.command is None:
+        parser.exit(WRONG_USE, parser.format_help())
     quiet = getattr(arguments, "quiet", False)
     terminal = Terminal(quiet)
     logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[LineHandler()])
@@ -89,10 +95,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=sys.modules[__package__].__doc__)
+    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=sys.modules[__package__].__doc__, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    demo = commands.add_parser("demo", help="adapt an example and write its files")
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command")
+    demo = commands.add_parser(
+        "demo",
+        help="adapt an example and write its files",
+        description="Adapt an example that comes along, and write its mesh, fields and picture.",
+    )
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
     demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
     demo.set_defaults(run=_demo)
@@ -114,15 +124,42 @@ def _add_relocate(commands: Any) -> None:
     move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
     field = move.add_mutually_exclusive_group(required=True)
     field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
-    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element, in the energy norm")
-    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths")
-    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
-    move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
-    move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
+    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
+    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="the file to write, in the unit of MESH")
+    move.add_argument(
+        "--scale",
+        metavar="S",
+        type=float,
+        default=1.0,
+        help="metres per unit of MESH, for a field file in metres; by default both are in one unit",
+    )
+    move.add_argument(
+        "--topology",
+        choices=TOPOLOGIES,
+        default="flip",
+        help="fixed: nodes move; flip, the default: edges flip, too; recycle: nodes are taken away and put elsewhere",
+    )
+    move.add_argument(
+        "--min-quality",
+        metavar="Q",
+        type=float,
+        default=0.3,
+        help="least quality of an element, from 0, flat, to 1, equilateral; by default 0.3",
+    )
     move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
-    move.add_argument("--periodic", metavar="NAME", nargs=2, action="append", default=[], help="a pair that matches")
-    move.add_argument("--layers", metavar=("NAME", "K"), nargs=2, action="append", default=[], help="to keep across it")
-    move.add_argument("--seed", metavar="N", type=int, default=0)
+    move.add_argument(
+        "--periodic", metavar="NAME", nargs=2, action="append", default=[], help="two boundaries that stay matched"
+    )
+    move.add_argument(
+        "--layers",
+        metavar=("NAME", "K"),
+        nargs=2,
+        action="append",
+        default=[],
+        help="a thin subdomain, and how many layers of elements it keeps across",
+    )
+    move.add_argument("--seed", metavar="N", type=int, default=0, help="of the random numbers, by default 0")
     move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
     move.set_defaults(run=_relocate)
 
@@ -139,19 +176,30 @@ def _add_check(commands: Any) -> None:
 
 
 def _add_init(commands: Any) -> None:
-    init = commands.add_parser("init", help="write a commented case for a mesh, its names filled in")
+    init = commands.add_parser(
+        "init",
+        help="write a commented case for a mesh, its names filled in",
+        description="Write a case for `run`: the names of the mesh filled in, every option in a comment, all in SI "
+        "units. A case that is there stays as it is.",
+    )
     _add_mesh(init)
-    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="by default beside the mesh")
+    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="the case, by default beside MESH")
     init.set_defaults(run=_init)
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
     command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of it; 1e-3 for mm")
+    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
 
 
 def _add_run(commands: Any) -> None:
-    run = commands.add_parser("run", help="adapt the mesh of a case and write what comes of it")
+    run = commands.add_parser(
+        "run",
+        help="adapt the mesh of a case and write what comes of it",
+        description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
+        "metres), history.csv (a row for every pass), pictures and report.html. Ctrl-C ends it with the best pass "
+        "written.",
+    )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
     where = run.add_mutually_exclusive_group()
     where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
@@ -260,7 +308,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
-    terminal.say(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    terminal.say(f"Wrote {path}. Fill in its materials and potential, then: kohonen-adapt run {path} --dry-run")
     return DONE
 
 
@@ -285,6 +333,7 @@ def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
         arguments.mesh,
         field_source(text, f"--{meaning}"),
         arguments.out,
+        scale=arguments.scale,
         meaning=meaning,
         topology=arguments.topology,
         min_quality=arguments.min_quality,

@@ -102,6 +102,13 @@ class Case:
         """
         return read_groups(self.mesh)
 
+    @property
+    def labelled_outputs(self) -> dict[str, Quantity]:
+        """The outputs by name and unit, as ``pull (N/m)``: per metre unless there is a depth or an axis."""
+        totals = self.problem.axisymmetric or self.problem.depth is not None
+        per_metre = "" if totals else "/m"
+        return {f"{name} ({each.unit}{per_metre})": each for name, each in self.outputs.items()}
+
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
 
