@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from skfem import MeshTri
 
 from . import __version__
 from .cases import case_text, read_case
 from .cases.kinds import about
 from .commands.description import described, outlines_described
-from .commands.faults import faults, thin_parts
+from .commands.faults import faults, thin_parts, unit_doubts
 from .commands.moving import MEANINGS, STEPS, field_source, relocate_file
 from .commands.results import RESULTS, write_pictures
 from .commands.running import CaseRun
@@ -236,6 +237,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.show("read", 0, passes.passes + 1)
     with about(arguments.case):
         mesh = case.fitting_mesh()
+    _doubt(mesh, terminal)
     if arguments.dry_run:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
@@ -305,6 +307,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    _doubt(mesh, terminal)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
@@ -346,6 +349,12 @@ def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
     terminal.say(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
     return DONE
+
+
+def _doubt(mesh: MeshTri, terminal: Terminal) -> None:
+    """A mesh in millimetres that is taken for metres runs well and gives nonsense."""
+    for doubt in unit_doubts(mesh):
+        terminal.complain(f"warning: {doubt}")
 
 
 def _number_or_name(word: str) -> Any:

@@ -49,6 +49,12 @@ def test_without_a_boundary_on_most_of_the_rim_the_user_chooses():
     ) in text
 
 
+def test_millimetres_taken_for_metres_are_doubted(tmp_path, capsys):
+    arguments = ["init", str(EXAMPLES / "c_core.msh"), "-o", str(tmp_path / "new.toml")]
+    assert cli.main(arguments) == 0
+    assert "kohonen-adapt: warning: the mesh is " in capsys.readouterr().err
+
+
 def test_it_does_not_overwrite(tmp_path, capsys):
     shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
     (tmp_path / "c_core.toml").write_text("mine")

@@ -144,7 +144,14 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
             "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
         ),
         ('"energy"', '"torque"\nbody = "rotor"', "outputs.stored: "),
-        ("c_core.msh", "none.msh", "read_mesh expected a mesh file; there is none at"),
+        ("c_core.msh", "none.msh", "mesh must name a mesh file, as seen from the case; there is none at '"),
+        (
+            "passes = 2",
+            'passes = "2"',
+            "adapt.passes must be an integer from 0 to 2147483647; got '2'. Write it without quotes.",
+        ),
+        ("outer = 0.0", "outer = '0'", "potential.outer must be a finite number; got '0'. Write it without quotes."),
+        ("passes = 2", "polish = 'no'", "adapt.polish must be true or false; got 'no'. Write it without quotes."),
     ],
 )
 def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
@@ -152,8 +159,34 @@ def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
     case.write_text(CASE.replace(old, new))
     assert cli.main(["run", str(case), "--dry-run"]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
-    place = "" if "none.msh" in new else f"{case}: "  # of a file that is missing the name says enough
-    assert error.startswith(f"kohonen-adapt: {place}{said}")
+    assert error.startswith(f"kohonen-adapt: {case}: {said}")
+
+
+def test_what_is_not_toml(case, capsys):
+    case.write_text(CASE.replace("1000.0", "1000,0"))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"kohonen-adapt: {case}: is not TOML: ") and error.count("\n") == 1
+    assert error.endswith(
+        "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma.\n"
+    )
+
+
+def test_a_mesh_is_no_case(capsys):
+    mesh = EXAMPLES / "c_core.msh"
+    assert cli.main(["run", str(mesh), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert (
+        error.endswith(f". That is a mesh; make a case for it: kohonen-adapt init {mesh}.\n") and error.count("\n") == 1
+    )
+
+
+def test_millimetres_taken_for_metres_are_doubted(case, capsys):
+    case.write_text(CASE.replace("scale = 1e-3", ""))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (doubt,) = capsys.readouterr().err.splitlines()
+    assert doubt.startswith("kohonen-adapt: warning: the mesh is ")
+    assert doubt.endswith(" m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case).")
 
 
 def test_a_warning_is_one_line(case, capsys):
