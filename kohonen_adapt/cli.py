@@ -1,11 +1,10 @@
-"""The command ``kohonen-adapt``: its arguments, and what it says."""
+"""The command ``kohonen-adapt``: what it does, what it says, and how it ends."""
 
 import argparse
 import logging
 import os
 import runpy
 import shlex
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -16,9 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 from skfem import MeshTri
 
-from . import __version__
 from .cases import case_text, read_case
 from .cases.kinds import about
+from .commands.arguments import command_parser
 from .commands.description import described, outlines_described
 from .commands.faults import faults, thin_parts, unit_doubts
 from .commands.moving import MEANINGS, STEPS, field_source, relocate_file
@@ -26,7 +25,6 @@ from .commands.results import RESULTS, write_pictures
 from .commands.running import CaseRun
 from .io import read_mesh
 from .loop import PASSES, adapt
-from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
 from .som import KohonenMap
 from .terminal import Interrupted, LineHandler, Terminal
@@ -41,8 +39,6 @@ PACKAGE = Path(__file__).parent
 EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 
 PLOT_REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
-
-EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-adapt init MESH."
 
 DONE, FAILED, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
@@ -70,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
         without any, after the help.
     """
-    parser = _parser()
+    parser = command_parser({"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate})
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())
@@ -93,123 +89,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         terminal.complain("interrupted.")
         return INTERRUPTED
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=sys.modules[__package__].__doc__, epilog=EPILOG)
-    parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", dest="command")
-    demo = commands.add_parser(
-        "demo",
-        help="adapt an example and write its files",
-        description="Adapt an example that comes along, and write its mesh, fields and picture.",
-    )
-    demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
-    demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
-    demo.set_defaults(run=_demo)
-    _add_run(commands)
-    _add_init(commands)
-    _add_check(commands)
-    _add_relocate(commands)
-    return parser
-
-
-def _add_relocate(commands: Any) -> None:
-    move = commands.add_parser(
-        "relocate",
-        help="move the nodes of a mesh to where a field wants them, for any solver",
-        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
-        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
-        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
-    )
-    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    field = move.add_mutually_exclusive_group(required=True)
-    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
-    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
-    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
-    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="the file to write, in the unit of MESH")
-    move.add_argument(
-        "--scale",
-        metavar="S",
-        type=float,
-        default=1.0,
-        help="metres per unit of MESH, for a field file in metres; by default both are in one unit",
-    )
-    move.add_argument(
-        "--topology",
-        choices=TOPOLOGIES,
-        default="flip",
-        help="fixed: nodes move; flip, the default: edges flip, too; recycle: nodes are taken away and put elsewhere",
-    )
-    move.add_argument(
-        "--min-quality",
-        metavar="Q",
-        type=float,
-        default=0.3,
-        help="least quality of an element, from 0, flat, to 1, equilateral; by default 0.3",
-    )
-    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
-    move.add_argument(
-        "--periodic", metavar="NAME", nargs=2, action="append", default=[], help="two boundaries that stay matched"
-    )
-    move.add_argument(
-        "--layers",
-        metavar=("NAME", "K"),
-        nargs=2,
-        action="append",
-        default=[],
-        help="a thin subdomain, and how many layers of elements it keeps across",
-    )
-    move.add_argument("--seed", metavar="N", type=int, default=0, help="of the random numbers, by default 0")
-    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
-    move.set_defaults(run=_relocate)
-
-
-def _add_check(commands: Any) -> None:
-    check = commands.add_parser(
-        "check",
-        help="say what a mesh is, and what would go wrong with it",
-        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
-        "faults were found, and 2 if the file holds no mesh at all.",
-    )
-    _add_mesh(check)
-    check.set_defaults(run=_check)
-
-
-def _add_init(commands: Any) -> None:
-    init = commands.add_parser(
-        "init",
-        help="write a commented case for a mesh, its names filled in",
-        description="Write a case for `run`: the names of the mesh filled in, every option in a comment, all in SI "
-        "units. A case that is there stays as it is.",
-    )
-    _add_mesh(init)
-    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="the case, by default beside MESH")
-    init.set_defaults(run=_init)
-
-
-def _add_mesh(command: argparse.ArgumentParser) -> None:
-    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
-
-
-def _add_run(commands: Any) -> None:
-    run = commands.add_parser(
-        "run",
-        help="adapt the mesh of a case and write what comes of it",
-        description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
-        "metres), history.csv (a row for every pass), pictures and report.html. Ctrl-C ends it with the best pass "
-        "written.",
-    )
-    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    where = run.add_mutually_exclusive_group()
-    where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
-    where.add_argument(
-        "--resume", metavar="DIR", type=Path, help="folder of a run that was cut short: go on from its last pass"
-    )
-    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
-    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
-    run.set_defaults(run=_run)
 
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:

@@ -120,8 +120,7 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        if not self.mesh.is_file():
-            raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{self.mesh}'.")
+        _check_file(self.mesh)
         with about("mesh"):
             mesh = read_mesh(self.mesh, scale=self.scale)
             _ = self.groups  # now, and not when hours later the results are written
@@ -174,6 +173,11 @@ def read_case(path: Path) -> Case:
         raise ValueError(f"{path}: is not TOML: {error}. {_remedy(path)}") from None
     with about(path):
         return replace(case_of(given, path.parent), file=path.name, text=said)
+
+
+def _check_file(mesh: Path) -> None:
+    if not mesh.is_file():
+        raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{mesh}'.")
 
 
 def _remedy(path: Path) -> str:
