@@ -5,6 +5,7 @@ import logging
 import os
 import runpy
 import shlex
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -66,7 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
         without any, after the help.
     """
-    parser = command_parser({"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate})
+    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate}
+    parser = command_parser(sys.modules[__package__].__doc__, commands)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .. import __doc__ as ABOUT
 from .. import __version__
 from ..relocation import TOPOLOGIES
 
@@ -16,11 +15,13 @@ EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-a
 Handler = Callable[..., int]
 
 
-def command_parser(run: Mapping[str, Handler]) -> argparse.ArgumentParser:
+def command_parser(description: str | None, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
     """The arguments of the command and of its subcommands.
 
     Parameters
     ----------
+    description
+        What the command is for.
     run
         Name of a subcommand to what does it: parsed arguments have it as ``run``, and the name as ``command``.
 
@@ -29,7 +30,7 @@ def command_parser(run: Mapping[str, Handler]) -> argparse.ArgumentParser:
     argparse.ArgumentParser
         It ends the process at arguments it does not know; without any, ``command`` is None.
     """
-    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=ABOUT, epilog=EPILOG)
+    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", dest="command")
     demo = commands.add_parser(
