@@ -1,4 +1,4 @@
-"""The command ``kohonen-adapt``: its arguments, and what it says."""
+"""The command ``kohonen-adapt``: what it does, what it says, and how it ends."""
 
 import argparse
 import logging
@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from skfem import MeshTri
 
-from . import __version__
 from .cases import case_text, read_case
 from .cases.kinds import about
+from .commands.arguments import command_parser
 from .commands.description import described, outlines_described
-from .commands.faults import faults, thin_parts
+from .commands.faults import faults, thin_parts, unit_doubts
 from .commands.moving import MEANINGS, STEPS, field_source, relocate_file
 from .commands.results import RESULTS, write_pictures
 from .commands.running import CaseRun
 from .io import read_mesh
 from .loop import PASSES, adapt
-from .relocation import TOPOLOGIES
 from .result import AdaptResult, Pass, Status
 from .som import KohonenMap
 from .terminal import Interrupted, LineHandler, Terminal
@@ -64,9 +64,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     Raises
     ------
     SystemExit
-        Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know.
+        Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
+        without any, after the help.
     """
-    arguments = _parser().parse_args(argv)
+    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate}
+    parser = command_parser(sys.modules[__package__].__doc__, commands)
+    arguments = parser.parse_args(argv)
+    if arguments.command is None:
+        parser.exit(WRONG_USE, parser.format_help())
     quiet = getattr(arguments, "quiet", False)
     terminal = Terminal(quiet)
     logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[LineHandler()])
@@ -86,81 +91,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         terminal.complain("interrupted.")
         return INTERRUPTED
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=sys.modules[__package__].__doc__)
-    parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    demo = commands.add_parser("demo", help="adapt an example and write its files")
-    demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
-    demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
-    demo.set_defaults(run=_demo)
-    _add_run(commands)
-    _add_init(commands)
-    _add_check(commands)
-    _add_relocate(commands)
-    return parser
-
-
-def _add_relocate(commands: Any) -> None:
-    move = commands.add_parser(
-        "relocate",
-        help="move the nodes of a mesh to where a field wants them, for any solver",
-        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
-        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
-        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
-    )
-    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    field = move.add_mutually_exclusive_group(required=True)
-    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
-    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element, in the energy norm")
-    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths")
-    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="a Gmsh or VTU file")
-    move.add_argument("--topology", choices=TOPOLOGIES, default="flip", help="by default flip")
-    move.add_argument("--min-quality", metavar="Q", type=float, default=0.3, help="of elements, by default 0.3")
-    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
-    move.add_argument("--periodic", metavar="NAME", nargs=2, action="append", default=[], help="a pair that matches")
-    move.add_argument("--layers", metavar=("NAME", "K"), nargs=2, action="append", default=[], help="to keep across it")
-    move.add_argument("--seed", metavar="N", type=int, default=0)
-    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
-    move.set_defaults(run=_relocate)
-
-
-def _add_check(commands: Any) -> None:
-    check = commands.add_parser(
-        "check",
-        help="say what a mesh is, and what would go wrong with it",
-        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
-        "faults were found, and 2 if the file holds no mesh at all.",
-    )
-    _add_mesh(check)
-    check.set_defaults(run=_check)
-
-
-def _add_init(commands: Any) -> None:
-    init = commands.add_parser("init", help="write a commented case for a mesh, its names filled in")
-    _add_mesh(init)
-    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="by default beside the mesh")
-    init.set_defaults(run=_init)
-
-
-def _add_mesh(command: argparse.ArgumentParser) -> None:
-    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
-    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of it; 1e-3 for mm")
-
-
-def _add_run(commands: Any) -> None:
-    run = commands.add_parser("run", help="adapt the mesh of a case and write what comes of it")
-    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    where = run.add_mutually_exclusive_group()
-    where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
-    where.add_argument(
-        "--resume", metavar="DIR", type=Path, help="folder of a run that was cut short: go on from its last pass"
-    )
-    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
-    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
-    run.set_defaults(run=_run)
 
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
@@ -188,6 +118,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.show("read", 0, passes.passes + 1)
     with about(arguments.case):
         mesh = case.fitting_mesh()
+    _doubt(mesh, terminal)
     if arguments.dry_run:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
@@ -257,10 +188,11 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    _doubt(mesh, terminal)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
-    terminal.say(f"Wrote {path}. Fill in its materials, then: kohonen-adapt run {path} --dry-run")
+    terminal.say(f"Wrote {path}. Fill in its materials and potential, then: kohonen-adapt run {path} --dry-run")
     return DONE
 
 
@@ -285,6 +217,7 @@ def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
         arguments.mesh,
         field_source(text, f"--{meaning}"),
         arguments.out,
+        scale=arguments.scale,
         meaning=meaning,
         topology=arguments.topology,
         min_quality=arguments.min_quality,
@@ -297,6 +230,12 @@ def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
     terminal.say(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
     return DONE
+
+
+def _doubt(mesh: MeshTri, terminal: Terminal) -> None:
+    """A mesh in millimetres that is taken for metres runs well and gives nonsense."""
+    for doubt in unit_doubts(mesh):
+        terminal.complain(f"warning: {doubt}")
 
 
 def _number_or_name(word: str) -> Any:

@@ -185,7 +185,7 @@ def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     }
     if any(step.functional is not None for step in history):
         done["gain of map"] = ["-", *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]
-        done["of polish"] = ["-", *(f"{step.polish_gain:.2g}" for step in history[1:])]
+        done["gain of polish"] = ["-", *(f"{step.polish_gain:.2g}" for step in history[1:])]
     if any(step.splits for step in history):
         done["splits"] = [str(step.splits) for step in history]
         done["collapses"] = [str(step.collapses) for step in history]

@@ -261,5 +261,5 @@ def test_the_functional_is_asked_for_once_on_every_mesh_with_its_own_solution():
 def test_the_table_shows_what_map_and_polish_gained():
     result = adapted("recycle")
     _head, *rows = str(result).splitlines()
-    assert rows[len(result.history)].endswith("gain of map  of polish  splits  collapses")
+    assert rows[len(result.history)].endswith("gain of map  gain of polish  splits  collapses")
     assert "gain" not in str(adapted("recycle", polish=False))

@@ -170,6 +170,18 @@ def whole_disk(radius):
     return mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
 
 
+@pytest.mark.parametrize(
+    ("symmetry", "per_metre"), [("", "/m"), ("depth = 0.1", ""), ("axisymmetric = true", "")], ids=str
+)
+def test_outputs_are_totals_only_with_a_depth_or_an_axis(symmetry, per_metre):
+    quantities = "[outputs]" + EVERYTHING.partition("[outputs]")[2]
+    if "axisymmetric" in symmetry:
+        quantities = quantities.replace("fx = ", "# ")
+    labels = list(case(f"{symmetry}\n{CONTRACT}{quantities}").labelled_outputs)
+    units = {"fx": "N", "fy": "N", "t": "N m", "psi": "Wb", "w": "J", "wc": "J"}
+    assert labels == [f"{name} ({unit}{per_metre})" for name, unit in units.items() if f"\n{name} =" in quantities]
+
+
 def test_outputs_ask_the_field():
     values = {name: each(RecordingField()) for name, each in case(EVERYTHING).outputs.items()}
     assert values == {"fx": 1.0, "fy": 20.0, "t": 21.0, "psi": 10.0, "w": 5.0, "wc": 6.0}

@@ -89,6 +89,15 @@ def test_wrong_use(arguments, capsys):
     assert "usage: kohonen-adapt" in capsys.readouterr().err
 
 
+def test_without_arguments_there_is_the_help(capsys):
+    with pytest.raises(SystemExit):
+        cli.main([])
+    said = capsys.readouterr().err
+    commands = ("demo", "run", "init", "check", "relocate")
+    assert all(re.search(rf"^    {name} +\S", said, re.MULTILINE) for name in commands)
+    assert said.endswith("A first case: kohonen-adapt init MESH.\n")
+
+
 def test_out_is_a_file(tmp_path, capsys):
     (tmp_path / "file").touch()
     assert cli.main(["demo", "magnet", "--out", str(tmp_path / "file")]) == 2

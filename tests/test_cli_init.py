@@ -19,18 +19,40 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 @pytest.mark.parametrize("name", ["c_core", "actuator_1", "motor"])
-def test_the_case_runs_dry_as_it_stands(name, tmp_path, capsys):
+def test_the_case_runs_dry_once_the_potential_is_chosen(name, tmp_path, capsys):
     shutil.copy(EXAMPLES / f"{name}.msh", tmp_path)
     (tmp_path / "cases").mkdir()
     case = tmp_path / "cases" / "new.toml"
     assert cli.main(["init", str(tmp_path / f"{name}.msh"), "--scale", "1e-3", "-o", str(case)]) == 0
     said = capsys.readouterr().out
-    assert said == f"Wrote {case}. Fill in its materials, then: kohonen-adapt run {case} --dry-run\n"
+    assert said == f"Wrote {case}. Fill in its materials and potential, then: kohonen-adapt run {case} --dry-run\n"
     written, mesh = tomllib.loads(case.read_text()), ka.read_mesh(tmp_path / f"{name}.msh")
     assert written["mesh"] == f"../{name}.msh" and written["scale"] == 1e-3
     assert set(written["materials"]) == set(mesh.subdomains)
+    assert len(written["potential"]) == (name != "motor")
     assert all(f"\n{boundary} = 0.0" in case.read_text().replace("\n# ", "\n") for boundary in mesh.boundaries)
+    case.write_text(case.read_text().replace("# outer = 0.0", "outer = 0.0"))
     assert cli.main(["run", str(case), "--dry-run"]) == 0
+
+
+def test_without_a_boundary_on_most_of_the_rim_the_user_chooses():
+    """The longest boundaries of the motor are its antiperiodic sides."""
+    text = case_text(ka.read_mesh(EXAMPLES / "motor.msh", scale=1e-3), "motor.msh", 1e-3)
+    assert tomllib.loads(text)["potential"] == {}
+    assert (
+        "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides.\n"
+        "# inner = 0.0  # 5.76 % of the rim\n"
+        "# left = 0.0  # 31.8 % of the rim\n"
+        "# outer = 0.0  # 30.7 % of the rim\n"
+        "# right = 0.0  # 31.8 % of the rim\n"
+        "# ring = 0.0  # not on the rim alone\n"
+    ) in text
+
+
+def test_millimetres_taken_for_metres_are_doubted(tmp_path, capsys):
+    arguments = ["init", str(EXAMPLES / "c_core.msh"), "-o", str(tmp_path / "new.toml")]
+    assert cli.main(arguments) == 0
+    assert "kohonen-adapt: warning: the mesh is " in capsys.readouterr().err
 
 
 def test_it_does_not_overwrite(tmp_path, capsys):
@@ -49,7 +71,8 @@ def test_overlapping_names_are_commented_out(tmp_path):
     assert cli.main(["init", str(tmp_path / "rooms.msh")]) == 0
     text = (tmp_path / "rooms.toml").read_text()
     assert set(tomllib.loads(text)["materials"]) == {"left", "right side"}
-    assert "# [materials.low]" in text and "# interface = 0.0" in text and '"wall and floor" = 0.0' in text
+    assert "# [materials.low]" in text and "# interface = 0.0" in text and '# "wall and floor" = 0.0' in text
+    (tmp_path / "rooms.toml").write_text(text.replace('# "wall and floor"', '"wall and floor"'))
     assert cli.main(["run", str(tmp_path / "rooms.toml"), "--dry-run"]) == 0
 
 
@@ -63,7 +86,8 @@ def test_no_flux_leaves_where_most_of_the_rim_is():
     mesh = mesh.with_boundaries({"hole": rim[~far], "inside": inside, "outside": rim[far]})
     written = case_text(mesh, "m.msh", 1.0)
     assert tomllib.loads(written)["potential"] == {"outside": 0.0}
-    assert "# On the largest part of the rim, 90 % of it: no flux leaves there.\noutside = 0.0" in written
+    assert "# inside = 0.0  # not on the rim alone\n" in written
+    assert "# hole = 0.0  # 10 % of the rim\noutside = 0.0  # 90 % of the rim\n" in written
 
 
 def test_a_mesh_without_names_says_what_it_lacks(tmp_path):

@@ -164,7 +164,10 @@ def spoilt(mesh, how):
     ("how", "said"),
     [
         ("shifted", "sizes of the mesh off its place. Are both in the same unit, and of the same step?"),
-        ("millimetres", "sizes of the mesh off its place. Are both in the same unit, and of the same step?"),
+        (
+            "millimetres",
+            "at a scale of 1; it is there at 1000, so the units differ. Give --scale 1000 (metres per unit",
+        ),
         ("refined", "read_field expected a field on the mesh, of"),
         ("flipped", "a triangle is "),
         ("broken", "read_field expected finite coordinates;"),

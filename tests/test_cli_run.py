@@ -55,7 +55,7 @@ def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
     assert names_in(out) == FILES
     said = capsys.readouterr().out
     assert re.findall(r"^pass (\d): 899 nodes", said, re.MULTILINE) == ["0", "1", "2"]
-    assert "Energy Error %" in said and "stored" in said
+    assert "Energy Error %" in said and "stored (J/m)" in said
     files = ", ".join(["adapted.msh", "adapted.vtu", "history.csv", *PICTURES, "report.html"])
     assert said.endswith(f"Files in {out}: {files}.\n")
     mesh, fields = ka.read_mesh(out / "adapted.msh", scale=1e-3), meshio.read(out / "adapted.vtu")
@@ -69,7 +69,7 @@ def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
     best = min(float(row["estimate"]) for row in rows)
     assert best == pytest.approx(np.sqrt(np.sum(fields.cell_data["indicator"][0] ** 2)), rel=1e-12)
     assert best < 0.6 * float(rows[0]["estimate"])
-    assert all(float(row["output stored"]) > 0.0 for row in rows)
+    assert all(float(row["output stored (J/m)"]) > 0.0 for row in rows)
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "kohonen-adapt run case.toml --out out" in report and "permeability = 1000.0" in report
     assert "Asked for: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
@@ -85,6 +85,27 @@ def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(case, tmp_path
     assert cli.main(["run", str(once_more), "--dry-run"]) == 0
     after = ka.read_mesh(tmp_path / "out" / "adapted.msh", scale=1e-3)
     assert_allclose(np.ptp(after.p, axis=1), np.ptp(before.p, axis=1), rtol=1e-12)
+
+
+def test_the_fields_of_a_run_go_with_its_mesh_once_more(case, tmp_path, capsys):
+    """The mesh is in millimetres, as it came, and the fields are in metres."""
+    case.write_text(CASE.replace("passes = 2", "passes = 1"))
+    assert cli.main(["run", str(case), "--out", str(tmp_path), "--quiet"]) == 0
+    adapted, fields, out = tmp_path / "adapted.msh", tmp_path / "adapted.vtu", tmp_path / "moved.msh"
+    relocate = ["relocate", str(adapted), "--indicators", f"{fields}:indicator", "--out", str(out), "--quiet"]
+    assert cli.main(relocate) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"kohonen-adapt: read_field expected the mesh in '{fields}' at a scale of 1; it is there at 0.001, so the "
+        "units differ. Give --scale 0.001 (metres per unit of the mesh, for a field file in metres)."
+    )
+    assert cli.main([*relocate, "--scale", "0.001"]) == 0
+    before, after = ka.read_mesh(adapted), ka.read_mesh(out)
+    eta = meshio.read(fields).cell_data["indicator"][0]
+    wanted = ka.relocate(before, ka.density_from_indicators(before, eta))
+    assert_allclose(after.p, wanted.p, rtol=1e-12)
+    assert set(after.subdomains) == set(before.subdomains)
+    assert cli.main([*relocate, "--scale", "0"]) == 2
+    assert capsys.readouterr().err.endswith("scale must be a finite number > 0; got 0.0.\n")
 
 
 def test_quiet_says_nothing(case, tmp_path, capfd):
@@ -123,7 +144,14 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
             "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
         ),
         ('"energy"', '"torque"\nbody = "rotor"', "outputs.stored: "),
-        ("c_core.msh", "none.msh", "read_mesh expected a mesh file; there is none at"),
+        ("c_core.msh", "none.msh", "mesh must name a mesh file, as seen from the case; there is none at '"),
+        (
+            "passes = 2",
+            'passes = "2"',
+            "adapt.passes must be an integer from 0 to 2147483647; got '2'. Write it without quotes.",
+        ),
+        ("outer = 0.0", "outer = '0'", "potential.outer must be a finite number; got '0'. Write it without quotes."),
+        ("passes = 2", "polish = 'no'", "adapt.polish must be true or false; got 'no'. Write it without quotes."),
     ],
 )
 def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
@@ -131,8 +159,34 @@ def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
     case.write_text(CASE.replace(old, new))
     assert cli.main(["run", str(case), "--dry-run"]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
-    place = "" if "none.msh" in new else f"{case}: "  # of a file that is missing the name says enough
-    assert error.startswith(f"kohonen-adapt: {place}{said}")
+    assert error.startswith(f"kohonen-adapt: {case}: {said}")
+
+
+def test_what_is_not_toml(case, capsys):
+    case.write_text(CASE.replace("1000.0", "1000,0"))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"kohonen-adapt: {case}: is not TOML: ") and error.count("\n") == 1
+    assert error.endswith(
+        "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma.\n"
+    )
+
+
+def test_a_mesh_is_no_case(capsys):
+    mesh = EXAMPLES / "c_core.msh"
+    assert cli.main(["run", str(mesh), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert (
+        error.endswith(f". That is a mesh; make a case for it: kohonen-adapt init {mesh}.\n") and error.count("\n") == 1
+    )
+
+
+def test_millimetres_taken_for_metres_are_doubted(case, capsys):
+    case.write_text(CASE.replace("scale = 1e-3", ""))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (doubt,) = capsys.readouterr().err.splitlines()
+    assert doubt.startswith("kohonen-adapt: warning: the mesh is ")
+    assert doubt.endswith(" m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case).")
 
 
 def test_a_warning_is_one_line(case, capsys):
@@ -201,7 +255,7 @@ def test_the_report_says_what_was_asked_for(case, tmp_path):
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert (
         "and grow it to 900 nodes in at most 1 pass, until rtol = 0.5 or output_rtol = 0.1, by the residual estimate "
-        "of the magnetic field in iron, magnet, air. Outputs: stored." in report
+        "of the magnetic field in iron, magnet, air. Outputs: stored (J/m)." in report
     )
     assert "<h3>Seed</h3>\n<pre>7</pre>" in report
 

@@ -96,7 +96,7 @@ def number(*, least: float = -inf, above: float = -inf, most: float = inf) -> Ki
         except OverflowError:
             value = inf
         if not (isfinite(value) and least <= value <= most and value > above):
-            raise ValueError(f"{place} must be {wanted}; got {_shown(given)}.")
+            raise ValueError(f"{place} must be {wanted}; got {_shown(given)}.{_unquote(given)}")
         return value
 
     return check
@@ -107,7 +107,9 @@ def integer(*, least: int = 0) -> Kind:
 
     def check(given: Any, place: str) -> int:
         if not isinstance(given, int) or isinstance(given, bool) or not least <= given <= LARGEST:
-            raise ValueError(f"{place} must be an integer from {least} to {LARGEST}; got {_shown(given)}.")
+            raise ValueError(
+                f"{place} must be an integer from {least} to {LARGEST}; got {_shown(given)}.{_unquote(given)}"
+            )
         return given
 
     return check
@@ -130,7 +132,7 @@ def choice(*values: str | int) -> Kind:
 def flag(given: Any, place: str) -> bool:
     """True or false."""
     if not isinstance(given, bool):
-        raise ValueError(f"{place} must be true or false; got {_shown(given)}.")
+        raise ValueError(f"{place} must be true or false; got {_shown(given)}.{_unquote(given)}")
     return given
 
 
@@ -188,6 +190,10 @@ def _unknown(key: str, known: list[str], place: str) -> str:
     hint = f" Did you mean {near[0]!r}?" if near else ""
     where = f" in {place}" if place else ""
     return f"{_below(place, key)!r} is no key of a case.{hint} Known{where}: {', '.join(known)}."
+
+
+def _unquote(given: Any) -> str:
+    return " Write it without quotes." if isinstance(given, str) else ""
 
 
 def _shown(given: Any) -> str:

@@ -12,9 +12,10 @@ __all__ = ["Quantity", "quantity"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A function of a field, and the subdomains that it asks for."""
+    """A function of a field, the unit of a total of it, and the subdomains that it asks for."""
 
     function: Callable[[Field], float]
+    unit: str
     bodies: tuple[str, ...] = ()
 
     def __call__(self, field: Field) -> float:
@@ -23,23 +24,23 @@ class Quantity:
 
 
 def _force(body: list[str], component: str) -> Quantity:
-    return Quantity(lambda field: field.force(body)["xy".index(component)], tuple(body))
+    return Quantity(lambda field: field.force(body)["xy".index(component)], "N", tuple(body))
 
 
 def _torque(body: list[str], centre: tuple[float, float] = (0.0, 0.0)) -> Quantity:
-    return Quantity(lambda field: field.torque(body, centre), tuple(body))
+    return Quantity(lambda field: field.torque(body, centre), "N m", tuple(body))
 
 
 def _flux_linkage(coil: list[str], turns: float = 1.0) -> Quantity:
-    return Quantity(lambda field: field.flux_linkage(coil, turns), tuple(coil))
+    return Quantity(lambda field: field.flux_linkage(coil, turns), "Wb", tuple(coil))
 
 
 def _energy() -> Quantity:
-    return Quantity(lambda field: field.energy)
+    return Quantity(lambda field: field.energy, "J")
 
 
 def _coenergy() -> Quantity:
-    return Quantity(lambda field: field.coenergy)
+    return Quantity(lambda field: field.coenergy, "J")
 
 
 QUANTITIES: dict[str, tuple[Callable[..., Quantity], dict[str, Kind], tuple[str, ...]]] = {

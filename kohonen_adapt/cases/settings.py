@@ -10,7 +10,7 @@ from typing import Any
 from skfem import MeshTri
 
 from ..growth import Growth
-from ..io import Groups, read_groups, read_mesh
+from ..io import MSH_VERSION, Groups, read_groups, read_mesh
 from ..limits import Limits
 from ..magnetostatics import Magnetostatics
 from ..magnetostatics.bodies import elements_of
@@ -102,17 +102,25 @@ class Case:
         """
         return read_groups(self.mesh)
 
+    @property
+    def labelled_outputs(self) -> dict[str, Quantity]:
+        """The outputs by name and unit, as ``pull (N/m)``: per metre unless there is a depth or an axis."""
+        totals = self.problem.axisymmetric or self.problem.depth is not None
+        per_metre = "" if totals else "/m"
+        return {f"{name} ({each.unit}{per_metre})": each for name, each in self.outputs.items()}
+
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
 
         Raises
         ------
         ValueError
-            If the file is damaged, names of the case are not in it, elements have no material or two, conditions
-            contradict one another, or an option does not fit the mesh.
+            If the file is missing or damaged, names of the case are not in it, elements have no material or two,
+            conditions contradict one another, or an option does not fit the mesh.
         OSError
             If the file cannot be read.
         """
+        _check_file(self.mesh)
         with about("mesh"):
             mesh = read_mesh(self.mesh, scale=self.scale)
             _ = self.groups  # now, and not when hours later the results are written
@@ -162,9 +170,21 @@ def read_case(path: Path) -> Case:
         said = content.decode("utf-8")
         given = tomllib.loads(said)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: is not TOML: {error}.") from None
+        raise ValueError(f"{path}: is not TOML: {error}. {_remedy(path)}") from None
     with about(path):
         return replace(case_of(given, path.parent), file=path.name, text=said)
+
+
+def _check_file(mesh: Path) -> None:
+    if not mesh.is_file():
+        raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{mesh}'.")
+
+
+def _remedy(path: Path) -> str:
+    """What to do about a file that is not TOML."""
+    if path.suffix.lower() in (*MSH_VERSION, ".vtu"):
+        return f"That is a mesh; make a case for it: kohonen-adapt init {path}."
+    return "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma."
 
 
 def case_of(given: Mapping[str, Any], folder: Path) -> Case:

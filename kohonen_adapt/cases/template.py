@@ -1,4 +1,4 @@
-"""A commented case for a mesh, its names filled in, that runs as it stands where the mesh allows it."""
+"""A commented case for a mesh, its names filled in, that runs as it stands where one boundary holds most of the rim."""
 
 import json
 import re
@@ -76,8 +76,8 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
     Returns
     -------
     str
-        TOML: every subdomain is air, and A = 0 on the boundary that holds most of the rim. Subdomains that overlap
-        those, and other boundaries, are commented out.
+        TOML: every subdomain is air, and A = 0 on the boundary that holds more than half of the rim, if one does.
+        Subdomains that overlap those, and other boundaries, are commented out.
     """
     width, height = np.ptp(mesh.p, axis=1)
     head = HEAD.format(mesh=_quoted(file), scale=float(scale), width=width, height=height)
@@ -121,15 +121,18 @@ def _disjoint(sets: Sets, names: list[str], count: int) -> set[str]:
 def _potential(mesh: MeshTri) -> str:
     sets = {name: rows for name, rows in (mesh.boundaries or {}).items() if not name.startswith("gmsh:")}
     shares = {name: _share_of_rim(mesh, rows) for name, rows in sets.items() if len(rows)}
-    outer = max(shares, key=lambda name: shares[name], default=None)
     lines = ["", "[potential]  # A in Wb/m; where none is given, flux crosses the boundary at a right angle"]
-    for name in sorted(shares):
-        if name == outer and shares[name] > 0.0:
-            lines += [f"# On the largest part of the rim, {100.0 * shares[name]:.3g} % of it: no flux leaves there."]
-            lines += [f"{_key(name)} = 0.0"]
-        else:
-            lines += [f"# {_key(name)} = 0.0"]
-    if not any(shares.values()):
+    candidates = [name for name in sorted(shares) if shares[name] > 0.0]
+    outer = max(candidates, key=lambda name: shares[name], default=None)
+    if outer is not None and shares[outer] <= 0.5:  # that may be a periodic side as well
+        outer = None
+        lines.append(
+            "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides."
+        )
+    for name in sorted(shares, key=lambda name: (shares[name] == 0.0, name)):
+        share = f"{100.0 * shares[name]:.3g} % of the rim" if shares[name] > 0.0 else "not on the rim alone"
+        lines.append(f"{'' if name == outer else '# '}{_key(name)} = 0.0  # {share}")
+    if not candidates:
         lines.append("# The mesh names no part of its rim: give the lines there a physical group, and name it here.")
     return "\n".join([*lines, ""])
 

@@ -12,7 +12,7 @@ from ..som import KohonenMap
 from ..triangles import quality
 from .description import counted, memberships
 
-__all__ = ["faults", "thin_parts"]
+__all__ = ["faults", "thin_parts", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
@@ -24,7 +24,7 @@ Indices = NDArray[np.integer]
 
 def faults(mesh: MeshTri) -> Iterator[str]:
     """Sentences about a valid mesh, one for each kind of fault: what it is, where, and what to do."""
-    yield from _units(mesh)
+    yield from unit_doubts(mesh)
     yield from _names(mesh)
     rim = mesh.boundary_facets()
     if len(nodes := _on_others(mesh, rim)):
@@ -63,7 +63,8 @@ def thin_parts(som: KohonenMap) -> Iterator[str]:
                     yield f"{str(error).partition(';')[0]}: a field across it is poor. Refine it there."
 
 
-def _units(mesh: MeshTri) -> Iterator[str]:
+def unit_doubts(mesh: MeshTri) -> Iterator[str]:
+    """A sentence about a mesh that is too large for a device in metres."""
     width, height = np.ptp(mesh.p, axis=1)
     if max(width, height) > LARGE:
         yield (

@@ -59,6 +59,7 @@ def relocate_file(
     field: tuple[Path, str],
     target: Path,
     *,
+    scale: float = 1.0,
     meaning: str = "density",
     topology: str = "flip",
     min_quality: float = 0.3,
@@ -78,6 +79,8 @@ def relocate_file(
         Mesh files.
     field
         File and name of a field, per element or per node.
+    scale
+        Units of the field file per unit of the mesh file: for a field in metres the metres per unit.
     meaning
         What it holds, a key of `MEANINGS`.
     topology, min_quality, pinned, seed, periodic, layers
@@ -101,7 +104,7 @@ def relocate_file(
         raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{target.name}'.")
     progress(0, STEPS[0])
     mesh, groups = read_mesh(source), read_groups(source)
-    values = read_field(*field, mesh)
+    values = read_field(*field, mesh, scale)
     progress(1, STEPS[1])
     after = relocate(
         mesh,

@@ -88,7 +88,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]
     until = f", until {' or '.join(limits)}" if limits else ""
     passes = options.get("passes", PASSES)
-    outputs = f" Outputs: {', '.join(case.outputs)}." if case.outputs else ""
+    outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     return (
         f"Asked for: adapt {case.mesh.name} ({before.mesh.p.shape[1]} nodes, {before.mesh.t.shape[1]} elements)"
         f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, by the {problem.estimator} estimate of "

@@ -129,7 +129,7 @@ class CaseRun:
         result = adapt(
             self._mesh,
             case.problem,
-            outputs=case.outputs or None,
+            outputs=case.labelled_outputs or None,
             interim=self._interim,
             progress=self._progress,
             checkpoint=self.passes,

@@ -18,7 +18,7 @@ FIELD_SUFFIXES = (".vtu", ".msh", ".msh2", ".pos")
 NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
 
 
-def read_field(path: Path, name: str, mesh: MeshTri) -> Floats:
+def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floats:
     """Read a scalar field from a file, one number per element.
 
     Parameters
@@ -31,6 +31,8 @@ def read_field(path: Path, name: str, mesh: MeshTri) -> Floats:
     mesh
         The mesh that it must be on: the same nodes and triangles, in any order. Other programs number them as they
         like, so triangles are known by their centres.
+    scale
+        Units of the file per unit of the mesh; 1e-3 for a file in metres and a mesh in millimetres.
 
     Returns
     -------
@@ -42,15 +44,20 @@ def read_field(path: Path, name: str, mesh: MeshTri) -> Floats:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such file, is on another mesh, lacks the field, has two of that name, or the field is no scalar.
+        If it is no such file, is on another mesh, lacks the field, has two of that name, or the field is no scalar; or
+        the scale is no finite number > 0.
     """
+    if not 0.0 < scale < np.inf:
+        raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")
     if not path.is_file():
         raise FileNotFoundError(f"read_field expected a file with a field; there is none at '{path}'.")
     if path.suffix.lower() not in FIELD_SUFFIXES:
         known = ", ".join(FIELD_SUFFIXES)
         raise ValueError(f"read_field expected a file name that ends in {known}; got '{path.name}'.")
     content = read_arrays(path) if path.suffix.lower() == ".vtu" else read_views(path)
-    place = _places(mesh, content.points[:, :2], content.triangles, path)
+    points = content.points[:, :2]
+    _check_unit(mesh, points[np.unique(content.triangles)], path, scale)
+    place = _places(mesh, points / scale, content.triangles, path)
     field = _field(content, name, path)
     values = _scalar(field.values, name, path)
     return np.mean(values[content.triangles[place]], axis=1) if field.nodal else values[place]
@@ -71,6 +78,22 @@ def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
     if len(np.unique(place)) < len(place):
         raise ValueError(f"read_field expected a field on the mesh; '{path}' has other triangles.")
     return place
+
+
+def _check_unit(mesh: MeshTri, points: Floats, path: Path, scale: float) -> None:
+    """The most common mistake has a message of its own: everything times the same factor."""
+    if not (len(points) and np.all(np.isfinite(points))):
+        return
+    own, given = (np.array([np.min(p, axis=0), np.max(p, axis=0)]) for p in (mesh.p.T, points))
+    size = np.ptp(own, axis=0).max()
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of a file that is off anyhow
+        factor = np.ptp(given, axis=0).max() / size
+        alike = np.max(np.abs(given / factor - own)) < NEAR * size
+    if alike and abs(factor / scale - 1.0) > NEAR:
+        raise ValueError(
+            f"read_field expected the mesh in '{path}' at a scale of {scale:g}; it is there at {factor:.6g}, so the "
+            f"units differ. Give --scale {factor:.6g} (metres per unit of the mesh, for a field file in metres)."
+        )
 
 
 def _distinct(points: Floats) -> int:

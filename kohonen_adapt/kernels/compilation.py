@@ -39,7 +39,7 @@ class _Announcer(event.Listener):
         function = event.data["dispatcher"].py_func
         if not self.said and function.__module__.startswith(__package__):
             self.said = True
-            logger.info("compiling the loops of kohonen_adapt (some seconds, once; numba caches them on disk)")
+            logger.info("compiling the loops of kohonen_adapt (up to a minute, once; numba caches them on disk)")
 
     def on_end(self, event: event.Event) -> None:
         """Nothing: the start is what a waiting user wants to know."""

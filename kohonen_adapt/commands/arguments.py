@@ -1,0 +1,147 @@
+"""The arguments of the command: subcommands, options, and the help that says what they mean and in which unit."""
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..relocation import TOPOLOGIES
+
+__all__ = ["command_parser"]
+
+EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-adapt init MESH."
+
+Handler = Callable[..., int]
+
+
+def command_parser(description: str | None, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
+    """The arguments of the command and of its subcommands.
+
+    Parameters
+    ----------
+    description
+        What the command is for.
+    run
+        Name of a subcommand to what does it: parsed arguments have it as ``run``, and the name as ``command``.
+
+    Returns
+    -------
+    argparse.ArgumentParser
+        It ends the process at arguments it does not know; without any, ``command`` is None.
+    """
+    parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
+    parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command")
+    demo = commands.add_parser(
+        "demo",
+        help="adapt an example and write its files",
+        description="Adapt an example that comes along, and write its mesh, fields and picture.",
+    )
+    demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
+    demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
+    _add_run(commands)
+    _add_init(commands)
+    _add_check(commands)
+    _add_relocate(commands)
+    for name, handler in run.items():
+        commands.choices[name].set_defaults(run=handler)
+    return parser
+
+
+def _add_relocate(commands: Any) -> None:
+    move = commands.add_parser(
+        "relocate",
+        help="move the nodes of a mesh to where a field wants them, for any solver",
+        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
+        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
+        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
+    )
+    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    field = move.add_mutually_exclusive_group(required=True)
+    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
+    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
+    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="the file to write, in the unit of MESH")
+    move.add_argument(
+        "--scale",
+        metavar="S",
+        type=float,
+        default=1.0,
+        help="metres per unit of MESH, for a field file in metres; by default both are in one unit",
+    )
+    _add_limits(move)
+    move.add_argument("--seed", metavar="N", type=int, default=0, help="of the random numbers, by default 0")
+    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def _add_limits(move: argparse.ArgumentParser) -> None:
+    move.add_argument(
+        "--topology",
+        choices=TOPOLOGIES,
+        default="flip",
+        help="fixed: nodes move; flip, the default: edges flip, too; recycle: nodes are taken away and put elsewhere",
+    )
+    move.add_argument(
+        "--min-quality",
+        metavar="Q",
+        type=float,
+        default=0.3,
+        help="least quality of an element, from 0, flat, to 1, equilateral; by default 0.3",
+    )
+    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
+    move.add_argument(
+        "--periodic", metavar="NAME", nargs=2, action="append", default=[], help="two boundaries that stay matched"
+    )
+    move.add_argument(
+        "--layers",
+        metavar=("NAME", "K"),
+        nargs=2,
+        action="append",
+        default=[],
+        help="a thin subdomain, and how many layers of elements it keeps across",
+    )
+
+
+def _add_check(commands: Any) -> None:
+    check = commands.add_parser(
+        "check",
+        help="say what a mesh is, and what would go wrong with it",
+        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
+        "faults were found, and 2 if the file holds no mesh at all.",
+    )
+    _add_mesh(check)
+
+
+def _add_init(commands: Any) -> None:
+    init = commands.add_parser(
+        "init",
+        help="write a commented case for a mesh, its names filled in",
+        description="Write a case for `run`: the names of the mesh filled in, every option in a comment, all in SI "
+        "units. A case that is there stays as it is.",
+    )
+    _add_mesh(init)
+    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="the case, by default beside MESH")
+
+
+def _add_mesh(command: argparse.ArgumentParser) -> None:
+    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
+
+
+def _add_run(commands: Any) -> None:
+    run = commands.add_parser(
+        "run",
+        help="adapt the mesh of a case and write what comes of it",
+        description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
+        "metres), history.csv (a row for every pass), pictures and report.html. Ctrl-C ends it with the best pass "
+        "written.",
+    )
+    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
+    where = run.add_mutually_exclusive_group()
+    where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
+    where.add_argument(
+        "--resume", metavar="DIR", type=Path, help="folder of a run that was cut short: go on from its last pass"
+    )
+    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
+    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
