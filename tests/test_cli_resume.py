@@ -93,12 +93,28 @@ def drafts(folder):
 # ---- in a process of its own: signals ----
 
 
-def begin(*arguments, code=COMMAND):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+# where a shell started these tests in the background it made them ignore Ctrl-C, which processes inherit
+HEARING = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+
+
+@pytest.fixture
+def begin():
+    """Begin a command in a process of its own, which does not outlive the test."""
+    processes = []
+
+    def begun(*arguments, code=COMMAND):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        process = subprocess.Popen(
+            [sys.executable, "-c", HEARING + code, *map(str, arguments)],
+            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        processes.append(process)
+        return process
+
+    yield begun
+    for process in processes:
+        process.kill()
+        process.communicate()
 
 
 def wait_for_line(process, begins):
@@ -132,7 +148,7 @@ cli.write_pictures = write_pictures
 @pytest.mark.parametrize(
     ("number", "word", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
 )
-def test_a_loop_that_hears_of_nothing_is_left(number, word, code, case, tmp_path):
+def test_a_loop_that_hears_of_nothing_is_left(number, word, code, case, tmp_path, begin):
     out = tmp_path / "out"
     process = begin("run", case, "--out", out, code=STUBBORN + COMMAND)
     wait_for_line(process, "stubborn")
@@ -152,7 +168,7 @@ def test_a_loop_that_hears_of_nothing_is_left(number, word, code, case, tmp_path
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_drawing_that_keeps_the_lock_of_python_is_ended_by_the_system(number, case, tmp_path):
+def test_drawing_that_keeps_the_lock_of_python_is_ended_by_the_system(number, case, tmp_path, begin):
     """Everything else is written by then, and it says so."""
     out = tmp_path / "out"
     process = begin("run", case, "--out", out, code=KEEPING_THE_LOCK + COMMAND)
@@ -167,7 +183,7 @@ def test_drawing_that_keeps_the_lock_of_python_is_ended_by_the_system(number, ca
     assert run(case, "--resume", out) == 0
 
 
-def test_interrupted_before_the_first_pass(case, tmp_path):
+def test_interrupted_before_the_first_pass(case, tmp_path, begin):
     code = STUBBORN.replace("solve_from", "solve") + COMMAND
     process = begin("run", case, "--out", tmp_path / "out", code=code)
     wait_for_line(process, "stubborn")
@@ -179,7 +195,7 @@ def test_interrupted_before_the_first_pass(case, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["interrupted", "killed"])
-def test_cut_short_at_any_moment_and_resumed(number, tmp_path):
+def test_cut_short_at_any_moment_and_resumed(number, tmp_path, begin):
     """Three times, with 3500 nodes; the moment is drawn anew for each process."""
     mesh = ka.read_mesh(ROOT / "examples" / "c_core.msh").refined(1)
     case = case_in(tmp_path, mesh, CASE.replace("core]", "iron]") + "[materials.magnet]\nremanence = [0.0, 1.2]\n")
@@ -204,7 +220,7 @@ STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True
 
 
 @pytest.mark.parametrize("option", ["--out", "--resume"])
-def test_drafts_go_when_a_run_is_interrupted(option, case, tmp_path):
+def test_drafts_go_when_a_run_is_interrupted(option, case, tmp_path, begin):
     assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
     process = begin("run", case, option, tmp_path / "out", code=STUCK + COMMAND)
@@ -216,7 +232,7 @@ def test_drafts_go_when_a_run_is_interrupted(option, case, tmp_path):
     assert not drafts(tmp_path / "out")
 
 
-def test_relocate_interrupted_while_it_writes(case, tmp_path):
+def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
     (tmp_path / "after.msh").write_text("what was there")
