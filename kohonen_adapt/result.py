@@ -162,7 +162,7 @@ def _html_picture(result: AdaptResult) -> str:
         from .plotting.notebook import overview_png  # drawn only where somebody looks
     except ImportError:
         return ""
-    content = b64encode(overview_png(result)).decode("ascii")
+    content = b64encode(overview_png(result.history[0].mesh, result.mesh, result.history)).decode("ascii")
     return f'<img alt="Mesh before and after, estimate over the passes" src="data:image/png;base64,{content}">'
 
 

@@ -18,7 +18,7 @@ from ..result import Pass
 from ..schedule import Schedule, check_training
 from ..som import KohonenMap
 from ..whole_file import whole_file
-from .adaptation import draw_mesh
+from .drawing import draw_mesh
 
 __all__ = ["animate_map", "animate_passes"]
 

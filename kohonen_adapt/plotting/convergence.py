@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from ..result import Pass
-from .adaptation import BLUE, VERMILION
+from .drawing import BLUE, VERMILION
 
 __all__ = ["plot_convergence"]
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from ..showing import in_unit, one_per
-from .adaptation import draw_indicators
+from .drawing import draw_indicators
 
 __all__ = ["plot_density"]
 

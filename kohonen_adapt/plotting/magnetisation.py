@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from kohonen_adapt.magnetostatics import Law, Table
 from kohonen_adapt.magnetostatics.laws import VACUUM_PERMEABILITY
 
-from .adaptation import BLUE, VERMILION
+from .drawing import BLUE, VERMILION
 
 __all__ = ["plot_bh"]
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from skfem import MeshTri
 
 from ..triangles import quality
-from .adaptation import BLUE, VERMILION
+from .drawing import BLUE, VERMILION
 
 __all__ = ["plot_qualities"]
 

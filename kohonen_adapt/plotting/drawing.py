@@ -1,0 +1,188 @@
+"""What is drawn of a mesh on axes: its edges, indicators on its elements, lines of a field; and the colours."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from ..showing import DECADES, in_unit, level_of_share, one_per, outlined_facets
+from ..triangles import area
+from .lengths import set_axes
+
+__all__ = ["BLUE", "VERMILION", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale"]
+
+Floats = NDArray[np.float64]
+
+# Okabe and Ito's colours, which the colour-blind tell apart.
+BLUE, VERMILION = "#0072b2", "#d55e00"
+# One hue, without its dark end, so that black lines stand out on every shade.
+PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")
+
+OUTLINE = 0.9
+"""Width of the lines around regions, points."""
+
+LONGEST = 50_000
+"""Facets in one line."""
+
+
+def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
+    """Draw the edges of a mesh, the outlines of its regions thicker.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_mesh
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> draw_mesh(figure.add_subplot(), mesh, unit="mm")
+    >>> figure.savefig("mesh.png")
+    """
+    # Thinner lines on finer meshes, down to where they would vanish.
+    width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
+    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), outlined_facets(mesh))
+    _draw_facets(axes, mesh, inner, unit, "0.4", width)
+    _draw_outline(axes, mesh, unit, "black")
+    set_axes(axes, mesh, unit)
+
+
+def draw_indicators(
+    axes: Axes, mesh: MeshTri, indicators: ArrayLike, *, norm: Normalize | None = None, unit: str = "m"
+) -> PolyCollection:
+    """Colour every element by its error indicator.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    indicators
+        (nelements,), unsquared.
+    norm
+        The scale, for several pictures on one; by default that of these indicators.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Returns
+    -------
+    PolyCollection
+        For ``figure.colorbar``.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_indicators
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> colours = draw_indicators(figure.add_subplot(), mesh, np.linspace(0.1, 1.0, 128))
+    >>> bar = figure.colorbar(colours, label="indicator")
+    >>> figure.savefig("indicators.png")
+    """
+    values = one_per(mesh.t.shape[1], indicators, "indicators", "nelements")
+    colours = colormaps["viridis"]
+    colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
+    shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
+    _draw_outline(axes, mesh, unit, "white")
+    set_axes(axes, mesh, unit)
+    return shades
+
+
+def draw_field_lines(
+    axes: Axes, mesh: MeshTri, potential: ArrayLike, magnitude: ArrayLike, *, lines: int = 20, unit: str = "m"
+) -> PolyCollection:
+    """Draw contours of a nodal potential, for A_z the flux lines, over a quantity that is constant per element.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    mesh
+        The mesh.
+    potential
+        (nnodes,); between neighbouring lines it changes by the same amount.
+    magnitude
+        (nelements,); the colours end where 1 % of the area has more.
+    lines
+        How many contours.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Returns
+    -------
+    PolyCollection
+        For ``figure.colorbar``.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from matplotlib.figure import Figure
+    >>> from kohonen_adapt.plotting import draw_field_lines
+    >>> mesh, figure = skfem.MeshTri().refined(3), Figure()
+    >>> colours = draw_field_lines(figure.add_subplot(), mesh, mesh.p[0], np.ones(128), lines=10)
+    >>> bar = figure.colorbar(colours, label="|B| (T)")
+    >>> figure.savefig("lines.png")
+    """
+    potential = one_per(mesh.p.shape[1], potential, "potential", "nnodes")
+    magnitude = one_per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
+    norm = Normalize(0.0, level_of_share(magnitude, area(mesh), 0.99))
+    colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
+    x, y = in_unit(unit) * mesh.p
+    low, high = potential.min(), potential.max()
+    if high > low:
+        levels = np.linspace(low, high, lines + 2)[1:-1]
+        axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
+    _draw_outline(axes, mesh, unit, "black")
+    set_axes(axes, mesh, unit)
+    return colours
+
+
+def indicator_scale(*indicators: ArrayLike) -> Normalize:
+    """One logarithmic scale for several arrays of indicators: three decades below the largest of them.
+
+    Parameters
+    ----------
+    indicators
+        Any number of arrays.
+
+    Returns
+    -------
+    Normalize
+        For ``draw_indicators(..., norm=)``.
+    """
+    largest = max((float(np.max(values)) for values in indicators), default=0.0)
+    return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
+
+
+def _draw_elements(
+    axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
+) -> PolyCollection:
+    x, y = in_unit(unit) * mesh.p
+    # Edges in the colour of their element leave no light seams between elements.
+    return axes.tripcolor(
+        x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
+    )
+
+
+def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
+    """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
+    for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
+        ends = in_unit(unit) * mesh.p[:, mesh.facets[:, part]]
+        x, y = np.concatenate([ends, np.full((2, 1, len(part)), np.nan)], axis=1).transpose(0, 2, 1).reshape(2, -1)
+        axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
+
+
+def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
+    _draw_facets(axes, mesh, outlined_facets(mesh), unit, colour, OUTLINE)
