@@ -18,7 +18,7 @@ LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "recycle": (2, 0.3),
 }
 # The widest radius at which points are presented one by one, and epochs at the radii from there down to 2.
-NEAR = {"flip": (2, 1), "fixed": (4, 2), "recycle": (2, 1)}
+NEAR = {"flip": (2, 1), "fixed": (4, 3), "recycle": (2, 1)}
 ROUNDLESS = 2  # radii, 2 and 4, for which there is no transport
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
