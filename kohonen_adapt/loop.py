@@ -246,9 +246,7 @@ class _Loop:
             with journal.timed("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
         comparable, skipped = improvement.comparable, improvement.skipped
-        finished = Finished(
-            mesh, indicators, energy, functional, values, comparable, skipped, move, journal.seconds
-        )  # fmt: skip
+        finished = Finished(mesh, indicators, energy, functional, values, comparable, skipped, move, journal.seconds)
         journal.record(finished, solution)
         self.keep(finished)
         return self.ended(move)

@@ -99,8 +99,9 @@ class Transport:
         move = self._moves(self._flow(shown, winners))
         far = self._reach(move)
         steps = min(STEPS, max(1, ceil(far / STEP)))
+        step = Step.of(self.triangulation, self.constraints)
         for _ in range(steps):
-            self._step(move, 1.0 / steps, ceil(far / steps / SLOWER))
+            self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
             self.flip()
 
     def _flow(self, shown: Draw, winners: Indices) -> Floats:
@@ -114,20 +115,18 @@ class Transport:
         row, column, length = self._crossings()
         way = centre[column] - centre[row]
         conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
-        masses = np.bincount(cluster, weights=mass).astype(np.float64)
-        inflow = wanted_inflow(masses, size, row, column)
-        height = potential(row, column, conductance, inflow)
+        links = symmetric(conductance, row, column, len(size))
+        height = potential(links, wanted_inflow(np.bincount(cluster, weights=mass).astype(np.float64), size, links))
         carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
         # what crosses an edge has gone half of the way between the centres in either cluster
         flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
-        return self._smoothed(np.stack(flow, axis=1) / size[:, None], row, column, conductance)
+        return self._smoothed(np.stack(flow, axis=1) / size[:, None], links)
 
-    def _smoothed(self, flow: Floats, row: Indices, column: Indices, conductance: Floats) -> Floats:
+    def _smoothed(self, flow: Floats, links: csr_array) -> Floats:
         """The flow without the errors that two-point fluxes make from cluster to cluster, along outlines on outlines.
 
         They are a share of the flow, and nodes go the farther, in edges, the more there are.
         """
-        links = symmetric(conductance, row, column, len(flow))
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
         along = np.empty((len(flow), 3))
         find_directions(self.triangulation.elements.node, self.constraints, self.cluster, along)
@@ -175,10 +174,9 @@ class Transport:
         shared(measure, even_cuts(tri.nnodes, FEW))
         return float(np.quantile(ratio, 0.99))
 
-    def _step(self, move: Floats, share: float, rings: int) -> None:
+    def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
         """Let all nodes go a share of their moves, as far as that spoils no element."""
         tri, constraints = self.triangulation, self.constraints
-        step = Step.of(tri, constraints)
         nodes = even_cuts(tri.nnodes, FEW)
 
         def go(thread: int, first: int, last: int) -> None:
@@ -226,7 +224,7 @@ class Step(NamedTuple):
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints) -> "Step":
-        """Room for a step, which begins where nodes are."""
+        """Room for steps, one after the other."""
         n, m = triangulation.nnodes, len(triangulation.elements.node)
         return cls(
             np.empty((n, 2)),
@@ -251,10 +249,9 @@ def clusters_of(triangulation: Triangulation, rank: Indices) -> Indices:
     return cluster
 
 
-def wanted_inflow(mass: Floats, size: Floats, row: Indices, column: Indices) -> Floats:
+def wanted_inflow(mass: Floats, size: Floats, links: csr_array) -> Floats:
     """The nodes that every cluster asks for, in elements; zero in sum wherever nodes can flow, (c,)."""
-    ones = np.ones(len(row))
-    parts = connected_components(coo_array((ones, (row, column)), shape=(len(size), len(size))), directed=False)[1]
+    parts = connected_components(links, directed=False)[1]
     mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
     share = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
     few = 0.5 / size  # half an element's share more in every cluster, for there may be none
@@ -262,9 +259,8 @@ def wanted_inflow(mass: Floats, size: Floats, row: Indices, column: Indices) -> 
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
 
 
-def potential(row: Indices, column: Indices, conductance: Floats, inflow: Floats) -> Floats:
+def potential(links: csr_array, inflow: Floats) -> Floats:
     """What drives the flow: the solution of Poisson's equation on the clusters, (c,)."""
-    links = symmetric(conductance, row, column, len(inflow))
     total = links.sum(axis=0)
     total[total == 0.0] = 1.0
     # where nodes can flow the potential is fixed but for a constant; a little leakage fixes that, too

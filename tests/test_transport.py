@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.geometry import element_quality
 from kohonen_adapt.kernels.transport import find_directions, hold_back, mark_spoiled, share_out, slow_down, smooth_moves
 from kohonen_adapt.outline import Outline
 from kohonen_adapt.sampling import along_curve, density_of
-from kohonen_adapt.transport import Transport, clusters_of, potential, wanted_inflow
+from kohonen_adapt.transport import Transport, clusters_of, potential, symmetric, wanted_inflow
 from kohonen_adapt.triangulation import Triangulation
 
 FLOOR = 0.3
@@ -104,12 +104,13 @@ def test_clusters_on_outlines_flow_along_them():
 def test_flow_balances_what_clusters_ask_for():
     row, column = np.array([0, 1, 2, 4]), np.array([1, 2, 3, 5])  # two parts, and a cluster that touches no other
     conductance, size = np.array([1.0, 2.0, 0.5, 3.0]), np.array([32.0, 30.0, 31.0, 33.0, 32.0, 32.0, 7.0])
-    inflow = wanted_inflow(np.array([90.0, 3.0, 4.0, 5.0, 1.0, 0.0, 9.0]), size, row, column)
+    links = symmetric(conductance, row, column, len(size))
+    inflow = wanted_inflow(np.array([90.0, 3.0, 4.0, 5.0, 1.0, 0.0, 9.0]), size, links)
     assert inflow[:4].sum() == pytest.approx(0, abs=1e-12)
     assert inflow[4:6].sum() == pytest.approx(0, abs=1e-12)
     assert inflow[6] == 0
     assert inflow[0] > 0 > inflow[1]
-    height = potential(row, column, conductance, inflow)
+    height = potential(links, inflow)
     flux, balance = conductance * (height[column] - height[row]), np.zeros(7)
     np.add.at(balance, column, flux)
     np.add.at(balance, row, -flux)
@@ -117,8 +118,8 @@ def test_flow_balances_what_clusters_ask_for():
 
 
 def test_a_part_in_which_no_point_fell_asks_for_nothing():
-    row, column = np.array([0]), np.array([1])
-    assert wanted_inflow(np.zeros(2), np.array([32.0, 8.0]), row, column).tolist() == [0.0, 0.0]
+    links = symmetric(np.ones(1), np.array([0]), np.array([1]), 2)
+    assert wanted_inflow(np.zeros(2), np.array([32.0, 8.0]), links).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("kind", BUILDS)
