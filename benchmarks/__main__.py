@@ -5,6 +5,7 @@ import argparse
 from benchmarks import (
     drift,
     files,
+    fingerprints,
     force,
     large,
     limit,
@@ -40,6 +41,7 @@ CHECKS = {
     "oracle": ngsolve_oracle.report,
     "large": large.report,
     "files": files.report,
+    "fingerprints": fingerprints.report,
 }
 
 
