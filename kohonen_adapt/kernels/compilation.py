@@ -1,10 +1,15 @@
-"""How kernels are compiled: on first use, cached on disk, and said through logging."""
+"""Compile kernels on first use, keep their machine code on disk, and say so through logging."""
 
+import functools
 import logging
 from collections.abc import Callable
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
 
 from numba import config, njit
 from numba.core import event
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 __all__ = ["inner_kernel", "kernel", "number_of_threads"]
 
@@ -13,12 +18,14 @@ logger = logging.getLogger("kohonen_adapt")
 
 def kernel(function: Callable) -> Callable:
     """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits."""
-    return njit(function, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+    return _cached(function, njit(function, nogil=True, error_model="numpy", no_cfunc_wrapper=True))
 
 
 def inner_kernel(function: Callable) -> Callable:
     """The same for what only kernels call: without the ways in from Python, which take long to compile."""
-    return njit(function, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
+    return _cached(
+        function, njit(function, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
+    )
 
 
 def number_of_threads() -> int:
@@ -27,6 +34,55 @@ def number_of_threads() -> int:
     The environment variable ``NUMBA_NUM_THREADS`` sets it. No result depends on it.
     """
     return max(1, config.NUMBA_NUM_THREADS)
+
+
+def _cached(function: Callable, dispatcher: Any) -> Callable:
+    """Do what ``cache=True`` does, with a cache that knows all kernels; uncompiled, there is nothing to keep."""
+    if not config.DISABLE_JIT:
+        dispatcher._cache = _KernelCache(function)
+    return dispatcher
+
+
+@functools.cache
+def _contents_of_all_kernels() -> str:
+    """A hash of every file of kernels.
+
+    numba looks at the file that a function stands in; but the code of what it calls is linked into it, wherever that
+    stands, and would go on running after an edit.
+    """
+    folder, found = Path(__file__).parent, blake2b(digest_size=16)
+    for path in sorted(folder.rglob("*.py")):
+        found.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()
+
+
+class _KernelFiles(IndexDataCacheFile):
+    """The machine code of one function, in a file per signature and state of the kernels."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write the code before the index that names it.
+
+        No two processes can write different code under one name, so one that reads an index finds what it says.
+        """
+        overloads = self._load_index()
+        if not overloads:
+            self._remove_code_of_other_kernels()
+        digest = blake2b(repr((self._source_stamp, key)).encode(), digest_size=8).digest()
+        name = self._data_name(int.from_bytes(digest, "big"))
+        self._save_data(name, data)
+        self._save_index({**overloads, key: name})
+
+    def _remove_code_of_other_kernels(self) -> None:
+        for path in Path(self._cache_path).glob(self._index_name.removesuffix("nbi") + "*.nbc"):
+            path.unlink(missing_ok=True)
+
+
+class _KernelCache(FunctionCache):
+    """numba's cache on disk, emptied by a change of any kernel, and by no change of a file's time."""
+
+    def __init__(self, function: Callable) -> None:
+        super().__init__(function)
+        self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels())
 
 
 class _Announcer(event.Listener):

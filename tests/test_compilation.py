@@ -1,0 +1,74 @@
+"""No machine code outlives a kernel that it was made from."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from shutil import copy
+
+import pytest
+
+import kohonen_adapt
+
+COMPILATION = Path(kohonen_adapt.__file__).parent / "kernels" / "compilation.py"
+CALLEE = "from .compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
+CALLER = "from .compilation import kernel\nfrom .callee import scale\n\n@kernel\ndef scaled(x):\n    return scale(x)\n"
+RUN = """
+import sys
+from {package}.caller import scaled
+values = [scaled(x) for x in {arguments}]
+print(*values, sum(scaled.stats.cache_hits.values()), sum(scaled.stats.cache_misses.values()))
+"""
+
+
+@pytest.fixture
+def kernels(tmp_path):
+    """A package of two kernels in two files, one of which calls the other."""
+    folder = tmp_path / "copied"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    copy(COMPILATION, folder)
+    (folder / "callee.py").write_text(CALLEE.format(factor=2))
+    (folder / "caller.py").write_text(CALLER)
+    return folder
+
+
+def run(kernels, arguments="(1.0,)"):
+    """What the caller gives in a process of its own, and how often it was found in the cache and not found."""
+    code = RUN.format(package=kernels.name, arguments=arguments)
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=kernels.parent, env=environment, capture_output=True, text=True, check=True
+    )
+    *values, hits, misses = done.stdout.split()
+    return [float(value) for value in values], int(hits), int(misses)
+
+
+def test_an_edited_kernel_is_seen_in_its_caller(kernels):
+    assert run(kernels) == ([2.0], 0, 1)
+    assert run(kernels) == ([2.0], 1, 0)
+    (kernels / "callee.py").write_text(CALLEE.format(factor=3))
+    assert run(kernels) == ([3.0], 0, 1)
+    assert run(kernels) == ([3.0], 1, 0)
+
+
+def test_another_time_of_a_file_changes_nothing(kernels):
+    run(kernels)
+    for path in kernels.glob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    assert run(kernels) == ([2.0], 1, 0)
+
+
+def test_code_is_named_by_its_signature_and_old_code_is_removed(kernels):
+    run(kernels, "(1.0, 1)")
+    cache = kernels / "__pycache__"
+    first = {path.name for path in cache.glob("caller.scaled*.nbc")}
+    assert len(first) == 2
+    (kernels / "callee.py").write_text(CALLEE.format(factor=3))
+    run(kernels)
+    run(kernels, "(1,)")
+    now = {path.name for path in cache.glob("caller.scaled*.nbc")}
+    assert len(now) == 2 and not now & first
+    (kernels / "callee.py").write_text(CALLEE.format(factor=2))
+    run(kernels, "(1, 1.0)")
+    assert {path.name for path in cache.glob("caller.scaled*.nbc")} == first  # whichever came first
