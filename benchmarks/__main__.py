@@ -2,7 +2,7 @@
 
 import argparse
 
-from benchmarks import (
+from benchmarks.checks import (
     drift,
     files,
     fingerprints,
@@ -10,19 +10,17 @@ from benchmarks import (
     large,
     limit,
     magnification,
-    ngsolve_oracle,
     outlines,
-    peers_report,
     scale,
     speed,
     spread,
     sweeps,
-    time_to_error,
     warmup,
 )
-from benchmarks import round as one_round
-from benchmarks.cases import PROBLEMS, cases
-from benchmarks.report import comparison
+from benchmarks.checks import round as one_round
+from benchmarks.peers import ngsolve_oracle, peers_report, time_to_error
+from benchmarks.peers.report import comparison
+from benchmarks.problems.cases import PROBLEMS, cases
 
 CHECKS = {
     "peers": peers_report.report,

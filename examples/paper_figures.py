@@ -48,8 +48,8 @@ from paper_meshes import (
 )
 
 import kohonen_adapt as ka
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.plotting import draw_mesh
-from kohonen_adapt.triangles import area
 
 BLUE, ORANGE, GREEN, VERMILION, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9"  # Okabe and Ito's
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.triangles import area, signed_area
+from kohonen_adapt.mesh.measures import area, signed_area
 
 QUADRILATERAL = np.array([[0.0, 4.0, 3.4, 0.5], [0.0, 0.0, 2.6, 2.2]])  # corners, counter-clockwise
 

@@ -1,20 +1,20 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
-from . import estimators
-from .curves import Arc, Line, Spline
-from .density import density_from_indicators, density_from_sizes
-from .descent import polish
-from .io import read_curves, read_groups, read_mesh, write_mesh
-from .locate import find_elements, interpolate
-from .loop import adapt
-from .precompile import warmup
-from .problem import Problem
-from .relocation import relocate
-from .result import AdaptResult, Pass, Status
-from .ritz import Ritz
-from .schedule import Schedule, Stage
-from .som import KohonenMap
-from .triangles import quality
+from kohonen_adapt import estimators
+from kohonen_adapt.io import read_curves, read_groups, read_mesh, write_mesh
+from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.mesh.locate import find_elements, interpolate
+from kohonen_adapt.mesh.measures import quality
+from kohonen_adapt.outline.curves import Arc, Line, Spline
+from kohonen_adapt.polish.polish import polish
+from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
+from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.som.relocate import relocate
+from kohonen_adapt.som.schedule import Schedule, Stage
+from kohonen_adapt.warmup import warmup
 
 __all__ = [
     "AdaptResult",

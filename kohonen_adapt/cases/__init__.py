@@ -1,6 +1,6 @@
 """Cases: what the command `run` is to do, as TOML."""
 
-from .settings import Case, case_of, read_case
-from .template import case_text
+from kohonen_adapt.cases.settings import Case, case_of, read_case
+from kohonen_adapt.cases.template import case_text
 
 __all__ = ["Case", "case_of", "case_text", "read_case"]

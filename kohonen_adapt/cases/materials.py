@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..magnetostatics import Arctan, Brauer, Froehlich, Law, Material, Table, read_bh
-from .kinds import Kind, about, checked, choice, number, table, text, vector
+from kohonen_adapt.cases.kinds import Kind, about, checked, choice, number, table, text, vector
+from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Law, Material, Table, read_bh
 
 __all__ = ["material_in"]
 

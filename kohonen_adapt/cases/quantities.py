@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ..magnetostatics import Field
-from .kinds import Kind, checked, choice, labels, number, table, vector
+from kohonen_adapt.cases.kinds import Kind, checked, choice, labels, number, table, vector
+from kohonen_adapt.magnetostatics import Field
 
 __all__ = ["Quantity", "quantity"]
 

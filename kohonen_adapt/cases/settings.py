@@ -9,19 +9,19 @@ from typing import Any
 
 from skfem import MeshTri
 
-from ..growth import Growth
-from ..io import MSH_VERSION, Groups, read_groups, read_mesh
-from ..limits import Limits
-from ..magnetostatics import Magnetostatics
-from ..magnetostatics.bodies import elements_of
-from ..magnetostatics.coefficients import coefficients
-from ..magnetostatics.conditions import Boundaries, conditions_of
-from ..magnetostatics.symmetry import AXISYMMETRIC, PLANAR
-from ..relocation import guarded_map
-from .kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
-from .materials import material_in
-from .quantities import Quantity, quantity
-from .shapes import shape
+from kohonen_adapt.cases.kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
+from kohonen_adapt.cases.materials import material_in
+from kohonen_adapt.cases.quantities import Quantity, quantity
+from kohonen_adapt.cases.shapes import shape
+from kohonen_adapt.io import MSH_VERSION, Groups, read_groups, read_mesh
+from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.magnetostatics import Magnetostatics
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
+from kohonen_adapt.magnetostatics.quantities.bodies import elements_of
+from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.som.relocate import guarded_map
 
 __all__ = ["Case", "case_of", "read_case"]
 

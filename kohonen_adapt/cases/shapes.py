@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..curves import Arc, Line, Spline
-from .kinds import Kind, about, checked, choice, flag, number, table, vector
+from kohonen_adapt.cases.kinds import Kind, about, checked, choice, flag, number, table, vector
+from kohonen_adapt.outline.curves import Arc, Line, Spline
 
 __all__ = ["shape"]
 

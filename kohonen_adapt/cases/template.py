@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from ..triangles import area
+from kohonen_adapt.mesh.measures import area
 
 __all__ = ["case_text"]
 

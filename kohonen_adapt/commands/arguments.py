@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..relocation import TOPOLOGIES
+from kohonen_adapt import __version__
+from kohonen_adapt.som.relocate import TOPOLOGIES
 
 __all__ = ["command_parser"]
 

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from ..kernels.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
-from ..som import KohonenMap
-from ..triangles import area, quality
+from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
+from kohonen_adapt.mesh.measures import area, quality
+from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["counted", "described", "memberships", "outlines_described"]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cases import Case
-from ..loop import adapt
-from ..report import FieldOf, write_report
-from ..result import AdaptResult
+from kohonen_adapt.cases import Case
+from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.report import FieldOf, write_report
 
 __all__ = ["energy_unit", "length_unit", "magnitude", "write_run_report"]
 

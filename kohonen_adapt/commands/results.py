@@ -4,12 +4,12 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from ..cases import Case
-from ..density import density_from_indicators
-from ..io import write_mesh
-from ..result import AdaptResult, Pass
-from ..whole_file import whole_file
-from .reporting import energy_unit, length_unit, magnitude, write_run_report
+from kohonen_adapt.cases import Case
+from kohonen_adapt.commands.reporting import energy_unit, length_unit, magnitude, write_run_report
+from kohonen_adapt.files import whole_file
+from kohonen_adapt.io import write_mesh
+from kohonen_adapt.loop.result import AdaptResult, Pass
+from kohonen_adapt.som.density import density_from_indicators
 
 __all__ = ["RESULTS", "write_history", "write_pictures", "write_results"]
 
@@ -83,7 +83,7 @@ def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: 
 
 
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    from .. import plotting  # it needs matplotlib, the rest does not
+    from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
 
     unit, problem = length_unit(after), case.problem
     names = [pin for pin in case.adapt.get("pinned", ()) if isinstance(pin, str)]  # nodes have other numbers now

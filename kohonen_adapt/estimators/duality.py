@@ -9,8 +9,8 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.estimators.inputs import checked
-from kohonen_adapt.triangles import area
-from kohonen_adapt.triangulation import check_mesh
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.triangulation import check_mesh
 
 __all__ = ["duality_gap"]
 

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
-from kohonen_adapt.kernels.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
-from kohonen_adapt.triangulation import Triangulation
+from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
+from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["equilibrated", "equilibrated_correction", "equilibrated_flux"]
 

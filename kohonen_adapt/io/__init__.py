@@ -9,16 +9,16 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from ..curves import Spline
-from ..triangulation import check_mesh
-from ..whole_file import whole_file
-from .assembly import to_mesh
-from .checks import checked_fields, checked_sets
-from .gmsh_reader import read_msh
-from .gmsh_writer import write_msh
-from .groups import Groups, to_groups
-from .second_order import to_curves
-from .vtu import read_vtu, write_vtu
+from kohonen_adapt.files import whole_file
+from kohonen_adapt.io.assembly import to_mesh
+from kohonen_adapt.io.checks import checked_fields, checked_sets
+from kohonen_adapt.io.gmsh_reader import read_msh
+from kohonen_adapt.io.gmsh_writer import write_msh
+from kohonen_adapt.io.groups import Groups, to_groups
+from kohonen_adapt.io.second_order import to_curves
+from kohonen_adapt.io.vtu import read_vtu, write_vtu
+from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.outline.curves import Spline
 
 __all__ = ["Groups", "read_curves", "read_groups", "read_mesh", "write_mesh"]
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from skfem import MeshTri
 
-from ..triangles import area
-from .content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
-from .groups import DIMENSION, by_group, name_of
+from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
+from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
+from kohonen_adapt.mesh.measures import area
 
 __all__ = ["to_mesh"]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .content import Floats, Ints
+from kohonen_adapt.io.content import Floats, Ints
 
 __all__ = ["checked_fields", "checked_sets"]
 

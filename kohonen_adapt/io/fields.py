@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from .content import Floats, Ints
-from .gmsh_views import read_views
-from .sampled import Field, Sampled
-from .vtu import read_arrays
+from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.io.gmsh_views import read_views
+from kohonen_adapt.io.sampled import Field, Sampled
+from kohonen_adapt.io.vtu import read_arrays
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .content import Floats, Ints, nodes_of
+from kohonen_adapt.io.content import Floats, Ints, nodes_of
 
 __all__ = ["BinaryNumbers", "Numbers", "TextNumbers"]
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .content import Content, Floats, Ints, Rows, nodes_of
-from .damaged import refusing
-from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
+from kohonen_adapt.io.content import Content, Floats, Ints, Rows, nodes_of
+from kohonen_adapt.io.damaged import refusing
+from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
 __all__ = ["header_of", "read_msh"]
 

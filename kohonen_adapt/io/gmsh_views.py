@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .content import TRIANGLE, Content, Floats, Ints, shape_of
-from .damaged import refusing
-from .gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
-from .gmsh_reader import header_of, read_msh
-from .sampled import Field, Sampled
+from kohonen_adapt.io.content import TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.io.damaged import refusing
+from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
+from kohonen_adapt.io.gmsh_reader import header_of, read_msh
+from kohonen_adapt.io.sampled import Field, Sampled
 
 __all__ = ["read_views"]
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from .combinations import combinations
-from .content import Floats, Ints
-from .groups import UNNAMED, Groups, numbers_for
+from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
+from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["write_msh"]
 

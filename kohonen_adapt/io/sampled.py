@@ -5,7 +5,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from .content import Floats, Ints
+from kohonen_adapt.io.content import Floats, Ints
 
 __all__ = ["Field", "Sampled"]
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from ..curves import Spline
-from ..polylines import polylines_of
-from .content import TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.io.content import TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.outline.curves import Spline
+from kohonen_adapt.outline.polylines import polylines_of
 
 __all__ = ["to_curves"]
 

@@ -7,10 +7,10 @@ import meshio
 import numpy as np
 from skfem import MeshTri
 
-from .combinations import combinations
-from .content import Content, Floats, Ints, Rows
-from .sampled import Field, Sampled
-from .vtu_reader import read_grid
+from kohonen_adapt.io.content import Content, Floats, Ints, Rows
+from kohonen_adapt.io.sampled import Field, Sampled
+from kohonen_adapt.io.vtu_reader import read_grid
+from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["read_arrays", "read_vtu", "write_vtu"]
 

@@ -19,8 +19,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from .content import Floats, Ints
-from .damaged import refusing
+from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.io.damaged import refusing
 
 __all__ = ["NODES", "Grid", "read_grid"]
 

@@ -1,6 +1,6 @@
 """A space-filling curve, and training points drawn along it."""
 
-from .compilation import kernel
+from kohonen_adapt.kernels.compilation import kernel
 
 BITS = 20  # per coordinate
 

@@ -1,6 +1,6 @@
 """Parts of a mesh that threads may train side by side, and training points sorted by them."""
 
-from .compilation import kernel
+from kohonen_adapt.kernels.compilation import kernel
 
 
 @kernel

@@ -1,16 +1,16 @@
 """Magnetostatics in the plane or around an axis: the vector potential on a triangular mesh."""
 
-from kohonen_adapt.magnetostatics.bh_table import Table, read_bh
-from kohonen_adapt.magnetostatics.field import Field
-from kohonen_adapt.magnetostatics.forces import arkkio_torque, lorentz_force, lorentz_torque
-from kohonen_adapt.magnetostatics.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
-from kohonen_adapt.magnetostatics.laws import Arctan, Brauer, Froehlich, Law
-from kohonen_adapt.magnetostatics.linkage import apparent_inductance, circuit_current, energy_inductance
-from kohonen_adapt.magnetostatics.magnetisation import halbach, radial
-from kohonen_adapt.magnetostatics.material import Material
-from kohonen_adapt.magnetostatics.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
+from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
+from kohonen_adapt.magnetostatics.materials.magnetisation import halbach, radial
+from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
+from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 from kohonen_adapt.magnetostatics.solution import NotConverged
 
 __all__ = [

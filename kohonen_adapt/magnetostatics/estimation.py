@@ -6,20 +6,20 @@ from skfem import MeshTri
 
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
 from kohonen_adapt.estimators.gradients import gradient
-from kohonen_adapt.magnetostatics.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.conditions import Boundaries, fixed_values
-from kohonen_adapt.magnetostatics.field import Field
-from kohonen_adapt.magnetostatics.joints import joints_of
-from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
+from kohonen_adapt.magnetostatics.equations.joints import joints_of
+from kohonen_adapt.magnetostatics.equations.system import Scalar, scalar_of
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quadratic_residual import quadratic_residual
-from kohonen_adapt.magnetostatics.system import Scalar, scalar_of
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 
 __all__ = ["ESTIMATORS", "RESIDUAL_SCALE", "estimated"]
 
 Floats = NDArray[np.float64]
 
 # What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
-# The ratio of that root to the true error, unscaled, measured by tests/test_magnetostatics.py and benchmark M:
+# The ratio of that root to the true error, unscaled, measured by test_magnetostatics.py and benchmark M:
 #     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
 #     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
 #     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 # With 1 / 3.6 all of them come within 10 %.
 RESIDUAL_SCALE = 1.0 / 3.6
 # The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
-# corners of iron 6.0 - 6.2 (tests/test_quadratic.py). With 1 / 6.1 all of them come within 5 %.
+# corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %.
 QUADRATIC_SCALE = 1.0 / 6.1
 ESTIMATORS = ("residual", "recovery", "equilibrated")
 
@@ -78,7 +78,7 @@ def linearised(mesh: MeshTri, field: Field, scalar: Scalar, estimator: str) -> S
     Its flux makes ``nu grad u - flux`` the field strength of the solution, whatever the weight nu. A scalar has to
     stand for the tensor of nonlinear material, differential along B and secant across it. Where B changes along itself,
     H is off its average along B, which the differential reluctivity weights. Jumps are of any direction: the root of
-    the determinant weights them. On the tube of tests/test_nonlinear.py, iron at 1.9 to 2.0 T with a ratio of 16 of the
+    the determinant weights them. On the tube of test_nonlinear.py, iron at 1.9 to 2.0 T with a ratio of 16 of the
     two, this gives 0.85 - 0.88 of the error by recovery and 0.96 - 1.25 by the residual, which with the differential
     reluctivity has 0.55 - 0.69.
     """

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.magnetostatics.conditions import Boundaries
-from kohonen_adapt.magnetostatics.field import Field
-from kohonen_adapt.magnetostatics.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.magnetostatics.newton import whole_step
-from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
+from kohonen_adapt.magnetostatics.equations.newton import whole_step
+from kohonen_adapt.magnetostatics.equations.system import loads
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 from kohonen_adapt.magnetostatics.solution import tangent_solution
-from kohonen_adapt.magnetostatics.system import loads
 
 __all__ = ["linkage_slope"]
 

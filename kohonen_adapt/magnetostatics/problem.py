@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.magnetostatics.coefficients import Coefficients, coefficients
-from kohonen_adapt.magnetostatics.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
-from kohonen_adapt.magnetostatics.field import Field
 from kohonen_adapt.magnetostatics.goal_estimation import error_of_goal, goal_indicators
-from kohonen_adapt.magnetostatics.goals import Goal
 from kohonen_adapt.magnetostatics.incremental import linkage_slope
-from kohonen_adapt.magnetostatics.material import Material
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
+from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
-from kohonen_adapt.magnetostatics.symmetry import AXISYMMETRIC, PLANAR, Symmetry
-from kohonen_adapt.ritz import Ritz
-from kohonen_adapt.triangulation import check_mesh
+from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]
 

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import hat_gradients
-from kohonen_adapt.facets import number_facets
-from kohonen_adapt.magnetostatics.quadratic import Quadratic, repeated
-from kohonen_adapt.magnetostatics.symmetry import PLANAR
-from kohonen_adapt.triangles import area, signed_area
+from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic, repeated
+from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import area, signed_area
 
 __all__ = ["quadratic_residual"]
 

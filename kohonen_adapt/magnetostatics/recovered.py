@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.estimators.gradients import hat_gradients
-from kohonen_adapt.triangles import area
-from kohonen_adapt.triangulation import Triangulation
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["at_corners", "linear_between"]
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
-from kohonen_adapt.magnetostatics.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.conditions import Boundaries, Conditions, conditions_of, places
-from kohonen_adapt.magnetostatics.field import Field
-from kohonen_adapt.magnetostatics.newton import TOLERANCE, NewtonStep, Nonlinear, iterate, whole_step
-from kohonen_adapt.magnetostatics.quadratic import Quadratic
-from kohonen_adapt.magnetostatics.quadratic_field import QuadraticField
-from kohonen_adapt.magnetostatics.symmetry import PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.system import loads, scalar_of, solve_scalar
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, conditions_of, places
+from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, NewtonStep, Nonlinear, iterate, whole_step
+from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic
+from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR, Symmetry
+from kohonen_adapt.magnetostatics.equations.system import loads, scalar_of, solve_scalar
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 
 __all__ = ["NotConverged", "carried", "quadratic_solution_of", "solution_of", "tangent_solution"]
 

@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike
 
-from ..result import AdaptResult
-from .drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
-from .passes import draw_passes
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
+from kohonen_adapt.plotting.passes import draw_passes
 
 __all__ = ["adaptation_figure"]
 

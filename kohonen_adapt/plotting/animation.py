@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from ..result import Pass
-from ..schedule import Schedule, check_training
-from ..som import KohonenMap
-from ..whole_file import whole_file
-from .drawing import draw_mesh
+from kohonen_adapt.files import whole_file
+from kohonen_adapt.loop.result import Pass
+from kohonen_adapt.plotting.drawing import draw_mesh
+from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = ["animate_map", "animate_passes"]
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from ..result import Pass
-from .drawing import BLUE, VERMILION
+from kohonen_adapt.loop.result import Pass
+from kohonen_adapt.plotting.drawing import BLUE, VERMILION
 
 __all__ = ["plot_convergence"]
 

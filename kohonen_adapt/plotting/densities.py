@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from ..showing import in_unit, one_per
-from .drawing import draw_indicators
+from kohonen_adapt.display import in_unit, one_per
+from kohonen_adapt.plotting.drawing import draw_indicators
 
 __all__ = ["plot_density"]
 

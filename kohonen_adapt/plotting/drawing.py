@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from ..showing import DECADES, in_unit, level_of_share, one_per, outlined_facets
-from ..triangles import area
-from .lengths import set_axes
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.plotting.lengths import set_axes
 
 __all__ = ["BLUE", "VERMILION", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale"]
 

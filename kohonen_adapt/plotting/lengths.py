@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from skfem import MeshTri
 
-from ..showing import in_unit
+from kohonen_adapt.display import in_unit
 
 __all__ = ["set_axes"]
 

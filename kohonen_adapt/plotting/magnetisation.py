@@ -5,9 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kohonen_adapt.magnetostatics import Law, Table
-from kohonen_adapt.magnetostatics.laws import VACUUM_PERMEABILITY
-
-from .drawing import BLUE, VERMILION
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.plotting.drawing import BLUE, VERMILION
 
 __all__ = ["plot_bh"]
 

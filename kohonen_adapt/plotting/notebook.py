@@ -6,8 +6,8 @@ from io import BytesIO
 from matplotlib.figure import Figure
 from skfem import MeshTri
 
-from .drawing import draw_mesh
-from .passes import SolvedPass, draw_passes
+from kohonen_adapt.plotting.drawing import draw_mesh
+from kohonen_adapt.plotting.passes import SolvedPass, draw_passes
 
 __all__ = ["overview_png"]
 

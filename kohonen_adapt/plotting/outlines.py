@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from ..chains import Curve
-from ..kernels.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
-from ..outline import Outline
-from ..showing import in_unit
-from ..som import KohonenMap
-from ..triangulation import Triangulation
-from .lengths import set_axes
+from kohonen_adapt.display import in_unit
+from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.plotting.lengths import set_axes
+from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["plot_outlines"]
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from skfem import MeshTri
 
-from ..showing import one_per
-from .drawing import BLUE, VERMILION
+from kohonen_adapt.display import one_per
+from kohonen_adapt.plotting.drawing import BLUE, VERMILION
 
 __all__ = ["SolvedPass", "draw_passes"]
 

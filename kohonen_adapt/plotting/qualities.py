@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from skfem import MeshTri
 
-from ..triangles import quality
-from .drawing import BLUE, VERMILION
+from kohonen_adapt.mesh.measures import quality
+from kohonen_adapt.plotting.drawing import BLUE, VERMILION
 
 __all__ = ["plot_qualities"]
 

@@ -9,7 +9,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-from ..result import AdaptResult, Pass, table_columns
+from kohonen_adapt.loop.result import AdaptResult, Pass, table_columns
 
 __all__ = ["filled_page"]
 

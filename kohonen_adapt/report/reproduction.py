@@ -4,8 +4,8 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from .. import __version__
-from ..threads import number_of_threads
+from kohonen_adapt import __version__
+from kohonen_adapt.kernels.threads import number_of_threads
 
 __all__ = ["versions", "without_folders"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from ..result import AdaptResult
-from ..showing import DECADES, in_unit, level_of_share, named_subdomains, one_per, outlined_facets
-from ..triangles import area
-from ..triangulation import codes_of_names
-from .packing import packed
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, named_subdomains, one_per, outlined_facets
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.report.packing import packed
 
 __all__ = ["FieldOf", "view_data"]
 

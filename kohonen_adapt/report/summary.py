@@ -1,6 +1,6 @@
 """An adaptation in words: how it ended, what it gained, what became of the outputs."""
 
-from ..result import AdaptResult, Pass
+from kohonen_adapt.loop.result import AdaptResult, Pass
 
 __all__ = ["key_figures", "sentences"]
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
-from .. import __version__
-from ..result import AdaptResult
-from ..whole_file import whole_file
-from .page import filled_page
-from .reproduction import versions, without_folders
-from .scene import FieldOf, view_data
-from .summary import key_figures, sentences
+from kohonen_adapt import __version__
+from kohonen_adapt.files import whole_file
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.report.page import filled_page
+from kohonen_adapt.report.reproduction import versions, without_folders
+from kohonen_adapt.report.scene import FieldOf, view_data
+from kohonen_adapt.report.summary import key_figures, sentences
 
 __all__ = ["write_report"]
 

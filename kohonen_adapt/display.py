@@ -1,0 +1,52 @@
+"""What every view of a mesh needs, whatever draws it: units of length, outlined facets, ends of a colour scale."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.mesh.names import codes_of_names
+
+__all__ = ["DECADES", "in_unit", "level_of_share", "named_subdomains", "one_per", "outlined_facets"]
+
+Floats = NDArray[np.float64]
+
+UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
+"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
+
+DECADES = 3
+"""How far below the largest indicator the colours reach."""
+
+
+def in_unit(unit: str) -> float:
+    """What lengths of a mesh are multiplied by to be drawn in a unit; a ValueError if it is unknown."""
+    if unit not in UNITS:
+        raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
+    return UNITS[unit]
+
+
+def named_subdomains(mesh: MeshTri) -> dict[str, NDArray[np.integer]]:
+    """Name to elements; what scikit-fem calls ``gmsh:*`` is no subdomain."""
+    found = mesh.subdomains or {}
+    return {name: np.asarray(rows, dtype=np.int64) for name, rows in found.items() if not name.startswith("gmsh:")}
+
+
+def outlined_facets(mesh: MeshTri) -> NDArray[np.integer]:
+    """Facets on the rim and between elements of different subdomain names."""
+    codes = codes_of_names([(rows, 0) for rows in named_subdomains(mesh).values()], mesh.t.shape[1])
+    one, other = mesh.f2t
+    return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
+
+
+def level_of_share(values: Floats, weights: Floats, share: float) -> float:
+    """The value that this share of the weights does not exceed."""
+    order = np.argsort(values)
+    running = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(running, share * running[-1])])
+
+
+def one_per(count: int, values: ArrayLike, name: str, counted: str) -> Floats:
+    """Values as floats, one for each of what is counted; a ValueError names the shape that was expected."""
+    array = np.asarray(values, dtype=float)
+    if array.shape != (count,):
+        raise ValueError(f"{name} must have shape ({counted},) = ({count},); got {array.shape}.")
+    return array

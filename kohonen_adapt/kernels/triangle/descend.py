@@ -1,0 +1,292 @@
+"""Sweeps of energy descent: nodes move, and edges flip, to where a Ritz functional of P1 functions is lower.
+
+The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), counter-clockwise with doubled area D, is
+
+    c |n|^2 / (4 D) - f D (u_v + u_a + u_b) / 6 - g . Jn / 2,    n = u_v (b - a) + u_a (x_v - b) + u_b (a - x_v),
+
+where J turns by a right angle, grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2 / D is
+jointly convex in both: Newton's method fits, and only the source f can make a Hessian indefinite. Nonlinear material
+has an energy density W in place of c/2 |grad u|^2; moves are proposed by the same derivatives and judged by W itself.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.chains import FREE, HELD, point_at
+from kohonen_adapt.kernels.triangle.flip import flip_edge
+from kohonen_adapt.kernels.triangle.geometry import FLAT, element_quality, may_join, may_move, signed_quality
+from kohonen_adapt.kernels.triangle.nonlinear import Laws, improve_value, settled, stored, stored_in
+
+ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
+HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation; 8 sweeps do the work of 16
+LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count as curved as that, or steps are too wild
+
+
+class Trial(NamedTuple):
+    """A P1 function and the functional it is judged by."""
+
+    value: np.ndarray  # (n,)
+    fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
+    on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
+    data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
+    bent: np.ndarray  # (n,) bool: the node touches nonlinear material
+    laws: Laws  # where there is one, the coefficient has no say
+
+
+@kernel
+def descend_nodes(position, star, constraints, trial, order, floor):
+    """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
+
+    A node's own value follows: it is what minimises the functional, or where it is given along a chain what the chain
+    says. What a better value at the same place gains does not count.
+    """
+    gain = 0.0
+    for node in order:
+        v = np.int64(node)
+        kind, fixed = constraints.kind[v], trial.fixed[v]
+        if kind == HELD:
+            if not fixed and trial.bent[v]:
+                improve_value(position, star, trial, v)
+            elif not fixed:
+                _, r, k = quadratic(position, star, trial, v, position[v, 0], position[v, 1])
+                trial.value[v] -= r / k
+            continue
+        slope = derivatives(position, star, trial, v)
+        if kind == FREE:
+            gain += move_free(position, star, trial, v, slope, floor)
+        else:
+            gain += slide(position, star, constraints, trial, v, slope, floor)
+    return gain
+
+
+@kernel
+def derivatives(position, star, trial, v):
+    """The functional of the star of v with its gradient and Hessian in (x, y, w), w the change of v's own value.
+
+    Returns (sum of magnitudes, value, by x, y, w, by xx, xy, yy, xw, yw, ww). Values are taken relative to v's own:
+    what that adds to the load depends on the area of the star alone, which no move changes.
+    """
+    x, y, own = position[v, 0], position[v, 1], trial.value[v]
+    size, total, by_x, by_y, by_w = 0.0, 0.0, 0.0, 0.0, 0.0
+    xx, xy, yy, xw, yw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = star.element[j], star.ahead[j], star.behind[j]
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        alpha, beta = trial.value[a] - own, trial.value[b] - own
+        ex, ey, difference = bx - ax, by - ay, alpha - beta
+        doubled = ax * by - ay * bx
+        inverse = 1.0 / doubled
+        weight, load = trial.data[e, 0] * inverse, trial.data[e, 1]
+        flux_x, flux_y = trial.data[e, 2], trial.data[e, 3]
+        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
+        qx, qy = inverse * nx, inverse * ny
+        energy = 0.5 * weight * (nx * nx + ny * ny)
+        # derivatives of n by x, y, w less q times those of the doubled area
+        x_x, x_y = difference + qx * ey, qy * ey
+        y_x, y_y = -qx * ex, difference - qy * ex
+        if trial.laws.number[e] >= 0:
+            density, rate, bend = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
+            weight, energy = rate * inverse, 0.5 * doubled * density
+            # as if of a constant coefficient, and what that leaves of W is carried by the area, and bends along grad u
+            rest, bend = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * bend * inverse
+            square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
+            by_x -= rest * ey
+            by_y += rest * ex
+            xx += bend * square_x * square_x
+            xy += bend * square_x * square_y
+            yy += bend * square_y * square_y
+            xw += bend * square_x * square_w
+            yw += bend * square_y * square_w
+            ww += bend * square_w * square_w
+        pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
+        size += energy + abs(pull) + abs(push)
+        total += energy - pull - push
+        half_square = 0.5 * (qx * nx + qy * ny)
+        by_x += weight * (difference * nx + half_square * ey) + load * (alpha + beta) * ey - difference * flux_y
+        by_y += weight * (difference * ny - half_square * ex) - load * (alpha + beta) * ex + difference * flux_x
+        by_w += weight * (ex * nx + ey * ny) - load * doubled - flux_y * ex + flux_x * ey
+        xx += weight * (x_x * x_x + x_y * x_y)
+        xy += weight * (x_x * y_x + x_y * y_y)
+        yy += weight * (y_x * y_x + y_y * y_y)
+        xw += weight * (x_x * ex + x_y * ey) + load * ey
+        yw += weight * (y_x * ex + y_y * ey) - load * ex
+        ww += weight * (ex * ex + ey * ey)
+    return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
+
+
+@kernel
+def quadratic(position, star, trial, v, x, y):
+    """The functional of the star with v at (x, y), as c + r w + k w^2 / 2 in the change w of v's value: (c, r, k)."""
+    own = trial.value[v]
+    c, r, k = 0.0, 0.0, 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = star.element[j], star.ahead[j], star.behind[j]
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        alpha, beta = trial.value[a] - own, trial.value[b] - own
+        ex, ey = bx - ax, by - ay
+        doubled = ax * by - ay * bx
+        weight, load = trial.data[e, 0] / doubled, doubled * trial.data[e, 1]
+        flux_x, flux_y = trial.data[e, 2], trial.data[e, 3]
+        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
+        c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
+        r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
+        k += weight * (ex * ex + ey * ey)
+    return c, r, k
+
+
+@inner_kernel
+def move_free(position, star, trial, v, slope, floor):
+    """A step of a free node with its value eliminated, or half as far until it is a gain; returns the gain."""
+    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
+    now = total - 0.5 * by_w * by_w / ww
+    by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
+    step_x, step_y = newton_step(by_x, by_y, xx - xw * xw / ww, xy - xw * yw / ww, yy - yw * yw / ww)
+    if -(step_x * by_x + step_y * by_y) > ROUNDING * size:
+        for _ in range(HALVINGS + 1):
+            x, y = position[v, 0] + step_x, position[v, 1] + step_y
+            if may_move(position, star, v, x, y, floor):
+                if trial.bent[v]:
+                    w = -(by_w + xw * step_x + yw * step_y) / ww
+                    c, r, k = settled(position, star, trial, v, x, y, w, False)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
+                gain = now - c + 0.5 * r * r / k
+                if gain > ROUNDING * size:
+                    position[v, 0], position[v, 1] = x, y
+                    trial.value[v] -= r / k
+                    return gain
+            step_x, step_y = 0.5 * step_x, 0.5 * step_y
+    if trial.bent[v]:
+        improve_value(position, star, trial, v)
+    else:
+        trial.value[v] -= by_w / ww
+    return 0.0
+
+
+@inner_kernel
+def newton_step(by_x, by_y, xx, xy, yy):
+    """Newton's step, overdone, downhill even where the Hessian is not positive: by its eigenvalues' magnitudes."""
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    radius = math.hypot(half, xy)
+    least = LEAST_CURVATURE * (abs(mean) + radius)
+    if not least > 0.0:
+        return 0.0, 0.0
+    # the inverse has the same eigenvectors: a multiple of the identity and one of the Hessian without its mean
+    high, low = 1.0 / max(least, abs(mean + radius)), 1.0 / max(least, abs(mean - radius))
+    along, across = -0.5 * OVERSTEP * (high + low), 0.0
+    if radius > 0.0:
+        across = -0.5 * OVERSTEP * (high - low) / radius
+    return along * by_x + across * (half * by_x + xy * by_y), along * by_y + across * (xy * by_x - half * by_y)
+
+
+@inner_kernel
+def slide(position, star, constraints, trial, v, slope, floor):
+    """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
+    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
+    chain, parameter, given = constraints.chain[v, 0], constraints.parameter[v], trial.fixed[v]
+    tx, ty = constraints.chains.place[chain, 2], constraints.chains.place[chain, 3]
+    mixed = tx * xw + ty * yw
+    now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
+    if given:
+        now, rate = total, trial.on_chain[chain, 1]
+    along = tx * by_x + ty * by_y + rate * by_w
+    curvature = abs(tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate)
+    change = -OVERSTEP * along / curvature
+    if -change * along > ROUNDING * size:
+        for _ in range(HALVINGS + 1):
+            x, y = point_at(constraints.chains, chain, parameter + change)
+            if may_move(position, star, v, x, y, floor):
+                w = rate * change - by_w / ww
+                if given:
+                    w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
+                if trial.bent[v]:
+                    c, r, k = settled(position, star, trial, v, x, y, w, given)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
+                if not given:
+                    w = -r / k
+                gain = now - c - (r + 0.5 * k * w) * w
+                if gain > ROUNDING * size:
+                    constraints.parameter[v] = parameter + change
+                    position[v, 0], position[v, 1] = x, y
+                    trial.value[v] += w
+                    return gain
+            change *= 0.5
+    if not given and trial.bent[v]:
+        improve_value(position, star, trial, v)
+    elif not given:
+        trial.value[v] -= by_w / ww
+    return 0.0
+
+
+@kernel
+def descend_flips(position, elements, trial, floor):
+    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips)."""
+    node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
+    gain, flips = 0.0, 0
+    for e in range(node.shape[0]):
+        for k in range(3):
+            other = elements.neighbour[e, k]
+            if other > e and elements.chain[e, k] < 0:
+                lowered = gain_of_flip(position, node, value, data, laws, e, k, other)
+                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                    flip_edge(elements, e, k)
+                    gain += lowered
+                    flips += 1
+    return gain, flips
+
+
+@kernel
+def gain_of_flip(position, node, value, data, laws, e, k, other):
+    """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
+
+    The flux adds the same to both: the mean gradient of two elements is a matter of their outline.
+    """
+    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    x, y, own = position[r, 0], position[r, 1], value[r]
+    px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
+    qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
+    sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
+    coefficient, load = 2.0 * data[e, 0], data[e, 1]
+    law = laws.number[e]
+    if law >= 0:
+        coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
+        before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = stored_in(laws, law, px, py, u, sx, sy, w) + stored_in(laws, law, sx, sy, w, qx, qy, v)
+    else:
+        before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
+    inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
+    left, right = px * sy - py * sx, sx * qy - sy * qx
+    if not (left > 0.0 and right > 0.0):
+        return 0.0
+    pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
+    gain = coefficient * (before - after) + pulled
+    size = coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
+    return gain if gain > ROUNDING * size else 0.0
+
+
+@inner_kernel
+def dirichlet(ax, ay, u, bx, by, v):
+    """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
+    nx, ny = v * ax - u * bx, v * ay - u * by
+    return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
+
+
+@inner_kernel
+def may_flip(position, elements, e, k, other, floor):
+    """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e."""
+    node = elements.node
+    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
+    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
+    after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
+    if after <= FLAT or not may_join(elements, e, r, s):
+        return False
+    return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))

@@ -1,0 +1,258 @@
+"""Equilibrated fluxes, patch by patch.
+
+Braess and Schoeberl, "Equilibrated residual error estimator for edge elements", Math. Comp. 77 (2008); Ern and
+Vohralik, "Polynomial-degree-robust a posteriori estimates in a unified setting", SIAM J. Numer. Anal. 53 (2015).
+
+A fan is the elements around a node in counter-clockwise order, from spoke to spoke; it is closed, or its first and last
+spoke lie on the boundary. Through spoke s the flux -J/2 + x leaves on one side and enters as J/2 + x on the other, at
+the centre, and y at the tip (both times the length of the spoke), where J is the jump of the discrete flux that the
+correction has to undo. Of the mean m = (x + y) / 2 the equilibrium of the elements leaves one number free, the
+circulation; of the tilt d = (x - y) / 2 nothing is prescribed. Both are chosen to make the energy least.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+
+NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
+
+
+class Problem(NamedTuple):
+    """What is to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
+
+    point: np.ndarray  # (n, 2)
+    node: np.ndarray  # (t, 3) int32
+    neighbour: np.ndarray  # (t, 3) int32: across each side, or NATURAL, or GIVEN
+    outflow: np.ndarray  # (t, 3) of the discrete flux through each side
+    source: np.ndarray  # (t,)
+    reluctivity: np.ndarray  # (t,)
+
+
+class Fan(NamedTuple):
+    """Working space for one fan of at most as many elements as any node has."""
+
+    element: np.ndarray  # (w,) int32
+    corner: np.ndarray  # (w,) int32: the place of the node in them
+    jump: np.ndarray  # (w + 2,) J, zero on the boundary
+    mean: np.ndarray  # (w + 2,) m
+    tilt: np.ndarray  # (w + 2,) d
+    held: np.ndarray  # (w + 2,) bool: unknowns that are not free: the tilt of every spoke, then the circulation
+    matrix: np.ndarray  # (w + 2, w + 2)
+    load: np.ndarray  # (w + 2,)
+    gram: np.ndarray  # (4, 4) energies of the four boundary values of one element
+    slope: np.ndarray  # (4,)
+    values: np.ndarray  # (4,) at centre and tip of the right spoke, then of the left one
+
+
+def fan_of(width: int) -> Fan:
+    """Working space for fans of up to `width` elements."""
+    element, corner = np.zeros((2, width), dtype=np.int32)
+    jump, mean, tilt, load = np.zeros((4, width + 2))
+    held, matrix = np.zeros(width + 2, dtype=np.bool_), np.zeros((width + 2, width + 2))
+    return Fan(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
+
+
+@kernel
+def equilibrate(problem, fan, correction, imbalance):
+    """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,)."""
+    count = problem.node.shape[0]
+    seen = np.zeros((count, 3), dtype=np.bool_)
+    for closed in (False, True):
+        for e in range(count):
+            for k in range(3):
+                if not seen[e, k] and (closed or problem.neighbour[e, (k + 2) % 3] < 0):
+                    size = gather(problem, e, k, fan, seen)
+                    v = problem.node[e, k]
+                    rest = balance(problem, fan, size, closed)
+                    imbalance[v] = max(imbalance[v], abs(rest))
+                    minimise(problem, fan, size, closed)
+                    add(problem, fan, size, closed, correction)
+
+
+@inner_kernel
+def gather(problem, e, k, fan, seen):
+    """List the elements of the fan that begins with corner k of element e; returns their number."""
+    size = 0
+    while e >= 0 and not seen[e, k]:
+        seen[e, k] = True
+        fan.element[size], fan.corner[size] = e, k
+        size += 1
+        v, side = problem.node[e, k], (k + 1) % 3
+        e, outflow = problem.neighbour[e, side], problem.outflow[e, side]
+        if e >= 0:
+            k = place_of(problem.node, e, v)
+            fan.jump[size] = outflow + problem.outflow[e, (k + 2) % 3]
+    if e < 0:
+        fan.jump[size] = 0.0
+    fan.jump[0] = fan.jump[size]
+    return size
+
+
+@inner_kernel
+def place_of(node, e, v):
+    """The place of node v in element e."""
+    for k in range(3):
+        if node[e, k] == v:
+            return k
+    return -1
+
+
+@inner_kernel
+def balance(problem, fan, size, closed):
+    """Mean fluxes that bring every element into equilibrium, tilts where prescribed; returns what does not fit."""
+    fan.tilt[: size + 1] = 0.0
+    fan.held[: size + 2] = False
+    fan.mean[0] = 0.0
+    march(problem, fan, size)
+    if closed:
+        return fan.mean[size]
+    first, right = fan.element[0], (fan.corner[0] + 2) % 3
+    last, left = fan.element[size - 1], (fan.corner[size - 1] + 1) % 3
+    starts = problem.neighbour[first, right] == NATURAL
+    ends = problem.neighbour[last, left] == NATURAL
+    begin, finish = 0.5 * problem.outflow[first, right], -0.5 * problem.outflow[last, left]
+    rest = finish - fan.mean[size] - begin if starts and ends else 0.0
+    fan.held[size + 1] = starts or ends
+    if starts:
+        fan.tilt[0], fan.held[0] = begin, True
+        fan.mean[: size + 1] += begin
+    elif ends:
+        fan.mean[: size + 1] += finish - fan.mean[size]
+    if ends:
+        fan.tilt[size], fan.held[size] = finish, True
+    return rest
+
+
+@inner_kernel
+def march(problem, fan, size):
+    """From spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
+    for s in range(size):
+        e = fan.element[s]
+        a, b, c = problem.node[e, 0], problem.node[e, 1], problem.node[e, 2]
+        share = problem.source[e] * twice_area(problem.point, a, b, c) / 6.0
+        fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - share
+
+
+@inner_kernel
+def twice_area(point, a, b, c):
+    """Twice the area of a counter-clockwise triangle."""
+    along_x, along_y = point[b, 0] - point[a, 0], point[b, 1] - point[a, 1]
+    return along_x * (point[c, 1] - point[a, 1]) - along_y * (point[c, 0] - point[a, 0])
+
+
+@inner_kernel
+def minimise(problem, fan, size, closed):
+    """Choose the free tilts and the circulation for the least energy of the correction."""
+    spokes = size if closed else size + 1
+    if closed:
+        fan.held[size] = False
+    unknowns = spokes + 1
+    fan.matrix[:unknowns, :unknowns] = 0.0
+    fan.load[:unknowns] = 0.0
+    for s in range(size):
+        left = s + 1 if s + 1 < spokes else 0
+        measure(problem, fan, s)
+        set_values(fan, s, left)
+        assemble(fan, s, left, spokes)
+    for i in range(unknowns):
+        if fan.held[i]:
+            fan.matrix[i, :unknowns] = 0.0
+            fan.matrix[:unknowns, i] = 0.0
+            fan.matrix[i, i], fan.load[i] = 1.0, 0.0
+    solve(fan.matrix, fan.load, unknowns)
+    fan.tilt[:spokes] += fan.load[:spokes]
+    fan.mean[: size + 1] += fan.load[spokes]
+
+
+@inner_kernel
+def measure(problem, fan, s):
+    """Energies of the boundary values of an element, and their products with the part that its source adds.
+
+    A field with the values P at the centre and Q at the tips, through the right spoke r and the left spoke l, is at
+    its three nodes -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|, with b and c along the spokes.
+    """
+    e, k = fan.element[s], fan.corner[s]
+    v, u, w = problem.node[e, k], problem.node[e, (k + 1) % 3], problem.node[e, (k + 2) % 3]
+    bx, by = problem.point[u, 0] - problem.point[v, 0], problem.point[u, 1] - problem.point[v, 1]
+    cx, cy = problem.point[w, 0] - problem.point[v, 0], problem.point[w, 1] - problem.point[v, 1]
+    bb, bc, cc = bx * bx + by * by, bx * cx + by * cy, cx * cx + cy * cy
+    b_rim, c_rim, rim = bc - bb, cc - bc, bb - 2.0 * bc + cc
+    gram = fan.gram
+    gram[0, 0], gram[1, 1], gram[2, 2], gram[3, 3] = 2.0 * cc, 2.0 * rim, 2.0 * bb, 2.0 * rim
+    gram[0, 1], gram[0, 2], gram[0, 3] = c_rim, 2.0 * bc, -c_rim
+    gram[1, 2], gram[1, 3], gram[2, 3] = b_rim, -rim, -b_rim
+    scale = 1.0 / (24.0 * problem.reluctivity[e] * (bx * cy - by * cx))
+    for i in range(4):
+        for j in range(i, 4):
+            gram[i, j] *= scale
+            gram[j, i] = gram[i, j]
+    push = problem.source[e] / (360.0 * problem.reluctivity[e])
+    fan.slope[0], fan.slope[2] = 2.0 * push * (bc + cc), 2.0 * push * (bb + bc)
+    fan.slope[1], fan.slope[3] = push * (2.0 * b_rim + c_rim), -push * (b_rim + 2.0 * c_rim)
+
+
+@inner_kernel
+def set_values(fan, right, left):
+    """The four values outward through the two spokes of an element."""
+    fan.values[0] = -0.5 * fan.jump[right] - fan.mean[right] - fan.tilt[right]
+    fan.values[1] = fan.tilt[right] - fan.mean[right]
+    fan.values[2] = -0.5 * fan.jump[left] + fan.mean[left] + fan.tilt[left]
+    fan.values[3] = fan.mean[left] - fan.tilt[left]
+
+
+@inner_kernel
+def assemble(fan, right, left, circulation):
+    """Add the energy of one element as a function of its two tilts and the circulation."""
+    ways = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))
+    place = (right, left, circulation)
+    for i in range(3):
+        for k in range(4):
+            if ways[i][k] == 0.0:
+                continue
+            total = fan.slope[k]
+            for j in range(4):
+                total += fan.gram[k, j] * fan.values[j]
+            fan.load[place[i]] -= ways[i][k] * total
+            for n in range(3):
+                for j in range(4):
+                    fan.matrix[place[i], place[n]] += ways[i][k] * fan.gram[k, j] * ways[n][j]
+
+
+@inner_kernel
+def solve(matrix, load, n):
+    """Solve a small positive definite system by Cholesky's method in place; the answer stands in `load`."""
+    for j in range(n):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] * matrix[j, k]
+        matrix[j, j] = np.sqrt(matrix[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    for i in range(n):
+        for k in range(i):
+            load[i] -= matrix[i, k] * load[k]
+        load[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            load[i] -= matrix[k, i] * load[k]
+        load[i] /= matrix[i, i]
+
+
+@inner_kernel
+def add(problem, fan, size, closed, correction):
+    """Add the field of a fan to the values at the corners of its elements."""
+    point = problem.point
+    for s in range(size):
+        e, k = fan.element[s], fan.corner[s]
+        k1, k2 = (k + 1) % 3, (k + 2) % 3
+        v, u, w = problem.node[e, k], problem.node[e, k1], problem.node[e, k2]
+        set_values(fan, s, 0 if closed and s + 1 == size else s + 1)
+        scale = -1.0 / twice_area(point, v, u, w)
+        for i in range(2):
+            b, c = point[u, i] - point[v, i], point[w, i] - point[v, i]
+            correction[e, k, i] += scale * (fan.values[0] * c + fan.values[2] * b)
+            correction[e, k1, i] += scale * fan.values[1] * (c - b)
+            correction[e, k2, i] -= scale * fan.values[3] * (c - b)

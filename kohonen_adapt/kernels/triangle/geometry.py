@@ -1,0 +1,177 @@
+"""Shared geometry of the kernels: orientation, quality, distances, stars and the guard that keeps elements good."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.chains import point_at, within_reach
+
+SQRT12 = 2.0 * math.sqrt(3.0)
+FLAT = 1e-12  # a quality below it is rounding: no move or flip may leave such an element, whatever the rule says
+
+
+class Elements(NamedTuple):
+    """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
+
+    node: np.ndarray  # (m, 3) int32
+    neighbour: np.ndarray  # (m, 3) int32
+    region: np.ndarray  # (m,) int32
+    chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
+    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
+    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
+
+
+class Star(NamedTuple):
+    """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
+
+    start: np.ndarray  # (n + 1,) int32
+    element: np.ndarray  # (3 m,) int32
+    ahead: np.ndarray  # (3 m,) int32
+    behind: np.ndarray  # (3 m,) int32
+
+
+@inner_kernel
+def may_join(elements, e, v, w):
+    """Whether layers allow an edge between nodes v and w in the region of element e."""
+    return not elements.layered[elements.region[e]] or abs(elements.level[v] - elements.level[w]) <= 1
+
+
+@inner_kernel
+def orientation(ax, ay, bx, by, cx, cy):
+    """Twice the signed area of a triangle, positive if it is counter-clockwise."""
+    return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+
+
+@inner_kernel
+def signed_quality(ax, ay, bx, by, cx, cy):
+    """Quality with the sign of the orientation; nan for three equal points, which every comparison refuses."""
+    ux, uy = bx - ax, by - ay
+    vx, vy = cx - ax, cy - ay
+    wx, wy = cx - bx, cy - by
+    squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
+    return SQRT12 * (ux * vy - vx * uy) / squares
+
+
+@kernel
+def element_quality(position, node, e):
+    """Signed quality of element e."""
+    a, b, c = node[e, 0], node[e, 1], node[e, 2]
+    return signed_quality(
+        position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1]
+    )
+
+
+@inner_kernel
+def worst_in_star(position, star, v, x, y):
+    """Worst signed quality of the star of v were v at (x, y)."""
+    worst = 2.0
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b = star.ahead[k], star.behind[k]
+        q = signed_quality(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1])
+        if not q >= worst:
+            worst = q
+    return worst
+
+
+@inner_kernel
+def tolerable(worst, floor):
+    """Whether this quality needs no comparison with what was before; a negative floor switches every check off."""
+    return floor < 0.0 or (worst >= floor and worst > FLAT)
+
+
+@inner_kernel
+def allowed(after, before, floor):
+    """The quality rule: the worst quality after a change is tolerable, or no worse than the worst before."""
+    return tolerable(after, floor) or (after > FLAT and after >= before)
+
+
+@inner_kernel
+def star_tolerable(position, star, v, x, y, floor):
+    """Whether all qualities in the star of v were tolerable with v at (x, y).
+
+    The same as `tolerable` of `worst_in_star` in a third of the time: no divisions, and branches that go one way.
+    """
+    least = 2.0 * max(floor, FLAT) / SQRT12
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b = star.ahead[k], star.behind[k]
+        ux, uy = position[a, 0] - x, position[a, 1] - y
+        vx, vy = position[b, 0] - x, position[b, 1] - y
+        half_squares = ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy
+        if not ux * vy - vx * uy > least * half_squares:
+            return floor < 0.0
+    return True
+
+
+@kernel
+def mark_sound(position, star, floor, first, last, sound):
+    """Mark those of the nodes `first` to `last` whose stars are tolerable: their guard need not look back.
+
+    Where all stars are, guarded moves keep them so. Elsewhere a neighbour may worsen a marked star within its own
+    rule; the guard is then stricter than the rule until the next time stars are marked.
+    """
+    for v in range(first, last):
+        sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
+
+
+@inner_kernel
+def may_move(position, star, v, x, y, floor):
+    """The guard: moving v to (x, y) leaves its star at least as good as min(floor, the worst there before)."""
+    if star_tolerable(position, star, v, x, y, floor):
+        return True
+    if star_tolerable(position, star, v, position[v, 0], position[v, 1], floor):
+        return False
+    worst = worst_in_star(position, star, v, x, y)
+    return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
+
+
+@inner_kernel
+def slide_pair(position, elements, star, constraints, v, parameter, floor):
+    """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
+    w, chains = np.int64(constraints.twins.partner[v]), constraints.chains
+    onto, mate = np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[w, 0])
+    x, y = point_at(chains, onto, parameter)
+    if not within_reach(position, elements, star, chains, onto, v, x, y):
+        return False
+    if not may_move(position, star, v, x, y, floor):
+        return False
+    before_x, before_y = position[v, 0], position[v, 1]
+    position[v, 0], position[v, 1] = x, y  # where the mesh is one element wide the partner's star has moved, too
+    x, y = point_at(chains, mate, parameter)
+    if not may_move(position, star, w, x, y, floor):
+        position[v, 0], position[v, 1] = before_x, before_y
+        return False
+    position[w, 0], position[w, 1] = x, y
+    constraints.parameter[v] = constraints.parameter[w] = parameter
+    return True
+
+
+@kernel
+def settle(position, star, nodes, target, still, floor):
+    """Move nodes that are more than `still` away from their target there, unless the guard forbids it."""
+    for i in range(nodes.shape[0]):
+        v, x, y = np.int64(nodes[i]), target[i, 0], target[i, 1]
+        if abs(x - position[v, 0]) + abs(y - position[v, 1]) > still and may_move(position, star, v, x, y, floor):
+            position[v, 0], position[v, 1] = x, y
+
+
+@inner_kernel
+def squared_distance(position, v, x):
+    """Squared distance from node v to the point x, in any number of dimensions."""
+    total = 0.0
+    for k in range(x.shape[0]):
+        difference = x[k] - position[v, k]
+        total += difference * difference
+    return total
+
+
+@inner_kernel
+def squared_distance_to_edge(ax, ay, bx, by, x, y):
+    """Squared distance from (x, y) to the segment from a to b."""
+    ux, uy = bx - ax, by - ay
+    vx, vy = x - ax, y - ay
+    along = min(1.0, max(0.0, (ux * vx + uy * vy) / (ux * ux + uy * uy)))
+    vx -= along * ux
+    vy -= along * uy
+    return vx * vx + vy * vy

@@ -1,0 +1,288 @@
+"""Transport: a flow that carries all nodes at once, in steps that keep every element good.
+
+Where the guard of one node asks what its move does to elements whose other nodes stand still, here all nodes of an
+element move together, so a smooth flow takes them many edge lengths far.
+"""
+
+import math
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.chains import (
+    FREE,
+    HELD,
+    PAIRED,
+    REACH,
+    SLIDING,
+    nearest_parameter,
+    point_at,
+    tangent_at,
+)
+from kohonen_adapt.kernels.triangle.geometry import FLAT, SQRT12, allowed, element_quality
+
+
+@kernel
+def share_out(winners, region, weights, elements, star, mass):
+    """Sum up what the training points weigh, each shared by the elements of its region around its winner, (m,)."""
+    mass[:] = 0.0
+    for t in range(winners.shape[0]):
+        v, count = winners[t], 0
+        for k in range(star.start[v], star.start[v + 1]):
+            count += elements.region[star.element[k]] == region[t]
+        for k in range(star.start[v], star.start[v + 1]):
+            if elements.region[star.element[k]] == region[t]:
+                mass[star.element[k]] += weights[t] / count
+
+
+@kernel
+def find_crossings(position, elements, cluster, row, column, length):
+    """List the edges between clusters that nodes may cross, with their lengths; returns how many there are."""
+    count = 0
+    for e in range(elements.node.shape[0]):
+        for k in range(3):
+            other = elements.neighbour[e, k]
+            if other > e and elements.chain[e, k] < 0 and cluster[e] != cluster[other]:
+                a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+                row[count], column[count] = cluster[e], cluster[other]
+                length[count] = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+                count += 1
+    return count
+
+
+@kernel
+def find_centres(position, node, cluster, centre):
+    """The mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
+    size = np.zeros(centre.shape[0])
+    centre[:] = 0.0
+    for e in range(node.shape[0]):
+        a, b, c, k = node[e, 0], node[e, 1], node[e, 2], cluster[e]
+        size[k] += 3.0
+        centre[k, 0] += position[a, 0] + position[b, 0] + position[c, 0]
+        centre[k, 1] += position[a, 1] + position[b, 1] + position[c, 1]
+    for k in range(size.shape[0]):
+        centre[k] /= size[k]
+
+
+@kernel
+def find_directions(node, constraints, cluster, along):
+    """Where clusters may flow, as symmetric matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
+
+    t is the tangent, zero where a node is held; a cluster without such corners may flow anywhere.
+    """
+    count = np.zeros(along.shape[0])
+    along[:] = 0.0
+    for e in range(node.shape[0]):
+        for k in range(3):
+            v, c = np.int64(node[e, k]), cluster[e]
+            if constraints.kind[v] != FREE:
+                count[c] += 1.0
+            if constraints.kind[v] == SLIDING:
+                tx, ty = tangent_at(constraints.chains, np.int64(constraints.chain[v, 0]), constraints.parameter[v])
+                along[c, 0] += tx * tx
+                along[c, 1] += tx * ty
+                along[c, 2] += ty * ty
+    for c in range(along.shape[0]):
+        if count[c] == 0.0:
+            along[c, 0], along[c, 2] = 1.0, 1.0
+        else:
+            along[c] /= count[c]
+
+
+@kernel
+def move_with_clusters(star, constraints, cluster, flow, first, last, move):
+    """Every node's move is the mean flow of the clusters around it, as far as its outline allows."""
+    kind = constraints.kind
+    for v in range(first, last):
+        x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
+        for k in range(star.start[v], star.start[v + 1]):
+            c = cluster[star.element[k]]
+            x += flow[c, 0]
+            y += flow[c, 1]
+        move[v, 0], move[v, 1] = x / count, y / count
+        if kind[v] != FREE:
+            keep_to_outline(constraints, v, move)
+
+
+@kernel
+def smooth_moves(star, constraints, move, first, last, smoothed):
+    """Every node's move becomes the mean of its neighbours', as far as its outline allows."""
+    kind = constraints.kind
+    for v in range(first, last):
+        x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
+        for k in range(star.start[v], star.start[v + 1]):
+            a, b = star.ahead[k], star.behind[k]
+            x += move[a, 0] + move[b, 0]
+            y += move[a, 1] + move[b, 1]
+        smoothed[v, 0], smoothed[v, 1] = x / count, y / count
+        if kind[v] != FREE:
+            keep_to_outline(constraints, v, smoothed)
+
+
+@inner_kernel
+def keep_to_outline(constraints, v, move):
+    """Leave of the move of node v the part along its outline; pairs stay, for their partners' sake."""
+    chain = np.int64(constraints.chain[v, 0])
+    if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
+        move[v, 0], move[v, 1] = 0.0, 0.0
+        return
+    tx, ty = tangent_at(constraints.chains, chain, constraints.parameter[v])
+    along = tx * move[v, 0] + ty * move[v, 1]
+    move[v, 0], move[v, 1] = along * tx, along * ty
+
+
+@kernel
+def measure_moves(position, star, move, first, last, ratio):
+    """Length of every node's move over the distance of its neighbours."""
+    for v in range(first, last):
+        x, y, doubled = position[v, 0], position[v, 1], 0.0
+        for k in range(star.start[v], star.start[v + 1]):
+            a, b = star.ahead[k], star.behind[k]
+            doubled += (position[a, 0] - x) * (position[b, 1] - y) - (position[a, 1] - y) * (position[b, 0] - x)
+        ratio[v] = math.hypot(move[v, 0], move[v, 1]) / math.sqrt(max(doubled / 6.0, FLAT * FLAT))
+
+
+@kernel
+def step_ahead(position, constraints, move, share, first, last, ahead, parameter):
+    """Where nodes would be after a share of their moves; those on outlines at a parameter of their chain."""
+    for v in range(first, last):
+        ahead[v, 0], ahead[v, 1] = position[v, 0] + share * move[v, 0], position[v, 1] + share * move[v, 1]
+        if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
+            put_on_outline(ahead, parameter, constraints, v)
+
+
+@kernel
+def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
+    """Mark those of some elements that the step would leave worse than the quality rule allows."""
+    least = 2.0 * max(floor, FLAT) / SQRT12
+    for e in range(first, last):
+        # without a call or a division, as nearly all elements are tolerable
+        a, b, c = node[e, 0], node[e, 1], node[e, 2]
+        ux, uy = ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1]
+        vx, vy = ahead[c, 0] - ahead[a, 0], ahead[c, 1] - ahead[a, 1]
+        half_squares = ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy
+        spoiled[e] = False
+        if not ux * vy - vx * uy > least * half_squares:
+            spoiled[e] = spoils(position, ahead, node, e, floor)
+
+
+@inner_kernel
+def spoils(position, ahead, node, e, floor):
+    """Whether the step leaves element e worse than both the floor and before."""
+    after = element_quality(ahead, node, e)
+    return not allowed(after, element_quality(position, node, e), floor)
+
+
+@kernel
+def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
+    """Put the nodes of spoiled elements in the middle of where their neighbours would be, on their outline if any.
+
+    That mends most: held back, they would spoil the elements around them, whose other nodes go on.
+    """
+    kind = constraints.kind
+    for e in range(spoiled.shape[0]):
+        if spoiled[e]:
+            for corner in range(3):
+                v = node[e, corner]
+                if kind[v] == HELD:
+                    continue
+                x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
+                for k in range(star.start[v], star.start[v + 1]):
+                    x += ahead[star.ahead[k], 0] + ahead[star.behind[k], 0]
+                    y += ahead[star.ahead[k], 1] + ahead[star.behind[k], 1]
+                ahead[v, 0], ahead[v, 1] = x / count, y / count
+                if kind[v] == SLIDING:
+                    put_on_outline(ahead, parameter, constraints, np.int64(v))
+
+
+@kernel
+def slow_down(position, ahead, parameter, node, star, constraints, spoiled, rings, ring, queue):
+    """Stop the nodes of spoiled elements, and slow those around them down, the nearer the more, within some rings.
+
+    `ring` is full of -1 and left so.
+    """
+    first, last = 0, 0
+    for e in range(spoiled.shape[0]):
+        if spoiled[e]:
+            for corner in range(3):
+                v = node[e, corner]
+                if ring[v] < 0:
+                    ring[v], queue[last] = 0, v
+                    last += 1
+    while first < last:
+        v = queue[first]
+        first += 1
+        if ring[v] < rings - 1:
+            for k in range(star.start[v], star.start[v + 1]):
+                for other in (star.ahead[k], star.behind[k]):
+                    if ring[other] < 0:
+                        ring[other], queue[last] = ring[v] + 1, other
+                        last += 1
+    for i in range(last):
+        v = np.int64(queue[i])
+        x, y = (ahead[v, 0] - position[v, 0]) * ring[v] / rings, (ahead[v, 1] - position[v, 1]) * ring[v] / rings
+        ring[v] = -1
+        ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
+        if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # what stands still does so to the bit
+            put_on_outline(ahead, parameter, constraints, v)
+
+
+@inner_kernel
+def put_on_outline(ahead, parameter, constraints, v):
+    """Bring a node to the nearest point of its chain; pairs stay where they are."""
+    chain, chains = np.int64(constraints.chain[v, 0]), constraints.chains
+    if not chains.flags[chain, PAIRED]:
+        parameter[v] = nearest_parameter(chains, chain, ahead[v, 0], ahead[v, 1], constraints.parameter[v])
+    ahead[v, 0], ahead[v, 1] = point_at(chains, chain, parameter[v])
+
+
+@kernel
+def mark_too_long(position, ahead, elements, chains, spoiled):
+    """Mark the elements beside facets that the step would make longer than their curve allows, and than before.
+
+    Returns how many they are, those that were marked already apart.
+    """
+    found = 0
+    for e in range(spoiled.shape[0]):
+        for k in range(3):
+            c = elements.chain[e, k]
+            if c >= 0 and chains.place[c, REACH] < np.inf and not spoiled[e]:
+                a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+                length = math.hypot(ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1])
+                before = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+                spoiled[e] = length > chains.place[c, REACH] and length > before
+                found += spoiled[e]
+    return found
+
+
+@kernel
+def hold_back(position, ahead, node, star, floor, spoiled, queue):
+    """Leave the nodes of spoiled elements where they are, and of those that this spoils, until none is."""
+    last = 0
+    for e in range(spoiled.shape[0]):
+        if spoiled[e]:
+            queue[last] = e
+            last += 1
+    while last > 0:
+        last -= 1
+        e = queue[last]
+        for corner in range(3):
+            v = node[e, corner]
+            if ahead[v, 0] == position[v, 0] and ahead[v, 1] == position[v, 1]:
+                continue
+            ahead[v, 0], ahead[v, 1] = position[v, 0], position[v, 1]
+            for k in range(star.start[v], star.start[v + 1]):
+                other = star.element[k]
+                if not spoiled[other] and spoils(position, ahead, node, other, floor):
+                    spoiled[other] = True
+                    queue[last] = other
+                    last += 1
+
+
+@kernel
+def take_step(position, constraints, ahead, parameter, first, last):
+    """Move nodes to where they may go."""
+    for v in range(first, last):
+        if constraints.kind[v] == SLIDING and (ahead[v, 0] != position[v, 0] or ahead[v, 1] != position[v, 1]):
+            constraints.parameter[v] = parameter[v]
+        position[v, 0], position[v, 1] = ahead[v, 0], ahead[v, 1]

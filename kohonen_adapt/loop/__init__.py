@@ -1,0 +1,1 @@
+"""The adaptive loop: solve, estimate, relocate, polish, stop."""

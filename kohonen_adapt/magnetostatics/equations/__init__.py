@@ -1,0 +1,1 @@
+"""The equations of magnetostatics: symmetry, conditions, assembly and solution."""

@@ -1,0 +1,186 @@
+"""What holds on the boundaries: fixed values, the open boundary, and nodes that are one; which unknowns are left."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.csgraph import connected_components
+from skfem import MeshTri
+
+from kohonen_adapt.magnetostatics.equations.joints import Joints, Names, joints_of, with_middles
+from kohonen_adapt.magnetostatics.equations.robin import robin_matrix
+from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
+from kohonen_adapt.magnetostatics.materials.coefficients import named
+
+__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values", "places"]
+
+CONTRADICTION = 1e-9  # of the largest fixed value: values that joined nodes may differ by
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.integer]
+Value = float | Callable[[Floats], ArrayLike]
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """The boundary conditions of a problem, by name."""
+
+    potential: Mapping[str, Value]
+    open_boundary: str | None = None
+    periodic: Names = ()
+    antiperiodic: Names = ()
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The boundary conditions on one mesh.
+
+    Attributes
+    ----------
+    fixed
+        (nnodes,) bool: nodes of given values.
+    values
+        (nnodes,): these values, zero elsewhere.
+    free
+        The other nodes.
+    robin
+        (nnodes, nnodes): what the open boundary adds to the matrix, or None.
+    join
+        (nfree, nunknowns): the values of the free nodes from one unknown for each class of them, or None where every
+        node has its own.
+    joints
+        Nodes that are one, or None.
+    """
+
+    fixed: Bools
+    values: Floats
+    free: Indices
+    robin: csc_array | None = None
+    join: csc_array | None = None
+    joints: Joints | None = None
+
+    def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
+        """The equations of the free nodes as those of the unknowns, the open boundary added to the matrix."""
+        if self.robin is not None:
+            matrix = (matrix + self.robin[self.free][:, self.free]).tocsc()
+        if self.join is not None:
+            matrix, right = (self.join.T @ matrix @ self.join).tocsc(), self.join.T @ right
+        return matrix, right
+
+    def expanded(self, unknowns: Floats) -> Floats:
+        """Values at the free nodes, (nfree,)."""
+        return unknowns if self.join is None else self.join @ unknowns
+
+    def admitted(self, values: Floats) -> Floats:
+        """The nodal values nearest to these that keep the conditions, (nnodes,)."""
+        kept = np.where(self.fixed, self.values, values)
+        if self.joints is not None:
+            kept = np.where(self.fixed, self.values, self.joints.sign * kept[self.joints.master])
+        return kept
+
+
+def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, order: int = 1) -> Conditions:
+    """The conditions on the nodes of a mesh, with elements of order 2 on its nodes and then the middles of its facets.
+
+    Raises
+    ------
+    ValueError
+        For names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
+        that is no circle, and connected parts of the mesh where nothing fixes the potential.
+    """
+    fixed, values = fixed_values(mesh, given.potential, order)
+    if order == 1:
+        values, axis = symmetry.unknown(mesh, values), symmetry.on_axis(mesh)
+        fixed, values = fixed | axis, np.where(axis, 0.0, values)
+    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, symmetry, order)
+    joints = None
+    if given.periodic or given.antiperiodic:
+        joints = joints_of(mesh, given.periodic, given.antiperiodic)
+        joints = joints if order == 1 else with_middles(joints, mesh.facets.shape[1])
+        fixed, values = _shared(places(mesh, order), joints, fixed, values)
+    _check_tied(mesh, fixed, robin, joints)
+    free = np.flatnonzero(~fixed)
+    return Conditions(fixed, values, free, robin, None if joints is None else _join(joints, free), joints)
+
+
+def places(mesh: MeshTri, order: int) -> Floats:
+    """Where the unknowns are, (2, n): the nodes, of order 2 then the middles of the facets."""
+    return mesh.p if order == 1 else np.hstack((mesh.p, mesh.p[:, mesh.facets].mean(axis=1)))
+
+
+def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) -> tuple[Bools, Floats]:
+    """Which nodes have a given potential, (nnodes,) bool, and the values there, (nnodes,) with zeros elsewhere.
+
+    A boundary hands its value to all nodes of its facets; at a node of several, the last in the mapping counts.
+    """
+    x = places(mesh, order)
+    fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
+    for name, value in potential.items():
+        facets = named(mesh.boundaries, name, "boundary")
+        nodes = np.unique(mesh.facets[:, facets])
+        if order == 2:
+            nodes = np.append(nodes, mesh.p.shape[1] + np.asarray(facets))
+        fixed[nodes] = True
+        values[nodes] = _evaluated(name, value, x[:, nodes])
+    return fixed, values
+
+
+def _shared(x: Floats, joints: Joints, fixed: Bools, values: Floats) -> tuple[Bools, Floats]:
+    """A value given at one node holds at all that are one with it, up to the sign."""
+    share, given = np.zeros(len(values)), np.flatnonzero(fixed)
+    share[joints.master[given]] = joints.sign[given] * values[given]
+    fixed_class = joints.zero.copy()
+    fixed_class[joints.master[given]] = True
+    all_fixed = fixed_class[joints.master]
+    shared = np.where(all_fixed & ~joints.zero, joints.sign * share[joints.master], 0.0)
+    off = np.abs(shared - values)[given]
+    if off.size and off.max() > CONTRADICTION * np.max(np.abs(values)):
+        node = given[np.argmax(off)]
+        raise ValueError(
+            f"the potential {values[node]:g} fixed at node {node}, {tuple(x[:, node].tolist())}, contradicts its "
+            f"periodic or antiperiodic partner, which makes it {shared[node]:g}. Fix the same value at both, with the "
+            "other sign if antiperiodic."
+        )
+    return all_fixed, np.where(fixed, values, shared)
+
+
+def _join(joints: Joints, free: Indices) -> csc_array:
+    masters, column = np.unique(joints.master[free], return_inverse=True)
+    return csc_array((joints.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
+
+
+def _evaluated(name: str, value: Value, x: Floats) -> Floats:
+    given = np.asarray(value(x) if callable(value) else value, dtype=float)
+    if given.shape not in {(), x.shape[1:]}:
+        raise ValueError(
+            f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {given.shape}."
+        )
+    everywhere = np.broadcast_to(given, x.shape[1:])
+    bad = np.count_nonzero(~np.isfinite(everywhere))
+    if bad:
+        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {everywhere.size} nodes.")
+    return everywhere
+
+
+def _check_tied(mesh: MeshTri, fixed: Bools, robin: csc_array | None, joints: Joints | None) -> None:
+    """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
+    nodes = mesh.p.shape[1]
+    pairs, tied = mesh.facets, fixed[:nodes]
+    if robin is not None:
+        tied = tied | (robin.diagonal()[:nodes] > 0.0)
+    if joints is not None:
+        joined = joints.one < nodes
+        pairs, tied = np.hstack((pairs, np.stack((joints.one[joined], joints.other[joined])))), tied.copy()
+        tied[joints.one[joined & (joints.between < 0.0)]] = True  # no constant is its own negative
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
+    parts, part = connected_components(graph, directed=False)
+    loose = np.setdiff1d(np.arange(parts), part[tied])
+    if loose.size:
+        node = int(np.flatnonzero(part == loose[0])[0])
+        raise ValueError(
+            f"the potential is fixed nowhere on {loose.size} of the {parts} connected parts of the mesh, "
+            f"first the one of node {node}. Fix it there by a boundary name."
+        )

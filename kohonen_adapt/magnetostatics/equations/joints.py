@@ -1,0 +1,101 @@
+"""Nodes that periodic and antiperiodic boundaries make one: classes of nodes that share a value up to its sign."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.outline.pairs import image_nodes
+
+__all__ = ["Joints", "joints_of", "with_middles"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.integer]
+Names = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Joints:
+    """``u[node] = sign[node] u[master[node]]``.
+
+    Attributes
+    ----------
+    master
+        (nnodes,): one node for each class of nodes that are one; most are their own.
+    sign
+        (nnodes,) 1.0 or -1.0.
+    zero
+        (nnodes,) bool: nodes of classes that hold their own negative, so that u = 0 there.
+    one, other, between
+        Nodes that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
+    facets
+        Facets that are one, and the sign between them: three arrays (f,).
+    """
+
+    master: Integers
+    sign: Floats
+    zero: NDArray[np.bool_]
+    one: Integers
+    other: Integers
+    between: Floats
+    facets: tuple[Integers, Integers, Floats]
+
+
+def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
+    """Join the nodes of every pair of boundaries, and those that several pairs join, as the corners of a cell.
+
+    Raises
+    ------
+    ValueError
+        If a name is no boundary, or the nodes of a pair do not match.
+    """
+    names = [*periodic, *antiperiodic]
+    try:
+        found = image_nodes(mesh, names)
+    except ValueError as error:
+        raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
+    signs = [1.0] * len(periodic) + [-1.0] * len(antiperiodic)
+    one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
+    between = np.repeat(signs, [len(nodes) for nodes, _ in found])
+    facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
+    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
+    pairs = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
+    return _joined(mesh.p.shape[1], one, other, between, pairs)
+
+
+def with_middles(joints: Joints, nfacets: int) -> Joints:
+    """The same for nodes and then the middles of facets, as quadratic elements have them."""
+    nodes = len(joints.master)
+    facets, images, sign = joints.facets
+    one, other = np.append(joints.one, nodes + facets), np.append(joints.other, nodes + images)
+    return _joined(nodes + nfacets, one, other, np.append(joints.between, sign), joints.facets)
+
+
+def _joined(
+    count: int, one: Integers, other: Integers, between: Floats, facets: tuple[Integers, Integers, Floats]
+) -> Joints:
+    master, sign = np.arange(count), np.ones(count)
+    while True:
+        before = master.copy()
+        for a, b in ((one, other), (other, one)):
+            lower = master[b] < master[a]
+            master[a[lower]], sign[a[lower]] = master[b[lower]], (between * sign[b])[lower]
+        if np.array_equal(master, before):
+            break
+    zero = np.zeros(count, dtype=bool)
+    zero[master[one[sign[one] != between * sign[other]]]] = True
+    return Joints(master, sign, zero[master], one, other, between, facets)
+
+
+def _image_facets(mesh: MeshTri, facets: Integers, nodes: Integers, images: Integers) -> Integers:
+    """The facets between the images of the ends of these facets."""
+    count = mesh.p.shape[1]
+    image = np.arange(count)
+    image[nodes] = images
+    ends = np.sort(image[mesh.facets[:, facets]], axis=0).astype(np.int64)
+    first, second = np.sort(mesh.facets, axis=0).astype(np.int64)
+    key = first * count + second
+    order = np.argsort(key)
+    return order[np.searchsorted(key[order], ends[0] * count + ends[1])]

@@ -1,0 +1,1 @@
+"""Material laws and what they make of a mesh."""

@@ -1,0 +1,206 @@
+"""Magnetic laws from measured points: a table of B and H, checked and interpolated, and the file it is read from."""
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, VACUUM_RELUCTIVITY, Continued
+
+__all__ = ["Table", "read_bh"]
+
+# Beyond these no material is known: iron-cobalt has a polarisation of 2.4 T; of the steels that reach 1.7 T the best
+# have a relative permeability near 10^5, and 79.6 times too much is what oersted for A/m makes of any.
+LARGEST_POLARISATION = 3.0
+LARGEST_PERMEABILITY = 2e5
+STEEL = 1.7
+
+SHOWN = 60  # characters of a wrong line
+SATURATED = 100.0  # relative differential permeability above which a table ends far from saturation
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, init=False)
+class Table(Continued):
+    """H as a monotone piecewise cubic function of B through measured points (PCHIP; Fritsch and Butland, 1984).
+
+    Beyond the last point, and from where the curve would fall below it, dB/dH = mu0. A table that ends far from
+    saturation, at a relative differential permeability above 100, gives a warning: what is beyond is then a guess.
+
+    Parameters
+    ----------
+    points : (n, 2)
+        B in T and H in A/m, both strictly increasing from (0, 0); that point is added where it is missing.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, one point alone, points that are not finite, negative or do not increase, and for magnitudes
+        that are those of gauss or oersted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Table
+    >>> law = Table([[1.0, 100.0], [1.5, 700.0], [1.8, 8000.0], [2.1, 60000.0]])  # B in T, H in A/m
+    >>> law.field_strength(np.array([0.0, 1.5])).round(6).tolist()
+    [0.0, 700.0]
+    """
+
+    points: tuple[tuple[float, float], ...]
+
+    def __init__(self, points: ArrayLike) -> None:
+        array = _checked(points)
+        object.__setattr__(self, "points", tuple((float(b), float(h)) for b, h in array))
+        self._interpolate(*array.T)
+
+    def _interpolate(self, b: Floats, h: Floats) -> None:
+        slope, secant = PchipInterpolator(b, h).derivative()(b), np.diff(h) / np.diff(b)
+        # scipy's slope at an end can be zero, which were an infinite permeability; up to 3 secants it stays monotone.
+        slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
+        curve = CubicHermiteSpline(b, h, slope)
+        for name, function in (
+            ("_strength", curve),
+            ("_slope", curve.derivative()),
+            ("_energy", curve.antiderivative()),
+        ):
+            object.__setattr__(self, name, function)
+        steep = curve.derivative().solve(VACUUM_RELUCTIVITY, extrapolate=False)
+        steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan stands for a piece that is all of that slope
+        first = float(steep.min(initial=b[-1]))
+        whole = b[:-1][secant >= VACUUM_RELUCTIVITY * (1 - 1e-9)]
+        object.__setattr__(self, "end", float(whole.min(initial=first)))
+        if self.end == 0.0 or slope[0] >= VACUUM_RELUCTIVITY:
+            raise ValueError(
+                "bh must begin with a greater slope dB/dH than mu0; it is less permeable than vacuum from its start, "
+                f"{b[1]:g} T at {h[1]:g} A/m. B must be in T, not in another unit, and H in A/m."
+            )
+        self._warn_of_its_end(1.0 / (VACUUM_PERMEABILITY * float(slope[-1])))
+
+    def _warn_of_its_end(self, permeability: float) -> None:
+        b, h = self.points[-1]
+        if self.end == b and permeability > SATURATED:
+            warnings.warn(
+                f"the table ends at {b:g} T, {h:g} A/m far from saturation (relative differential permeability "
+                f"{permeability:.0f}); beyond, dB/dH = mu0 is assumed. Add points up to saturation.",
+                stacklevel=4,
+            )
+
+
+def read_bh(path: str | Path) -> Table:
+    """Read a table of B and H from a text file.
+
+    Two columns, B in T and H in A/m, divided by commas, semicolons, tabs or blanks; between semicolons numbers may have
+    decimal commas. Lines that begin with ``#`` have no say. One line of names may stand first: where the first name
+    begins with H, the columns are H and B.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Table
+        The law.
+
+    Raises
+    ------
+    ValueError
+        For a line that does not hold two numbers, and for points that `Table` refuses.
+    OSError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from kohonen_adapt.magnetostatics import Material, read_bh
+    >>> _ = Path("steel.csv").write_text("B, H\\n1.0, 100\\n1.5, 700\\n1.8, 8000\\n2.1, 60000\\n")
+    >>> steel = Material(bh=read_bh("steel.csv"))
+    """
+    if not Path(path).is_file():  # a device or a pipe would never end
+        raise FileNotFoundError(f"read_bh expected a text file with columns B and H; there is none at '{path}'.")
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no text in UTF-8: {error}.") from None
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
+    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    heading = bool(lines) and _numbers(lines[0][1]) is None and bool(re.match(r"\W*[A-Za-z]", lines[0][1]))
+    swapped = heading and bool(re.match(r"\W*[Hh]", lines[0][1]))
+    rows = [_row(path, number, line) for number, line in lines[heading:]]
+    table = np.array(rows).reshape(-1, 2)
+    try:
+        return Table(table[:, ::-1] if swapped else table)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _row(path: str | Path, number: int, line: str) -> list[float]:
+    row = _numbers(line)
+    if row is None or len(row) != 2:
+        raise ValueError(f"{path}, line {number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}.")
+    return row
+
+
+def _numbers(line: str) -> list[float] | None:
+    if ";" in line:
+        line = line.replace(",", ".")
+    try:
+        return [float(word) for word in re.split(r"[;,\s]+", line.strip(";, \t"))]
+    except ValueError:
+        return None
+
+
+def _checked(points: Any) -> Floats:
+    try:
+        array = np.array(points, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"bh must be numbers of shape (n, 2), columns B in T and H in A/m; got {points!r}.") from None
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"bh must have shape (n, 2), columns B in T and H in A/m; got {array.shape}.")
+    if not np.all(np.isfinite(array)):
+        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise ValueError(f"bh must be finite; row {row} is {array[row].tolist()}.")
+    if len(array) and np.any(array[0] != 0.0):
+        array = np.vstack(([0.0, 0.0], array))
+    if len(array) < 3:
+        raise ValueError(
+            f"bh must have at least two points besides (0, 0); got {max(len(array) - 1, 0)}. "
+            "For a constant permeability: Material(permeability=...)."
+        )
+    _check_increasing(array)
+    _check_units(*array.T)
+    return array
+
+
+def _check_increasing(array: Floats) -> None:
+    falls = np.any(np.diff(array, axis=0) <= 0.0, axis=1)
+    if falls.any():
+        row = int(np.argmax(falls))
+        (b, h), (after_b, after_h) = array[row], array[row + 1]
+        raise ValueError(
+            f"bh must have B and H strictly increasing from (0, 0); after {b:g} T, {h:g} A/m comes {after_b:g} T, "
+            f"{after_h:g} A/m."
+        )
+
+
+def _check_units(b: Floats, h: Floats) -> None:
+    polarisation = float(np.max(b - VACUUM_PERMEABILITY * h))
+    if polarisation > LARGEST_POLARISATION:
+        raise ValueError(
+            f"bh has a polarisation B - mu0 H up to {polarisation:.4g} T, more than any material: B must be in tesla "
+            "(1 gauss = 1e-4 T) and stand in the first column, H in A/m (1 oersted = 79.577 A/m) in the second."
+        )
+    permeability = float(np.max(b[1:] / (VACUUM_PERMEABILITY * h[1:])))
+    if permeability > LARGEST_PERMEABILITY and b[-1] > STEEL:
+        raise ValueError(
+            f"bh has a relative permeability up to {permeability:.4g} and reaches {b[-1]:.4g} T, more than any steel: "
+            "H must be in A/m (1 oersted = 79.577 A/m)."
+        )

@@ -1,0 +1,197 @@
+"""The materials of a problem as values per element of a mesh, and what they make of a flux density."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.magnetostatics.materials.laws import Law, flux_density_of, reluctivities
+from kohonen_adapt.magnetostatics.materials.material import Material, Vector
+from kohonen_adapt.mesh.measures import area
+
+__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements", "named"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The elements of one nonlinear material, and its law."""
+
+    law: Law
+    elements: Integers
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """What every element is made of.
+
+    Attributes
+    ----------
+    number
+        (nelements,): place of the element's material in the mapping of materials.
+    reluctivity
+        (nelements,) in m/H; of nonlinear material that at B = 0.
+    remanence
+        (2, nelements) in T.
+    coercivity
+        (2, nelements) in A/m: what of H does not depend on B, with its sign changed.
+    current_density
+        (nelements,) in A/m^2.
+    pieces
+        The nonlinear materials.
+    """
+
+    number: Integers
+    reluctivity: Floats
+    remanence: Floats
+    coercivity: Floats
+    current_density: Floats
+    pieces: tuple[Piece, ...] = ()
+
+    @property
+    def flux(self) -> Floats:
+        """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
+        return np.stack((-self.coercivity[1], self.coercivity[0]))
+
+    def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
+        """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""
+        if not self.pieces:
+            return self.reluctivity, self.reluctivity
+        secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
+        for piece in self.pieces:
+            rows = piece.elements
+            secant[rows], differential[rows] = reluctivities(piece.law, np.hypot(*flux_density[:, rows]))
+        return secant, differential
+
+    def field_strength(self, flux_density: Floats) -> Floats:
+        """``H = nu(|B|) B - Hc``, (2, nelements) in A/m."""
+        strength = self.reluctivity * (flux_density - self.remanence)
+        for piece in self.pieces:
+            rows = piece.elements
+            secant, _ = reluctivities(piece.law, np.hypot(*flux_density[:, rows]))
+            strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
+        return strength
+
+    def largest_terms(self, flux_density: Floats) -> Floats:
+        """``nu |B| + |Hc|``, whose difference the field strength may be, (nelements,) in A/m."""
+        return self.reluctivities(flux_density)[0] * np.hypot(*flux_density) + np.hypot(*self.coercivity)
+
+    def stored(self, b: Floats) -> Floats:
+        """``int H dB`` from 0 to b >= 0 without the magnets, (k, nelements) in J/m^3."""
+        density = 0.5 * self.reluctivity * b**2
+        for piece in self.pieces:
+            density[:, piece.elements] = piece.law.energy(b[:, piece.elements])
+        return density
+
+    def costored(self, h: Floats) -> Floats:
+        """``int B dH`` from 0 to h >= 0 without the magnets, (k, nelements) in J/m^3."""
+        density = 0.5 * h**2 / self.reluctivity
+        for piece in self.pieces:
+            strength = h[:, piece.elements].ravel()
+            b = flux_density_of(piece.law, strength)
+            density[:, piece.elements] = (strength * b - piece.law.energy(b)).reshape(len(h), -1)
+        return density
+
+    def energy_density(self, flux_density: Floats) -> Floats:
+        """``int H . dB`` from the remanent state, (nelements,) in J/m^3; >= 0."""
+        change = flux_density - self.remanence
+        density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
+        for piece in self.pieces:
+            rows = piece.elements
+            now, rest = (piece.law.energy(np.hypot(*b[:, rows])) for b in (flux_density, self.remanence))
+            density[rows] = now - rest - np.sum(self.coercivity[:, rows] * change[:, rows], axis=0)
+        return density
+
+
+def coefficients(
+    mesh: MeshTri, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
+) -> Coefficients:
+    """Per element, those of its one material; subdomains that are not among the materials have no say."""
+    number, filled = material_of_elements(mesh, materials), list(materials.values())
+    reluctivity = np.array([material.reluctivity for material in filled])[number]
+    current_density = np.array([material.current_density for material in filled])[number]
+    for name, total in (ampere_turns or {}).items():
+        current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
+    constant = [(0.0, 0.0) if callable(material.remanence) else material.remanence for material in filled]
+    remanence = np.array(constant).T[:, number]
+    coercivity, pieces = reluctivity * remanence, list[Piece]()
+    for index, (name, material) in enumerate(materials.items()):
+        if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
+            rows = np.flatnonzero(number == index)
+            remanence[:, rows], coercivity[:, rows] = _magnet(mesh, material, rows, name)
+            if material.bh is not None:
+                pieces.append(Piece(material.bh, rows))
+    return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces))
+
+
+def _magnet(mesh: MeshTri, material: Material, rows: Integers, name: str) -> tuple[Floats, Floats]:
+    """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given."""
+    given = material.remanence if material.coercivity is None else material.coercivity
+    kind = "remanence" if material.coercivity is None else "coercivity"
+    vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[:, rows]].mean(axis=1))
+    size = np.hypot(*vector)
+    if material.bh is None:
+        other = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
+    else:
+        other = material.bh.field_strength(size) if kind == "remanence" else flux_density_of(material.bh, size)
+    converted = vector / np.where(size > 0.0, size, 1.0) * other
+    return (vector, converted) if kind == "remanence" else (converted, vector)
+
+
+def _evaluated(name: str, given: Vector, x: Floats) -> Floats:
+    if not callable(given):
+        return np.tile(np.reshape(given, (2, 1)), x.shape[1])
+    vector = np.asarray(given(x), dtype=float)
+    if vector.shape != x.shape:
+        raise ValueError(f"{name} must have shape (2, n) = {x.shape}; got {vector.shape}.")
+    bad = np.count_nonzero(~np.isfinite(vector).all(axis=0))
+    if bad:
+        raise ValueError(f"{name} must be finite; it is not in {bad} of its {x.shape[1]} elements.")
+    return vector
+
+
+def _area_of(mesh: MeshTri, name: str) -> float:
+    total = float(np.sum(area(mesh)[mesh.subdomains[name]]))
+    if total <= 0.0:
+        raise ValueError(
+            f"the coil {name!r} has no area in the mesh, so its ampere_turns have no place; mesh it or leave it out."
+        )
+    return total
+
+
+def named(sets: Mapping[str, NDArray[np.int32]] | None, name: str, kind: str) -> NDArray[np.int32]:
+    """The set of that name, or an error that lists the names there are."""
+    if sets is None or name not in sets:
+        has = ", ".join(repr(other) for other in sorted(sets or ())) or "none"
+        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {has}.")
+    return sets[name]
+
+
+def material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> NDArray[np.int64]:
+    """Place in the mapping of the one material of every element, (nelements,)."""
+    number = np.full(mesh.t.shape[1], -1)
+    for index, name in enumerate(materials):
+        elements = np.asarray(named(mesh.subdomains, name, "subdomain"))
+        taken = elements[number[elements] >= 0]
+        if taken.size:
+            other = list(materials)[number[taken[0]]]
+            raise ValueError(f"element {taken[0]} has two materials, {other!r} and {name!r}; give it exactly one.")
+        number[elements] = index
+    _check_filled(mesh, number)
+    return number
+
+
+def _check_filled(mesh: MeshTri, number: NDArray[np.int64]) -> None:
+    empty = np.flatnonzero(number < 0)
+    if not empty.size:
+        return
+    inside = [repr(name) for name, elements in sorted((mesh.subdomains or {}).items()) if empty[0] in elements]
+    where = f"in subdomain {', '.join(inside)}" if inside else "in no subdomain"
+    raise ValueError(
+        f"every element needs a material; {empty.size} of {number.size} have none, "
+        f"first element {empty[0]} ({where}). Add a material for their subdomain."
+    )

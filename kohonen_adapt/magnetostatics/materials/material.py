@@ -1,0 +1,108 @@
+"""A magnetic material: permeability or magnetisation curve, remanence or coercivity, current density."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.magnetostatics.materials.bh_table import Table
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
+
+__all__ = ["VACUUM_PERMEABILITY", "Material", "Vector"]
+
+Vector = tuple[float, float] | Callable[[NDArray[np.float64]], ArrayLike]
+
+
+@dataclass(frozen=True)
+class Material:
+    """What fills a subdomain: ``H = nu(|B|) B - Hc``, linear with ``nu = 1 / (mu0 permeability)`` or by a curve.
+
+    A magnet has a remanence Br or a coercivity Hc, each of which gives the other: ``Hc = nu(|Br|) Br``.
+
+    Parameters
+    ----------
+    permeability
+        Relative to vacuum, > 0. Of a magnet: the recoil permeability.
+    remanence
+        Remanent flux density Br (x, y) in T, or a callable of x (2, n) in metres that gives (2, n); it is evaluated at
+        the middle of every element. See `radial` and `halbach`.
+    current_density
+        In A/m^2, positive out of the page (axisymmetric: along phi).
+    bh
+        The magnetisation curve in place of the permeability: (n, 2) with columns B in T and H in A/m (see `Table`), or
+        a law (`Brauer`, `Froehlich`, `Arctan`, or an object with the methods of `Law`).
+    coercivity
+        Hc (x, y) in A/m in place of the remanence, or a callable like that.
+
+    Raises
+    ------
+    ValueError
+        For a permeability that is not positive, a vector without two components, and anything not finite; for a curve
+        with a permeability besides, and a coercivity with a remanence besides; for curves that `Table` refuses.
+
+    Examples
+    --------
+    >>> from kohonen_adapt.magnetostatics import Brauer, Material
+    >>> air, coil, iron = Material(), Material(current_density=2e6), Material(permeability=1000.0)
+    >>> magnet = Material(permeability=1.05, remanence=(0.0, 1.2))
+    >>> steel = Material(bh=Brauer(k1=50.0, k2=10.0, k3=1.5))
+    >>> sheet = Material(bh=[[1.0, 100.0], [1.5, 700.0], [1.8, 8000.0], [2.1, 60000.0]])  # B in T, H in A/m
+    """
+
+    permeability: float = 1.0
+    remanence: Vector = (0.0, 0.0)
+    current_density: float = 0.0
+    bh: Law | None = None
+    coercivity: Vector | None = None
+
+    def __post_init__(self) -> None:
+        # Plain floats, so that materials compare and hash by value whatever kind of number they were given.
+        object.__setattr__(self, "permeability", _number("permeability", self.permeability))
+        object.__setattr__(self, "current_density", _number("current_density", self.current_density))
+        object.__setattr__(self, "remanence", _vector("remanence", self.remanence))
+        if self.permeability <= 0.0:
+            raise ValueError(f"permeability must be positive (relative to vacuum, air 1.0); got {self.permeability}.")
+        if self.bh is not None:
+            if isinstance(self.bh, type):
+                raise ValueError(f"bh must be a law with its parameters, or points; got the class {self.bh.__name__}.")
+            object.__setattr__(self, "bh", self.bh if isinstance(self.bh, Law) else Table(self.bh))
+            self._check_alone()
+        if self.coercivity is not None:
+            object.__setattr__(self, "coercivity", _vector("coercivity", self.coercivity))
+            if self.remanence != (0.0, 0.0):
+                raise ValueError("a magnet has a remanence or a coercivity, each of which gives the other; got both.")
+
+    def _check_alone(self) -> None:
+        if self.permeability != 1.0:
+            raise ValueError(
+                f"a material has a bh curve or a permeability; got both, permeability {self.permeability:g}."
+            )
+
+    @property
+    def reluctivity(self) -> float:
+        """``1 / (mu0 permeability)`` in m/H; with a curve that at B = 0."""
+        if self.bh is not None:
+            return float(self.bh.slope(np.zeros(1))[0])
+        return 1.0 / (VACUUM_PERMEABILITY * self.permeability)
+
+
+def _number(name: str, given: Any) -> float:
+    try:
+        number = float(given)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number; got {given!r}.") from None
+    if not isfinite(number):
+        raise ValueError(f"{name} must be finite; got {number}.")
+    return number
+
+
+def _vector(name: str, given: Any) -> Vector:
+    if callable(given):
+        return given
+    if np.shape(given) != (2,):
+        raise ValueError(f"{name} must have two components (x, y); got {given!r}.")
+    x, y = given
+    return _number(name, x), _number(name, y)

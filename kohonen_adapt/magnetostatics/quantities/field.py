@@ -1,0 +1,350 @@
+"""A solved magnetic field: potential, flux density, field strength, energies and values at points."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.estimators.gradients import gradient
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.quantities.bodies import Names
+from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
+from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
+from kohonen_adapt.magnetostatics.recovered import at_corners, linear_between
+from kohonen_adapt.mesh.locate import find_elements, interpolate
+
+__all__ = ["Field"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Field:
+    """What `Magnetostatics.solve` returns: the field of a P1 potential, constant in every element.
+
+    Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`; with one, and of an
+    axisymmetric field, they are totals, in J.
+
+    Parameters
+    ----------
+    mesh
+        The mesh it was solved on, in metres.
+    potential : (nnodes,)
+        Nodal A_z in Wb/m, or A_phi.
+    coefficients
+        What every element is made of.
+    symmetry
+        Whether it is planar or axisymmetric.
+    depth
+        In m; None for results per metre.
+    newton
+        The steps of Newton's method that led to it; empty for linear problems.
+    """
+
+    mesh: MeshTri
+    potential: Floats
+    coefficients: Coefficients
+    symmetry: Symmetry = PLANAR
+    depth: float | None = None
+    newton: tuple[NewtonStep, ...] = ()
+
+    def __repr__(self) -> str:
+        per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
+        largest = np.max(np.hypot(*self.flux_density))
+        return (
+            f"<{type(self).__name__} on {self.mesh.p.shape[1]} nodes: |B| up to {largest:.4g} T, "
+            f"energy {self.energy:.4g} J{per_metre}>"
+        )
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether x is the distance r from an axis, y the height z along it and the potential A_phi."""
+        return self.symmetry is AXISYMMETRIC
+
+    @property
+    def unknown(self) -> Floats:
+        """What is linear in every element, (nnodes,): A, axisymmetric r A."""
+        return self.symmetry.unknown(self.mesh, self.potential)
+
+    @property
+    def mean_unknown(self) -> Floats:
+        """Mean of `unknown` over every element, (nelements,)."""
+        return self.unknown[self.mesh.t].mean(axis=0)
+
+    @cached_property
+    def flux_density(self) -> Floats:
+        """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T."""
+        return self.symmetry.flux_density(self.mesh, gradient(self.mesh, self.unknown))
+
+    @cached_property
+    def field_strength(self) -> Floats:
+        """``H = nu B - Hc``, (2, nelements) in A/m."""
+        return self.coefficients.field_strength(self.flux_density)
+
+    @cached_property
+    def _reluctivities(self) -> tuple[Floats, Floats]:
+        return self.coefficients.reluctivities(self.flux_density)
+
+    @property
+    def reluctivity(self) -> Floats:
+        """The secant one, ``|H + Hc| / |B|``, (nelements,) in m/H."""
+        return self._reluctivities[0]
+
+    @property
+    def differential_reluctivity(self) -> Floats:
+        """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
+        return self._reluctivities[1]
+
+    def change_of_strength(self, change: Floats) -> Floats:
+        """How H changes with a small change of B: differential along B, secant across it.
+
+        Parameters
+        ----------
+        change : (2, nelements)
+            Of B, in T.
+
+        Returns
+        -------
+        ndarray (2, nelements)
+            Of H, in A/m.
+        """
+        size = np.hypot(*self.flux_density)
+        along = self.flux_density / np.where(size > 0.0, size, 1.0)
+        secant, differential = self._reluctivities
+        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+
+    @property
+    def remanence(self) -> Floats:
+        """B at which H = 0, (2, nelements) in T."""
+        return self.coefficients.remanence
+
+    @property
+    def current_density(self) -> Floats:
+        """Out of the page, or along phi: (nelements,) in A/m^2."""
+        return self.coefficients.current_density
+
+    @cached_property
+    def volume(self) -> Floats:
+        """Of every element, (nelements,): in m^2, its area, per metre of depth; else in m^3."""
+        return self.symmetry.volume(self.mesh) * (1.0 if self.depth is None else self.depth)
+
+    @cached_property
+    def energy_density(self) -> Floats:
+        """``int H . dB`` since the remanent state, (nelements,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
+        return self.coefficients.energy_density(self.flux_density)
+
+    @property
+    def squared_norm(self) -> float:
+        """``int nu |B|^2`` over the mesh, in J/m whatever the depth; axisymmetric in J."""
+        return float(np.sum(self.symmetry.volume(self.mesh) * self.reluctivity * self.flux_density**2))
+
+    @property
+    def coenergy_density(self) -> Floats:
+        """``H . B`` less the energy density, (nelements,) in J/m^3."""
+        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
+
+    @property
+    def energy(self) -> float:
+        """Energy stored since the remanent state, ``int of H . dB``, in J/m; a total in J, see the class."""
+        return float(np.sum(self.volume * self.energy_density))
+
+    @property
+    def coenergy(self) -> float:
+        """``int H . B`` less the energy, in J/m; a total in J, see the class."""
+        return float(np.sum(self.volume * self.coenergy_density))
+
+    @cached_property
+    def corner_flux_density(self) -> Floats:
+        """B recovered at the corners of the elements in the order of ``mesh.t``, (2, 3, nelements) in T.
+
+        At every node the area-weighted average over the elements around it, for each region (connected, with the same
+        subdomain names) by itself, so that B still jumps between materials. Nearer to the truth than the constants of
+        the elements, but for nodes at sharp corners of iron and magnets.
+        """
+        return at_corners(self.mesh, self.flux_density)
+
+    @cached_property
+    def corner_field_strength(self) -> Floats:
+        """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
+        return at_corners(self.mesh, self.field_strength)
+
+    def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
+        """Flux density at points.
+
+        Parameters
+        ----------
+        x : (2, n)
+            Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
+        recovered
+            Whether to interpolate `corner_flux_density` in place of the constants of the elements.
+
+        Returns
+        -------
+        ndarray (2, n)
+            In T; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (2, n).
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+        >>> problem = Magnetostatics({"air": Material()}, potential={"left": 0.0, "right": 1.0})
+        >>> field = problem.solve(mesh)
+        >>> line = np.linspace([0.1, 0.5], [0.9, 0.5], 5, axis=1)
+        >>> np.allclose(field.flux_density_at(line), [[0.0], [-1.0]])
+        True
+        """
+        points = np.asarray(x, dtype=float)
+        element = find_elements(self.mesh, points)
+        if recovered:
+            values = linear_between(self.mesh, self.corner_flux_density, points, element)
+        else:
+            values = self.flux_density[:, element]
+        return np.where(element >= 0, values, np.nan)
+
+    def potential_at(self, x: ArrayLike) -> Floats:
+        """Potential at points.
+
+        Parameters
+        ----------
+        x : (2, n)
+            Points in metres.
+
+        Returns
+        -------
+        ndarray (n,)
+            In Wb/m; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (2, n).
+        """
+        return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
+
+    def flux_linkage(self, coil: Names, turns: float = 1) -> float:
+        """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
+
+        ``turns`` times the mean of A over it, times the depth; axisymmetric the mean of ``2 pi r A``.
+
+        Parameters
+        ----------
+        coil
+            Name of a subdomain, or a sequence of names that count as one.
+        turns
+            Number of turns; negative where the conductor comes back (current into the page), so that the linkages of
+            the sides of a coil add up to that of the coil.
+
+        Returns
+        -------
+        float
+            In Wb/m, else in Wb; positive for the flux that a current out of the page makes.
+
+        Raises
+        ------
+        ValueError
+            For unknown names, and turns that are no finite number or 0.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> round(field.flux_linkage("coil", turns=100), 1)  # 100 times the mean of A = x, in Wb/m
+        50.0
+        """
+        return coil_linkage(self, coil, turns)
+
+    def force(self, body: Names) -> Floats:
+        """Magnetic force on a body, per metre of depth; with `depth`, and axisymmetric, the total.
+
+        ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
+        and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
+        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM).
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+
+        Returns
+        -------
+        ndarray (2,)
+            (F_x, F_y) in N/m; with `depth` in N, axisymmetric (0, F_z) in N. Of a body that the outer boundary cuts
+            along a mirror plane it is the force on the part that is modelled, along that plane: its mirror image adds
+            as much along it, and takes away what is across.
+
+        Raises
+        ------
+        ValueError
+            If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
+            along lines of several directions, or names are unknown.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> round(float(field.force("coil")[0]), 1)  # 1000 A/m^2 times 0.25 m^2 times 1 T, in N/m
+        250.0
+        """
+        return eggshell_force(self, body)
+
+    def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+        """Magnetic torque on a body about a centre, per metre of depth; with `depth` the total.
+
+        As `force`, with ``(x - centre) x T grad w``.
+
+        Parameters
+        ----------
+        body
+            Name of a subdomain, or a sequence of names that count as one body.
+        centre : (2,)
+            In m.
+
+        Returns
+        -------
+        float
+            In N m/m, with `depth` in N m; counter-clockwise. Of a body that the outer boundary cuts along the two
+            sides of a periodic sector about the centre it is the torque on that sector.
+
+        Raises
+        ------
+        ValueError
+            For an axisymmetric field, and as for `force`; but the body may lie on the outer boundary on two such sides,
+            which must have their nodes at the same radii, and on circles about the centre (a bore), where a constant
+            potential makes no torque.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+        >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+        >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+        >>> abs(field.torque("coil", centre=(0.5, 0.5))) < 0.1  # N m/m
+        True
+        """
+        return eggshell_torque(self, body, centre)

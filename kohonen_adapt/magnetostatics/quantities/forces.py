@@ -1,0 +1,267 @@
+"""Force and torque: by the stress tensor in the air around a body, by Arkkio in an air gap, by Lorentz on currents."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.magnetostatics.materials.material import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.quantities.bodies import Bools, Names, air_elements, elements_of, isolated_body
+from kohonen_adapt.magnetostatics.quantities.cuts import Cut, mirror_cut, sector_cut
+from kohonen_adapt.magnetostatics.quantities.eggshell import weight_gradient
+from kohonen_adapt.magnetostatics.solved import SolvedField
+
+__all__ = [
+    "Lever",
+    "arkkio_torque",
+    "checked_point",
+    "eggshell_force",
+    "eggshell_torque",
+    "force_lever",
+    "lorentz_force",
+    "lorentz_torque",
+    "pulled",
+    "torque_lever",
+    "worked",
+]
+
+NARROW = 1e-6  # of the radius: a gap of less width is none
+ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
+
+Floats = NDArray[np.float64]
+
+
+class Lever(NamedTuple):
+    """One component of an eggshell force, ``-int arm . T slope`` over the volume.
+
+    Attributes
+    ----------
+    slope
+        (2, nelements) in 1/m: gradient of the weight.
+    arm
+        (2, nelements): the direction of a force; of a torque (-y, x) in m, from the centre.
+    """
+
+    slope: Floats
+    arm: Floats
+
+
+def force_lever(field: SolvedField, body: Names, direction: Floats) -> Lever:
+    """The lever of the component of a force along a unit vector (2,)."""
+    slope, cut = _shell(field, body)
+    along = _along(field, cut, direction)
+    return Lever(slope, np.tile(along[:, None], slope.shape[1]))
+
+
+def torque_lever(field: SolvedField, body: Names, centre: ArrayLike) -> Lever:
+    """The lever of a torque about a centre."""
+    _check_planar(field)
+    inside, middle = isolated_body(field, body), checked_point("centre", centre)
+    slope = weight_gradient(field, inside, sector_cut(field.mesh, inside, middle))
+    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - middle[:, None]
+    return Lever(slope, np.stack((-y, x)))
+
+
+def pulled(field: SolvedField, lever: Lever) -> Floats:
+    """How ``-arm . T slope`` changes with B, (2, nelements): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
+    / mu0``.
+    """
+    b, (slope, arm) = field.flux_density, lever
+    normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
+    return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
+
+
+def worked(field: SolvedField, lever: Lever) -> float:
+    """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
+    return 0.5 * float(np.sum(field.volume * pulled(field, lever) * field.flux_density))
+
+
+def eggshell_force(field: SolvedField, body: Names) -> Floats:
+    """See `Field.force`."""
+    slope, cut = _shell(field, body)
+    return _along(field, cut, -np.sum(_pull(field, slope), axis=1))
+
+
+def eggshell_torque(field: SolvedField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """See `Field.torque`."""
+    return worked(field, torque_lever(field, body, centre))
+
+
+def arkkio_torque(field: SolvedField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """Torque on what a ring of air encloses (Arkkio, Acta Polytechnica Scandinavica El. 59, 1987).
+
+    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o, B constant per element.
+
+    Parameters
+    ----------
+    field
+        A planar field.
+    gap
+        Subdomain, or sequence of them, that is the ring; of a periodic sector, its part (the torque is the sector's).
+    centre : (2,)
+        Of the ring, in m.
+
+    Returns
+    -------
+    float
+        In N m per metre of depth, with `depth` in N m; counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If the field is axisymmetric, the ring is not air, or no ring about the centre: its sides are off two circles by
+        more than 5 % of its width.
+    """
+    _check_planar(field)
+    mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), checked_point("centre", centre)
+    solid = int(np.count_nonzero(~air_elements(field)[ring]))
+    if solid:
+        raise ValueError(
+            f"the ring {gap!r} must be air (permeability 1, no current, no remanence) in every element; it is not in "
+            f"{solid} of {len(ring)}. Name a ring of air around the rotor."
+        )
+    inner, outer = _radii(field, ring, middle, gap)
+    # The middles of the sides integrate the products of two coordinates exactly.
+    corner = mesh.p[:, mesh.t[:, ring]] - middle[:, None, None]
+    x, y = 0.5 * (corner + np.roll(corner, 1, axis=1))
+    right, up = field.flux_density[:, ring]
+    product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
+    return float(np.sum(field.volume[ring] * product.mean(axis=0)) / (VACUUM_PERMEABILITY * (outer - inner)))
+
+
+def lorentz_force(field: SolvedField, coil: Names) -> Floats:
+    """Force on the currents of a coil, ``int J x B``.
+
+    Parameters
+    ----------
+    field
+        A field.
+    coil
+        Subdomain, or sequence of them, of permeability 1 and without remanence.
+
+    Returns
+    -------
+    ndarray (2,)
+        In N per metre of depth; with `depth` in N, axisymmetric (0, F_z) in N.
+
+    Raises
+    ------
+    ValueError
+        If the coil carries no current, or is magnetic: then the force is not that on the currents alone.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, lorentz_force
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+    >>> lorentz_force(field, "coil").round(1).tolist()[0]  # 1000 A/m^2 times 0.25 m^2 times 1 T, in N/m
+    250.0
+    """
+    return _along_axis(field, np.sum(_current_force(field, coil), axis=1))
+
+
+def lorentz_torque(field: SolvedField, coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+    """Torque on the currents of a coil about a centre, ``int (x - centre) x (J x B)``.
+
+    Parameters
+    ----------
+    field
+        A planar field.
+    coil
+        As of `lorentz_force`.
+    centre : (2,)
+        In m.
+
+    Returns
+    -------
+    float
+        In N m per metre of depth, with `depth` in N m; counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If the field is axisymmetric, and as for `lorentz_force`.
+    """
+    _check_planar(field)
+    return _moment(field, _current_force(field, coil), checked_point("centre", centre))
+
+
+def _pull(field: SolvedField, slope: Floats) -> Floats:
+    """``T grad w`` times the volume of every element, (2, nelements), with Maxwell's stress tensor T of air."""
+    b = field.flux_density
+    normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
+    return field.volume / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
+
+
+def _shell(field: SolvedField, body: Names) -> tuple[Floats, Cut]:
+    """Gradient of the weight around a body that a mirror plane may cut, (2, nelements) in 1/m."""
+    inside = isolated_body(field, body)
+    cut = mirror_cut(field.mesh, inside)
+    return weight_gradient(field, inside, cut), cut
+
+
+def _along(field: SolvedField, cut: Cut, force: Floats) -> Floats:
+    """What of a force the modelled part of a body tells."""
+    left = _along_axis(field, force)
+    return left if cut.direction is None else cut.direction * (cut.direction @ left)
+
+
+def _along_axis(field: SolvedField, force: Floats) -> Floats:
+    """What of a force is left when a ring of it is added up: (0, F_z) of an axisymmetric field, else all."""
+    return force * (0.0, 1.0) if field.axisymmetric else force
+
+
+def _check_planar(field: SolvedField) -> None:
+    if field.axisymmetric:
+        raise ValueError("an axisymmetric field has no torque: it is the same at every angle.")
+
+
+def _moment(field: SolvedField, force: Floats, centre: Floats) -> float:
+    """Sum of ``(x - centre) x force`` over forces in the middles of the elements."""
+    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - centre[:, None]
+    return float(np.sum(x * force[1] - y * force[0]))
+
+
+def _current_force(field: SolvedField, coil: Names) -> Floats:
+    """``J x B`` times the volume of every element, (2, nelements)."""
+    inside = elements_of(field.mesh, coil)
+    current = np.where(inside, field.current_density, 0.0)
+    if not current.any():
+        raise ValueError(f"the coil {coil!r} carries no current; the force on its material is field.force's.")
+    plain = np.isclose(field.reluctivity * VACUUM_PERMEABILITY, 1.0) & ~field.remanence.any(axis=0)
+    if not plain[inside].all():
+        raise ValueError(f"the coil {coil!r} is magnetic, so Lorentz's force is not all; ask for field.force instead.")
+    # Out of the page and along phi are opposite: x, y, z and r, phi, z are both right-handed.
+    right, up = field.flux_density * (-1.0 if field.axisymmetric else 1.0)
+    return field.volume * current * np.stack((-up, right))
+
+
+def _radii(field: SolvedField, ring: Bools, centre: Floats, gap: Names) -> tuple[float, float]:
+    """Inner and outer radius of a ring."""
+    mesh = field.mesh
+    one, other = mesh.f2t
+    edge = mesh.facets[:, ring[one] != (ring[other] & (other >= 0))]
+    radius = np.hypot(*(mesh.p - centre[:, None]))[edge]
+    inner, outer = float(radius.min()), float(radius.max())
+    # The straight sides of a sector run from one circle to the other.
+    along = np.abs(radius[0] - radius[1]) < 0.5 * np.hypot(*(mesh.p[:, edge[0]] - mesh.p[:, edge[1]]))
+    off = np.minimum(radius - inner, outer - radius)[:, along]
+    if outer - inner < NARROW * outer or not off.size or off.max() > ROUND * (outer - inner):
+        raise ValueError(
+            f"the ring {gap!r} must be bounded by two circles about the centre {tuple(centre.tolist())}; its nodes "
+            f"there are at radii between {inner:.6g} and {outer:.6g} m. Give its centre, or a subdomain that is a ring."
+        )
+    return inner, outer
+
+
+def checked_point(name: str, given: ArrayLike, kind: str = "point (x, y) in m") -> Floats:
+    """A point or vector (2,) as floats."""
+    point = np.asarray(given)
+    if point.shape != (2,) or point.dtype.kind not in "iuf" or not np.isfinite(point).all():
+        raise ValueError(f"{name} must be a {kind}; got {given!r}.")
+    return point.astype(float)

@@ -1,0 +1,243 @@
+"""Goals: single numbers that are wanted of a field, and their derivatives, by which meshes are adapted to them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
+from kohonen_adapt.magnetostatics.quantities.forces import (
+    Lever,
+    checked_point,
+    force_lever,
+    pulled,
+    torque_lever,
+    worked,
+)
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, linkage_density
+
+if TYPE_CHECKING:
+    from kohonen_adapt.magnetostatics.quantities.field import Field
+
+__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
+
+Floats = NDArray[np.float64]
+
+
+@runtime_checkable
+class Goal(Protocol):
+    """What `Magnetostatics(goal=)` takes: a number J of a field, and how it changes with the field.
+
+    A change w of ``field.unknown`` (planar of A, axisymmetric of r A) changes J by
+    ``int source w + flux . grad w`` over the plane of the mesh.
+    """
+
+    def __call__(self, field: "Field") -> float:
+        """J of a field."""
+
+    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+        """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element."""
+
+
+@dataclass(frozen=True)
+class Force:
+    """Component of `Field.force` along a direction.
+
+    Parameters
+    ----------
+    body
+        Name of a subdomain, or a sequence of names that count as one body.
+    direction : (2,)
+        Of any length but 0.
+
+    Raises
+    ------
+    ValueError
+        For a direction that is none; at a field as `Field.force`, and where the force has no component along it: across
+        a mirror plane that cuts the body, and across an axis.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = Force("coil", (1.0, 0.0))
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
+    """
+
+    body: Names
+    direction: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        along = checked_point("direction of Force", self.direction, "vector (x, y)")
+        if not along.any():
+            raise ValueError(f"direction of Force must not be zero; got {self.direction!r}.")
+        object.__setattr__(self, "direction", tuple((along / np.hypot(*along)).tolist()))
+
+    def __call__(self, field: "Field") -> float:
+        """In N/m; with `depth`, and axisymmetric, in N."""
+        return worked(field, self._lever(field))
+
+    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+        """See `Goal`."""
+        return _of_flux_density(field, pulled(field, self._lever(field)))
+
+    def _lever(self, field: "Field") -> Lever:
+        lever = force_lever(field, self.body, np.array(self.direction))
+        if not lever.arm.any():
+            raise ValueError(
+                f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric one is along z, "
+                "that on a body cut by a mirror plane along the plane. Give another direction."
+            )
+        return lever
+
+
+@dataclass(frozen=True)
+class Torque:
+    """`Field.torque` on a body about a centre.
+
+    Parameters
+    ----------
+    body
+        Name of a subdomain, or a sequence of names that count as one body.
+    centre : (2,)
+        In m.
+
+    Raises
+    ------
+    ValueError
+        For a centre that is none; at a field as `Field.torque`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = Torque("coil", centre=(0.5, 0.5))
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
+    """
+
+    body: Names
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", tuple(checked_point("centre of Torque", self.centre).tolist()))
+
+    def __call__(self, field: "Field") -> float:
+        """In N m/m; with `depth` in N m."""
+        return worked(field, torque_lever(field, self.body, self.centre))
+
+    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+        """See `Goal`."""
+        return _of_flux_density(field, pulled(field, torque_lever(field, self.body, self.centre)))
+
+
+@dataclass(frozen=True)
+class FluxLinkage:
+    """Flux linkage of a circuit, the sum of `Field.flux_linkage` over its sides.
+
+    Parameters
+    ----------
+    circuit
+        Subdomain to turns for every side of a coil, negative where the conductor comes back.
+
+    Raises
+    ------
+    ValueError
+        If it is no such mapping; at a field as `Field.flux_linkage`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = FluxLinkage({"coil": 100})
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
+    """
+
+    circuit: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "circuit", checked_circuit(self.circuit))
+
+    def __call__(self, field: "Field") -> float:
+        """In Wb/m; with `depth`, and axisymmetric, in Wb."""
+        return sum(coil_linkage(field, name, turns) for name, turns in self.circuit.items())
+
+    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+        """See `Goal`."""
+        source = linkage_density(field, self.circuit)
+        return source, np.zeros((2, source.size))
+
+
+@dataclass(frozen=True)
+class StoredEnergy:
+    """Energy stored in a part of the mesh since the remanent state, ``int of H . dB``.
+
+    Parameters
+    ----------
+    part
+        Name of a subdomain, or a sequence of names. Not the whole mesh: of its energy the error is what the indicators
+        of a problem without a goal tell, and in the derivative, where the field is balanced, there is nothing of it.
+
+    Raises
+    ------
+    ValueError
+        At a field that lacks the names; for the derivative of the energy of all.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, StoredEnergy
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> goal = StoredEnergy("coil")
+    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
+    (512,)
+    """
+
+    part: Names
+
+    def __call__(self, field: "Field") -> float:
+        """In J/m; with `depth`, and axisymmetric, in J."""
+        return float(np.sum((field.volume * field.energy_density)[elements_of(field.mesh, self.part)]))
+
+    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+        """See `Goal`."""
+        inside = elements_of(field.mesh, self.part)
+        if inside.all():
+            raise ValueError(
+                f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the energy of all leave the "
+                "goal out: what a problem has then are indicators of that."
+            )
+        return _of_flux_density(field, np.where(inside, field.field_strength, 0.0))
+
+
+def _of_flux_density(field: "Field", weight: Floats) -> tuple[Floats, Floats]:
+    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, nelements) in A/m."""
+    total = weight * (1.0 if field.depth is None else field.depth)
+    return np.zeros(weight.shape[1]), field.symmetry.flux(total)

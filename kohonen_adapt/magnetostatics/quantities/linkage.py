@@ -1,0 +1,206 @@
+"""What a circuit is linked with: flux linkage, its current, and the inductances that follow."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
+from kohonen_adapt.magnetostatics.solved import SolvedField
+from kohonen_adapt.mesh.measures import area
+
+__all__ = [
+    "apparent_inductance",
+    "checked_circuit",
+    "circuit_current",
+    "coil_linkage",
+    "energy_inductance",
+    "linkage_density",
+    "turn_length",
+    "turns_density",
+]
+
+EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
+
+Floats = NDArray[np.float64]
+
+_NUMBERS = (int, float, np.integer, np.floating)
+
+
+def coil_linkage(field: SolvedField, coil: Names, turns: float) -> float:
+    """See `Field.flux_linkage`."""
+    inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
+    size = area(field.mesh)[inside]
+    # Along a turn, of length 2 pi r or the depth, A is constant.
+    return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
+
+
+def linkage_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
+    """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
+    (nelements,).
+    """
+    return turn_length(field) * turns_density(field, circuit)
+
+
+def turns_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
+    """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
+    density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
+    for name, turns in circuit.items():
+        inside = elements_of(field.mesh, name)
+        density[inside] += turns / np.sum(size[inside])
+    return density
+
+
+def checked_circuit(circuit: Any) -> dict[str, float]:
+    """A circuit as a dict of its own.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping from names to finite numbers other than 0.
+    """
+    if not isinstance(circuit, Mapping) or not circuit:
+        raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
+    return {name: _turns(name, turns) for name, turns in circuit.items()}
+
+
+def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
+    """Current in the conductor of a circuit.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns for every side of a coil, negative where the conductor comes back:
+        ``{"go": 100, "return": -100}``.
+
+    Returns
+    -------
+    float
+        In A: total current of a side over its turns, the mean of the sides.
+
+    Raises
+    ------
+    ValueError
+        If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
+        carry.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, circuit_current
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
+    >>> round(circuit_current(field, {"coil": 10}), 6)  # 250 A in ten turns
+    25.0
+    """
+    currents = {name: _ampere_turns(field, name) / turns for name, turns in checked_circuit(circuit).items()}
+    values = np.array(list(currents.values()))
+    mean = float(values.mean())
+    if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
+        found = ", ".join(f"{name!r} {value:.6g} A" for name, value in currents.items())
+        raise ValueError(
+            f"the sides of a circuit must carry one current; got {found}. Mind the signs: turns are negative where the "
+            "current comes back."
+        )
+    return mean
+
+
+def apparent_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
+    """Flux linkage over current of a circuit.
+
+    Of linear material without magnets and other currents it is *the* inductance. Magnets and other circuits add their
+    flux to the linkage, and what comes out is no inductance then.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns; see `circuit_current`.
+
+    Returns
+    -------
+    float
+        In H per metre of depth; with `depth`, and axisymmetric, in H.
+
+    Raises
+    ------
+    ValueError
+        See `circuit_current`.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
+    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
+    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
+    True
+    """
+    current = circuit_current(field, circuit)
+    return sum(coil_linkage(field, name, turns) for name, turns in circuit.items()) / current
+
+
+def energy_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
+    """``2 W / I^2`` of a circuit with the stored energy W of the whole field.
+
+    So no other circuit may carry a current and no magnet be there; linear material. With A = 0 around it is
+    `apparent_inductance` to rounding.
+
+    Parameters
+    ----------
+    field
+        A field.
+    circuit
+        Subdomain to turns; see `circuit_current`.
+
+    Returns
+    -------
+    float
+        In H per metre of depth; with `depth`, and axisymmetric, in H.
+
+    Raises
+    ------
+    ValueError
+        See `circuit_current`.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
+    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
+    >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
+    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
+    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
+    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
+    True
+    """
+    return 2.0 * field.energy / circuit_current(field, circuit) ** 2
+
+
+def turn_length(field: SolvedField) -> float:
+    """Of a turn, over r where it is a ring."""
+    return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
+
+
+def _ampere_turns(field: SolvedField, name: str) -> float:
+    inside = elements_of(field.mesh, name)
+    return float(np.sum((area(field.mesh) * field.current_density)[inside]))
+
+
+def _turns(coil: Names, turns: Any) -> float:
+    number = isinstance(turns, _NUMBERS) and not isinstance(turns, bool)
+    if not (number and np.isfinite(turns) and turns != 0):
+        raise ValueError(f"turns of {coil!r} must be a finite number other than 0; got {turns!r}.")
+    return float(turns)

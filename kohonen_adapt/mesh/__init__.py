@@ -1,0 +1,1 @@
+"""A scikit-fem mesh as arrays that kernels change, and back with every name."""

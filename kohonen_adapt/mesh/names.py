@@ -1,0 +1,59 @@
+"""Number the sets of names that elements, facets and nodes carry."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["codes_of_names", "combinations"]
+
+Ints = NDArray[np.int64]
+
+
+def codes_of_names(members: Sequence[tuple[NDArray[np.integer], ArrayLike]], count: int) -> NDArray[np.uint64]:
+    """One number for the set of names that each of `count` things carries, 0 for none.
+
+    Parameters
+    ----------
+    members
+        Per name the things that carry it, and how (a small number for each or for all).
+    count
+        How many things there are.
+
+    Notes
+    -----
+    A random number is drawn per name and manner; their sum identifies the set. Two different sets would have to share a
+    sum of 64-bit numbers to be confused.
+    """
+    codes = np.zeros(count, dtype=np.uint64)
+    rng = np.random.default_rng(20260101)
+    for things, manner in members:
+        keys = rng.integers(1, 2**63, size=4, dtype=np.uint64)
+        unique, first = np.unique(np.asarray(things), return_index=True)
+        codes[unique] += keys[np.broadcast_to(manner, np.shape(things))[first]]
+    return codes
+
+
+def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
+    """Number the distinct combinations of sets that items are in.
+
+    Parameters
+    ----------
+    sets
+        Items of every set, without repetition.
+    count
+        How many items there are.
+
+    Returns
+    -------
+    ndarray (count,)
+        Number of the combination of every item, from 0, in the order of the sets; no set at all comes first.
+    list of ndarray
+        Which sets make every combination.
+    """
+    codes = codes_of_names([(items, 0) for items in sets], count)
+    _, example, combination = np.unique(codes, return_index=True, return_inverse=True)
+    within = np.array([np.isin(example, items) for items in sets], dtype=bool).reshape(len(sets), len(example))
+    members = [np.flatnonzero(column) for column in within.T]
+    order = sorted(range(len(members)), key=lambda number: members[number].tolist())
+    return np.argsort(order)[combination], [members[number] for number in order]

@@ -1,0 +1,234 @@
+"""A scikit-fem mesh as arrays (elements by region, neighbours, names), and back with every name."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+from skfem.mesh import MeshTri1
+
+from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
+from kohonen_adapt.kernels.triangle.geometry import Elements, Star
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import codes_of_names
+
+__all__ = ["Triangulation", "check_mesh", "empty_star"]
+
+
+@dataclass
+class Triangulation:
+    """A working copy of a mesh that kernels may change; everything in it is its own.
+
+    Attributes
+    ----------
+    position
+        (n, 2): the one truth of where a node is.
+    elements
+        (m, 3) arrays of counter-clockwise nodes, neighbours and chains of edges, (m,) regions, and what layers ask for.
+    star
+        The elements around every node.
+    mesh
+        The mesh it came from: names, and connectivity that scikit-fem has worked out already.
+    region_of_input
+        Region of every element of that mesh.
+    """
+
+    position: NDArray[np.float64]
+    elements: Elements
+    star: Star
+    mesh: MeshTri
+    region_of_input: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, mesh: MeshTri) -> "Triangulation":
+        """Check a mesh and take it apart.
+
+        Raises
+        ------
+        ValueError
+            If it is not a valid, connected-by-nodes mesh of straight triangles; see `check_mesh`.
+        """
+        check_mesh(mesh)
+        position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
+        node = counter_clockwise(position, mesh.t)
+        neighbour = np.empty_like(node)
+        star = empty_star(len(position), len(node))
+        fill_star(node, star)
+        fold = link_neighbours(node, star, neighbour)
+        if fold >= 0:
+            raise ValueError(
+                f"the mesh is tangled: element {fold} shares an edge with an element on the same side of it "
+                "(overturned or doubled); repair the mesh before adapting it."
+            )
+        chain = np.full_like(node, -1)
+        region = regions_of(mesh, neighbour)
+        level, layered = np.zeros(len(position), dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)
+        return cls(position, Elements(node, neighbour, region.copy(), chain, level, layered), star, mesh, region)
+
+    @property
+    def nnodes(self) -> int:
+        """Number of nodes."""
+        return len(self.position)
+
+    def copy(self) -> "Triangulation":
+        """The triangulation as it is now."""
+        elements = Elements(*(array.copy() for array in self.elements))
+        return replace(
+            self, position=self.position.copy(), elements=elements, star=Star(*(array.copy() for array in self.star))
+        )
+
+    def refill_star(self) -> None:
+        """Work the stars out anew after edges were flipped."""
+        fill_star(self.elements.node, self.star)
+
+    def areas(self) -> NDArray[np.float64]:
+        """Area of every element, (m,)."""
+        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
+
+    def centroids(self) -> NDArray[np.float64]:
+        """Centroid of every element, (m, 2)."""
+        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        return (a + b + c) / 3.0
+
+    def to_mesh(self) -> MeshTri:
+        """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
+        t, node = self.mesh.t, ascending(*self.elements.node.T)
+        t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
+        position = np.ascontiguousarray(self.position.T)
+        return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=self._subdomains())
+
+    def _subdomains(self) -> dict[str, NDArray[np.integer]] | None:
+        """The elements of every name, as many as there are now: an element carries the names of its region."""
+        if self.mesh.subdomains is None:
+            return None
+        found = {}
+        for name, rows in self.mesh.subdomains.items():
+            if name.startswith("gmsh:"):
+                if len(self.elements.node) == len(self.region_of_input):
+                    found[name] = np.array(rows)
+                continue
+            named = np.zeros(self.region_of_input.max() + 1, dtype=bool)
+            named[self.region_of_input[rows]] = True
+            found[name] = np.flatnonzero(named[self.elements.region]).astype(np.asarray(rows).dtype)
+        return found
+
+
+def check_mesh(mesh: MeshTri) -> None:
+    """Refuse what is not a mesh of straight, connected, non-degenerate triangles.
+
+    Raises
+    ------
+    ValueError
+        If `mesh` is not exactly a `skfem.MeshTri` (the message names the remedy), is empty, or has isolated nodes,
+        coordinates that are not finite, elements without area, or names for elements or facets that do not exist.
+    """
+    if type(mesh) is not MeshTri1:
+        raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
+    if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
+        raise ValueError("mesh must have at least one element; got an empty mesh.")
+    if mesh.p.shape[0] != 2:
+        raise ValueError(f"mesh must have coordinates of shape (2, n); got {mesh.p.shape}.")
+    if not np.all(np.isfinite(mesh.p)):
+        bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
+        raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
+    check_nodes_used(mesh)
+    check_areas(mesh)
+    check_names(mesh)
+
+
+def remedy_for(mesh: object) -> str:
+    """What to do with a mesh of another class."""
+    name = type(mesh).__name__
+    if "Quad" in name:
+        return "Split the quadrilaterals: mesh.to_meshtri()."
+    if name.endswith("DG"):
+        return "Connect its elements: MeshTri(mesh.p, mesh.dofs.element_dofs).remove_duplicate_nodes()."
+    if name.startswith("MeshTri"):
+        return "Keep its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+    if "Tet" in name or "Hex" in name or "Line" in name:
+        return "Only two-dimensional meshes can be adapted."
+    return "Build one with skfem.MeshTri or kohonen_adapt.read_mesh."
+
+
+def check_nodes_used(mesh: MeshTri) -> None:
+    """Refuse nodes that belong to no element, and elements whose nodes do not exist."""
+    count = mesh.p.shape[1]
+    if mesh.t.min() < 0 or mesh.t.max() >= count:
+        raise ValueError(f"mesh.t must hold node numbers from 0 to {count - 1}; got {mesh.t.min()} to {mesh.t.max()}.")
+    unused = np.flatnonzero(np.bincount(mesh.t.ravel(), minlength=count) == 0)
+    if len(unused):
+        raise ValueError(
+            f"every node must belong to an element; {len(unused)} do not, the first is node {unused[0]}. "
+            "Drop them with mesh.remove_unused_nodes()."
+        )
+
+
+def check_areas(mesh: MeshTri) -> None:
+    """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
+    (ax, bx, cx), (ay, by, cy) = mesh.p[:, mesh.t]
+    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
+    longest = np.maximum(np.maximum(ux**2 + uy**2, vx**2 + vy**2), (cx - bx) ** 2 + (cy - by) ** 2)
+    flat = np.flatnonzero(~(np.abs(ux * vy - vx * uy) > 1e-14 * longest))
+    if len(flat):
+        raise ValueError(
+            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
+            "Mesh again, or take them out."
+        )
+
+
+def check_names(mesh: MeshTri) -> None:
+    """Refuse named sets that do not hold numbers of elements or facets; what scikit-fem calls ``gmsh:*`` is none."""
+    subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
+    if boundaries:
+        number_facets(mesh)
+    named = [("subdomain", name, rows, mesh.t.shape[1]) for name, rows in subdomains.items()]
+    named += [("boundary", name, rows, mesh.facets.shape[1]) for name, rows in boundaries.items()]
+    for kind, name, rows, count in named:
+        if not isinstance(name, str):
+            raise ValueError(f"the name of a {kind} must be text; got {name!r}.")
+        if name.startswith("gmsh:"):
+            continue
+        rows = np.asarray(rows)
+        if rows.ndim != 1 or rows.dtype.kind not in "iu":
+            raise ValueError(
+                f"{kind} '{name}' must be an array (k,) of integers; got {rows.dtype} of shape {rows.shape}. "
+                "Masks: numpy.flatnonzero(mask)."
+            )
+        if len(rows) and (rows.min() < 0 or rows.max() >= count):
+            raise ValueError(
+                f"{kind} '{name}' must have indices from 0 to {count - 1}; got {rows.min()} to {rows.max()}."
+            )
+
+
+def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np.int32]:
+    """Elements as rows of nodes in counter-clockwise order; scikit-fem sorts them by number instead."""
+    node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
+    a, b, c = (position[node[:, k]] for k in range(3))
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    node[clockwise, 1:] = node[clockwise, :0:-1]
+    return node
+
+
+def ascending(a: NDArray[np.integer], b: NDArray[np.integer], c: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The corners of elements from the least to the greatest, (3, m): many times faster than a sort of short rows."""
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    return np.stack([low, a + b + c - low - high, high])
+
+
+def empty_star(nnodes: int, nelements: int) -> Star:
+    """Room for the elements around every node."""
+    rows = [np.empty(3 * nelements, dtype=np.int32) for _ in range(3)]
+    return Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
+
+
+def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
+
+    What scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no subdomain: its numbers are not those of elements.
+    """
+    subdomains = {name: rows for name, rows in (mesh.subdomains or {}).items() if not name.startswith("gmsh:")}
+    codes = codes_of_names([(np.asarray(rows), 0) for rows in subdomains.values()], len(neighbour))
+    region = np.empty(len(neighbour), dtype=np.int32)
+    number_regions(neighbour, codes, region, np.empty_like(region))
+    return region

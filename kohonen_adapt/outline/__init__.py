@@ -1,0 +1,1 @@
+"""Where nodes may go: outlines, curves on them, periodic pairs and layers."""

@@ -1,0 +1,327 @@
+"""Chains: runs of outline facets cut into straight pieces and curves, and the tables of where nodes on them may be."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from kohonen_adapt.kernels.triangle.chains import LENGTH, MERGED, REACH, ROUND, TABLED, Chains
+from kohonen_adapt.kernels.triangle.trace import cut_runs, lengths_and_angles
+from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.facets import Facets
+from kohonen_adapt.outline.polylines import Runs
+
+logger = logging.getLogger(__package__)
+
+__all__ = [
+    "Curve",
+    "Pieces",
+    "chains_of",
+    "check_curves",
+    "curve_of_facets",
+    "cut",
+    "pair_chains",
+    "projected",
+    "without_corner",
+]
+
+WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
+FACETS = 5  # of an arc at least, so that it goes on being seen as one
+ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
+NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
+BITS = 43  # of centres and radii of recognised circles
+SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
+FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.integer]
+
+
+class Curve(Protocol):
+    """What a boundary may be given as its curve."""
+
+    def project(self, x: Floats) -> Floats:
+        """The points of the curve nearest to x, (2, n)."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What the runs were cut into, a row for each piece.
+
+    Attributes
+    ----------
+    rows
+        (p, 4): slots of the first and the last node, whether it is round, whether it is closed.
+    circle
+        (p, 3): centre and radius of round ones.
+    curve
+        (p,): which of the given curves it is on, -1 for none.
+    """
+
+    rows: Indices
+    circle: Floats
+    curve: Indices
+
+    @property
+    def of_slot(self) -> Indices:
+        """The piece of the facet after every slot, for the slots of pieces one after another."""
+        return np.repeat(np.arange(len(self.rows)), self.rows[:, 1] - self.rows[:, 0])
+
+    @property
+    def slots(self) -> Indices:
+        """The slots of the first nodes of all facets, piece by piece."""
+        first, length = self.rows[:, 0], self.rows[:, 1] - self.rows[:, 0]
+        return np.arange(length.sum()) + np.repeat(first - np.cumsum(length) + length, length)
+
+
+def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, Indices] | None) -> dict[str, Curve]:
+    """The curves that were given for boundaries of a mesh.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping, a name is not that of a boundary, or a curve has no method `project`.
+    """
+    if curves is None:
+        return {}
+    if not isinstance(curves, Mapping):
+        raise ValueError(f"curves must map names of boundaries to curves; got {type(curves).__name__}.")
+    for name, curve in curves.items():
+        if name not in (boundaries or {}):
+            known = ", ".join(repr(known) for known in sorted(boundaries or {})) or "none"
+            raise ValueError(f"curves has {name!r}, which is no boundary of the mesh; its boundaries are: {known}.")
+        if not callable(getattr(curve, "project", None)):
+            raise ValueError(
+                f"the curve of boundary {name!r} must be a kohonen_adapt.Line, Arc or Spline, or have a method "
+                f"project(x (2, n)) -> (2, n); got {curve!r}."
+            )
+    return dict(curves)
+
+
+def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
+    """Which of the given curves every facet is on, -1 for none, (f,).
+
+    Raises
+    ------
+    ValueError
+        If a facet is on two of them.
+    """
+    found, names = np.full(len(facets.element), -1), list(curves)
+    for number, name in enumerate(names):
+        on = facets.sides[name] > 0
+        twice = on & (found >= 0)
+        if twice.any():
+            other = names[found[np.flatnonzero(twice)[0]]]
+            raise ValueError(
+                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a curve; leave one out."
+            )
+        found[on] = number
+    return found
+
+
+def without_corner(curve: Indices, curves: Mapping[str, Curve]) -> Mask:
+    """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
+    smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
+    return smooth[curve]
+
+
+def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
+    """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
+
+    Raises
+    ------
+    ValueError
+        If the nodes of a boundary are not near the curve given for it.
+    """
+    node, facet = runs.node.copy(), runs.facet.copy()
+    of_run = curve[facet[runs.start[:-1]]]
+    most = len(facet) + len(of_run)
+    rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
+    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
+    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, 0]]])
+    for p in np.flatnonzero(pieces.curve >= 0).tolist():
+        name, given = list(curves.items())[pieces.curve[p]]
+        check_near(nodes_of(position, node, pieces, p), given, name)
+        if isinstance(given, Arc):
+            pieces.rows[p, 2], pieces.circle[p] = 1, (*given.centre, given.radius)
+    return runs._replace(node=node, facet=facet), pieces
+
+
+def without_noise(circle: Floats) -> Floats:
+    """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
+    step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
+    return np.round(circle / step) * step + 0.0  # no -0
+
+
+def nodes_of(position: Floats, node: Indices, pieces: Pieces, p: int) -> Floats:
+    """Where the nodes of a piece are, in order, (k, 2)."""
+    return position[node[pieces.rows[p, 0] : pieces.rows[p, 1] + 1]]
+
+
+def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve]) -> Chains:
+    """The table of chains, one for every piece."""
+    count = len(pieces.rows)
+    longest, angle = np.empty(count), np.empty(count)
+    lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, angle)
+    table = straight_table(position[runs.node[pieces.rows[:, 0]]], position[runs.node[pieces.rows[:, 1]]])
+    bend(table, pieces, angle, longest)
+    knots: list[Floats] = [np.empty((0, 5))] * count
+    for p in np.flatnonzero(pieces.curve >= 0).tolist():
+        name, given = list(curves.items())[pieces.curve[p]]
+        nodes = nodes_of(position, runs.node, pieces, p)
+        if isinstance(given, Line):
+            straighten(table, p, projected(given, nodes[[0, -1]], name))
+        elif not isinstance(given, Arc):
+            knots[p] = tabulated(given, nodes, bool(pieces.rows[p, 3]), name)
+            tabulate(table, p, knots[p], bool(pieces.rows[p, 3]), longest[p])
+    report(table, pieces)
+    row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
+    return table._replace(row=row, knot=np.concatenate([np.empty((0, 5)), *knots]))
+
+
+def straight_table(start: Floats, end: Floats) -> Chains:
+    """Straight chains between points (c, 2)."""
+    count, chord = len(start), end - start
+    length = np.sqrt(np.sum(chord**2, axis=1))
+    with np.errstate(invalid="ignore"):  # of closed ones, which are not straight
+        direction = chord / length[:, None]
+    place = np.zeros((count, 9))
+    place[:, 0:2], place[:, 2:4], place[:, LENGTH] = start, direction, length
+    place[:, [REACH, MERGED]] = np.inf
+    return Chains(place, np.zeros((count, 3), dtype=np.int8), np.zeros(count + 1, dtype=np.int32), np.empty((0, 5)))
+
+
+def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
+    """Make the chains of round pieces round."""
+    is_round = pieces.rows[:, 2] == 1
+    centre, radius, angle = pieces.circle[is_round, :2], pieces.circle[is_round, 2], angle[is_round]
+    out = table.origin[is_round] - centre
+    distance = np.sqrt(np.sum(out**2, axis=1))
+    out /= distance[:, None]
+    sense = np.sign(angle)
+    table.shape[is_round] = ROUND
+    table.closed[is_round] = pieces.rows[is_round, 3]
+    table.origin[is_round] = centre + radius[:, None] * out
+    table.direction[is_round] = sense[:, None] * np.stack([-out[:, 1], out[:, 0]], axis=1)
+    table.curvature[is_round] = sense / radius
+    full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
+    table.length[is_round] = radius * full
+    count = pieces.rows[is_round, 1] - pieces.rows[is_round, 0]
+    coarse = np.clip(ROOM * full / count, WIDEST, 0.5 * np.pi)  # what is given need not be recognised again
+    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
+    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
+    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
+    chord = np.maximum(table.reach, longest)[is_round]
+    table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
+
+
+def straighten(table: Chains, p: int, ends: Floats) -> None:
+    """Let a chain be the line between two points (2, 2)."""
+    way = ends[1] - ends[0]
+    table.origin[p], table.length[p] = ends[0], np.sqrt(np.sum(way**2))
+    table.direction[p] = way / table.length[p]
+
+
+def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
+    """Let a chain be looked up between its knots."""
+    table.shape[p], table.closed[p] = TABLED, closed
+    table.origin[p], table.length[p] = knots[0, 1:3], knots[-1, 0]
+    table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
+    tightest = least_radius(knots)
+    reach = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
+    bow = min(longest, reach * (reach / (4.0 * tightest))) if tightest < np.inf else 0.0
+    table.reach[p], table.merged[p] = reach, 0.5 * reach
+    table.bulge[p] = bow + NEAR * size_of(knots[:, 1:3])
+
+
+def projected(curve: Curve, points: Floats, name: str) -> Floats:
+    """The points (n, 2) of a curve nearest to some, checked."""
+    found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
+    wrong = np.sum(~np.isfinite(found))
+    if found.shape != (2, len(points)) or wrong:
+        raise ValueError(
+            f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
+            f"got shape {found.shape}, {wrong} coordinates not finite."
+        )
+    return np.ascontiguousarray(found.T)
+
+
+def check_near(nodes: Floats, curve: Curve, name: str) -> None:
+    """Refuse a curve that the nodes of its boundary are not on."""
+    way = nodes - projected(curve, nodes, name)
+    off, size = np.sqrt(np.max(np.sum(way**2, axis=1))), size_of(nodes)
+    if off > NEAR * size:
+        raise ValueError(
+            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size "
+            f"{size:.6g}; one is {off:.6g} away. Give the curve that the mesh was made with."
+        )
+
+
+def size_of(nodes: Floats) -> float:
+    """The larger extent of some points (n, 2)."""
+    return float(np.max(np.ptp(nodes, axis=0)))
+
+
+def cross(u: Floats, w: Floats) -> Floats:
+    """Third component of the cross products of the rows."""
+    return u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+
+
+def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
+    """Knots of a cubic spline along a curve, from the projections of more and more points of the facets, (k, 5)."""
+    samples, most = SAMPLES
+    while True:
+        share = np.arange(samples)[:, None] / samples
+        points = (nodes[:-1, None] + share * np.diff(nodes, axis=0)[:, None]).reshape(-1, 2)
+        points = projected(curve, np.concatenate([points, nodes[-1:]]), name)
+        if closed:
+            points[-1] = points[0]
+        steps = np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1))
+        if not np.all(steps > 0.0):
+            raise ValueError(
+                f"project of the curve of boundary {name!r} must tell its points apart; it has a corner. "
+                "Name what is on either side of it apart."
+            )
+        parameter = np.append(0.0, np.cumsum(steps))
+        spline = CubicSpline(parameter, points, bc_type="periodic" if closed else "not-a-knot")
+        middle = spline(0.5 * (parameter[1:] + parameter[:-1]))
+        off = np.max(np.abs(projected(curve, middle, name) - middle))
+        if off <= FINE * size_of(nodes) or 2 * samples > most:
+            return np.column_stack([parameter, points, spline(parameter, 1)])
+        samples *= 2
+
+
+def least_radius(knots: Floats) -> float:
+    """The least radius of curvature along a table."""
+    turn = np.abs(np.arctan2(cross(knots[:-1, 3:], knots[1:, 3:]), np.sum(knots[:-1, 3:] * knots[1:, 3:], axis=1)))
+    tightest = np.max(turn / np.diff(knots[:, 0]))
+    return float(1.0 / tightest) if tightest > 0.0 else np.inf
+
+
+def report(table: Chains, pieces: Pieces) -> None:
+    """Say which circles were recognised."""
+    for p in np.flatnonzero((table.shape == ROUND) & (pieces.curve < 0)):
+        x, y, radius = pieces.circle[p]
+        count = pieces.rows[p, 1] - pieces.rows[p, 0] + (0 if table.closed[p] else 1)
+        kind = "a circle" if table.closed[p] else f"an arc of {np.rad2deg(table.length[p] / radius):.4g} degrees"
+        logger.debug("recognised %s of radius %.6g about (%.6g, %.6g), %d nodes", kind, radius, x, y, count)
+
+
+def pair_chains(table: Chains, mate: Indices, motion: Indices, motions: Floats) -> None:
+    """Let chains that are images of others, `mate` (c,), -1 for none, be that exactly, parameters included.
+
+    `motion` (c,) is the number of the one that carries a chain to its mate; of each two the even one decides.
+    """
+    table.paired[:] = mate >= 0
+    first = np.flatnonzero((mate >= 0) & (motion % 2 == 0))
+    image, step = mate[first], motions[motion[first]]
+    turn, shift = step[:, :, :2], step[:, :, 2]
+    table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
+    table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
+    for array in (table.length, table.curvature, table.reach, table.merged, table.bulge):
+        array[image] = array[first]

@@ -1,0 +1,122 @@
+"""Outline facets of a triangulation: on the outer boundary, between regions, and named; which ones go on into which."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.polylines import CORNER, Runs, traced
+
+__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of", "turned"]
+
+UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.integer]
+
+
+class Facets(NamedTuple):
+    """The facets that outlines are made of, a row each, running counter-clockwise in their element."""
+
+    element: Indices  # (f,)
+    corner: Indices  # (f,) local number of the element's corner opposite to the facet
+    nodes: Indices  # (f, 2)
+    label: Indices  # (f, 2) seen along and against the facet: alike where regions and names on both sides are
+    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
+
+
+class Joints(NamedTuple):
+    """The nodes in which just two outline facets meet."""
+
+    node: Indices  # (j,)
+    facets: Indices  # (j, 2)
+    ends: Indices  # (j, 2) the facets' other nodes
+    smooth: Mask  # (j,) a curve may go through: the same names and regions on both sides, no sharp turn
+
+
+def outline_facets(triangulation: Triangulation) -> Facets:
+    """Facets on the outer boundary, between regions, and in named boundaries."""
+    mesh, elements = triangulation.mesh, triangulation.elements
+    across, own = elements.neighbour, elements.region[:, None]
+    other = np.where(across >= 0, elements.region[across], -1)
+    marked = other != own
+    boundaries = mesh.boundaries or {}
+    facet = facet_of_edge(mesh, elements.node) if boundaries else None
+    if boundaries:
+        named = np.zeros(mesh.facets.shape[1], dtype=bool)
+        named[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
+        marked |= named[facet]
+    e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
+    nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    sides = {} if facet is None else {n: sides_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
+    return Facets(e, k, nodes, labels(elements.region[e], other[e, k], list(sides.values())), sides)
+
+
+def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number of the facet opposite to each corner of the counter-clockwise elements, (m, 3)."""
+    number_facets(mesh)
+    facet = np.empty_like(node)
+    for row in range(3):  # scikit-fem's facets of an element: corners 01, 12, 02
+        corner = np.argmax(node == mesh.t[(row + 2) % 3][:, None], axis=1)
+        facet[np.arange(len(node)), corner] = mesh.t2f[row]
+    return facet
+
+
+def sides_of(mesh: MeshTri, rows: Indices, facet: Indices, element: Indices) -> NDArray[np.int8]:
+    """How the given facets, seen from the given elements, carry a boundary of these rows."""
+    manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
+    manner[np.asarray(rows)] = UNORIENTED
+    if isinstance(rows, OrientedBoundary):
+        side = np.full(len(manner), -1)
+        side[np.asarray(rows)] = mesh.f2t[rows.ori, np.asarray(rows)]
+        return np.where(manner[facet] == 0, 0, np.where(side[facet] == element, LEFT, RIGHT)).astype(np.int8)
+    return manner[facet]
+
+
+def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
+    """Sides seen along another direction: LEFT and RIGHT change places where it is not the same."""
+    return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
+
+
+def labels(left: Indices, right: Indices, sides: list[NDArray[np.int8]]) -> Indices:
+    """Number the combinations of regions to the left and right and of carried names, along and against, (f, 2)."""
+    rows = []
+    for pair, along in (((left, right), True), ((right, left), False)):
+        seen = [turned(side, along) for side in sides]
+        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(left)).view(np.int64)
+        rows.append(np.column_stack([*pair, code]))
+    number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
+    return number.reshape(2, -1).T
+
+
+def joints_of(facets: Facets, position: NDArray[np.float64], cornerless: Mask) -> Joints:
+    """Pair the facets at every node in which just two meet.
+
+    The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are.
+    """
+    ends = facets.nodes.ravel()
+    order = np.argsort(ends, kind="stable")
+    count = np.bincount(ends, minlength=len(position))
+    node = np.flatnonzero(count == 2)
+    first = (np.cumsum(count) - count)[node]
+    rows = np.stack([order[first], order[first + 1]], axis=1)
+    other = ends[rows ^ 1]
+    # along the first facet to the node, and on along the second: against its own direction where it ends there
+    arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
+    u, w = (position[other[:, side]] - position[node] for side in (0, 1))
+    turn = np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
+    smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
+    return Joints(node, rows // 2, other, (arriving == leaving) & smooth)
+
+
+def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
+    """Trace the facets through the smooth joints, except at the nodes of the mask `stops` (n,)."""
+    through = np.full((len(stops), 2), -1, dtype=np.int32)
+    going = joints.smooth & ~stops[joints.node]
+    through[joints.node[going]] = joints.facets[going]
+    return traced(facets.nodes, through)

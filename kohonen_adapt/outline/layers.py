@@ -1,0 +1,189 @@
+"""Layers of elements across thin subdomains: levels of nodes that keep their two sides apart.
+
+Across a subdomain there are k layers if every way over its edges from one side to the other has k edges or more. Levels
+certify it: 0 on one side, k on the other, and no edge joins nodes whose levels differ by more than 1. A node keeps its
+level; what would make an edge against them is refused.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.kernels.triangle.across import lower_to_steps
+from kohonen_adapt.kernels.triangle.chains import Constraints
+from kohonen_adapt.kernels.triangle.geometry import Elements
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.sides import facing_sides, joined
+
+__all__ = ["lay"]
+
+Indices = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Band:
+    """Two sides of a subdomain that face each other.
+
+    Attributes
+    ----------
+    name, number
+        The subdomain, and how many layers it is to have.
+    pairs
+        (k, 2): the nodes of the edges of its part.
+    sides
+        The nodes on either side.
+    """
+
+    name: str
+    number: int
+    pairs: Indices
+    sides: tuple[Indices, Indices]
+
+
+def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
+    """Give the nodes of subdomains the levels that keep so many layers of elements across each, by name.
+
+    Raises
+    ------
+    ValueError
+        If `layers` is no mapping from names of subdomains to integers >= 1, a subdomain has no two sides or fewer
+        layers than that, or subdomains touch so that no levels fit all.
+    """
+    wanted = checked(layers, triangulation.mesh.subdomains)
+    bands: list[Band] = []
+    for name, number in wanted.items():
+        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
+        if not len(rows):
+            raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers; leave it out.")
+        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
+            bands += bands_of(triangulation, constraints, name, number, inside)
+            triangulation.elements.layered[inside] = True
+    if bands:
+        for band in bands:
+            check_number(triangulation.position, band)
+        triangulation.elements.level[:] = levels_of(bands, triangulation.nnodes)
+
+
+def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Indices] | None) -> dict[str, int]:
+    """How many layers each subdomain is to have."""
+    if layers is None:
+        return {}
+    if not isinstance(layers, Mapping):
+        raise ValueError(f"layers must map names of subdomains to numbers of layers; got {type(layers).__name__}.")
+    names = [name for name in subdomains or {} if not name.startswith("gmsh:")]
+    for name, number in layers.items():
+        if name not in names:
+            known = ", ".join(repr(known) for known in sorted(names)) or "none"
+            raise ValueError(f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {known}.")
+        if not isinstance(number, int | np.integer) or isinstance(number, bool) or number < 1:
+            raise ValueError(f"layers of subdomain {name!r} must be an integer >= 1; got {number!r}.")
+    return {name: int(number) for name, number in layers.items()}
+
+
+def parts_of(elements: Elements, regions: Indices) -> Iterator[Mask]:
+    """The regions of every connected part of a subdomain, as masks (r,)."""
+    inside = np.zeros(len(elements.layered), dtype=bool)
+    inside[regions] = True
+    e, k = np.nonzero(elements.neighbour >= 0)
+    own, other = elements.region[e], elements.region[elements.neighbour[e, k]]
+    both = inside[own] & inside[other]
+    label = joined(own[both], other[both], len(inside))
+    for part in np.unique(label[inside]):
+        yield inside & (label == part)
+
+
+def bands_of(
+    triangulation: Triangulation, constraints: Constraints, name: str, number: int, inside: Mask
+) -> list[Band]:
+    """The bands of one part of a subdomain; most have one.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    sides = list(facing_sides(triangulation, constraints, inside))
+    if not sides:
+        raise ValueError(
+            f"subdomain {name!r} must be thin to keep layers; it has no two sides that face each other. Leave it out."
+        )
+    node = triangulation.elements.node[inside[triangulation.elements.region]]
+    pairs = node[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return [Band(name, number, pairs, both) for both in sides]
+
+
+def check_number(position: Floats, band: Band) -> None:
+    """Refuse a band with fewer layers than are to be kept."""
+    steps = np.full(len(position), min(band.number, len(position)))
+    steps[band.sides[0]] = 0
+    lower_to_steps(band.pairs, steps)
+    least = band.sides[1][np.argmin(steps[band.sides[1]])]
+    if steps[least] < band.number:
+        x, y = position[least]
+        plural = "" if steps[least] == 1 else "s"
+        raise ValueError(
+            f"subdomain {band.name!r} has {steps[least]} layer{plural} of elements between its sides near "
+            f"({x:.6g}, {y:.6g}); layers asks for {band.number}: refine it there first."
+        )
+
+
+def levels_of(bands: list[Band], count: int) -> Indices:
+    """Levels of the nodes: those of the sides, and between them as near to the middle as steps of 1 allow, (count,).
+
+    Raises
+    ------
+    ValueError
+        If bands touch so that no levels fit all.
+    """
+    level, known = levels_of_sides(bands, count)
+    pairs = np.concatenate([band.pairs for band in bands])
+    top = int(np.max(np.abs(level)))
+    most, least, middle = np.where(known, level, top), np.where(known, -level, top), np.full(count, top)
+    for band in bands:
+        middle[np.concatenate([*band.sides, band.pairs.ravel()])] = (
+            level[band.sides[0][0]] + level[band.sides[1][0]]
+        ) // 2
+    for value in (most, least, middle):
+        lower_to_steps(pairs, value)
+    if not np.array_equal(most[known], level[known]):
+        raise contradiction(bands)
+    return np.where(np.bincount(pairs.ravel(), minlength=count) > 0, np.minimum(most, np.maximum(-least, middle)), 0)
+
+
+def levels_of_sides(bands: list[Band], count: int) -> tuple[Indices, Mask]:
+    """Levels of the nodes on sides, and which nodes those are; sides that share nodes have the same level."""
+    sides = [side for band in bands for side in band.sides]
+    number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
+    label = joined(number, len(sides) + np.concatenate(sides), len(sides) + count)
+    ways: dict[int, list[tuple[int, int]]] = {}
+    for i, band in enumerate(bands):
+        a, b = label[2 * i], label[2 * i + 1]
+        ways.setdefault(a, []).append((b, band.number))
+        ways.setdefault(b, []).append((a, band.number))
+    found: dict[int, int] = {}
+    for start in ways:
+        found.setdefault(start, 0)
+        waiting = deque([start])
+        while waiting:
+            a = waiting.popleft()
+            for b, step in ways[a]:
+                if b not in found:
+                    found[b] = found[a] + (step if found[a] <= 0 else -step)
+                    waiting.append(b)
+    if any(abs(found[label[2 * i]] - found[label[2 * i + 1]]) != band.number for i, band in enumerate(bands)):
+        raise contradiction(bands)
+    level, known = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
+    for i, side in enumerate(sides):
+        level[side], known[side] = found[label[i]], True
+    return level, known
+
+
+def contradiction(bands: list[Band]) -> ValueError:
+    """The error where what is asked for in one place cannot be had in another."""
+    names = ", ".join(sorted({repr(band.name) for band in bands}))
+    return ValueError(f"subdomains with layers touch so that not all can have theirs ({names}); ask for fewer of them.")

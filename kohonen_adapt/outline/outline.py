@@ -1,0 +1,307 @@
+"""Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.kernels.triangle.chains import (
+    FREE,
+    HELD,
+    JUNCTION,
+    SLIDING,
+    STRAIGHT,
+    TABLED,
+    Constraints,
+    Twins,
+    farthest_from_facets,
+    find_parameters,
+    look_up,
+    mark_along,
+)
+from kohonen_adapt.kernels.triangle.geometry import settle
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import (
+    Curve,
+    Pieces,
+    chains_of,
+    check_curves,
+    curve_of_facets,
+    cut,
+    pair_chains,
+    projected,
+    without_corner,
+)
+from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
+from kohonen_adapt.outline.pairs import Pairs, find_pairs
+from kohonen_adapt.outline.polylines import Runs
+
+__all__ = ["Outline", "pinned_nodes"]
+
+STILL = 1e-13  # of the size of the mesh: a node so near to its place on its curve is left there
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.integer]
+
+
+@dataclass
+class Outline:
+    """What the outlines of a triangulation allow each node, and the names of its chains.
+
+    Attributes
+    ----------
+    constraints
+        Arrays for the kernels, which change them when nodes slide or jump.
+    names
+        Per boundary name, how each chain carries it: 0, UNORIENTED, LEFT or RIGHT, (c,).
+    pinned
+        (n,): nodes that were asked to stay where they are.
+    curves
+        The curves given for boundaries, by name.
+    given
+        Which of them each chain is on, -1 for none, (c,).
+    """
+
+    constraints: Constraints
+    names: dict[str, NDArray[np.int8]]
+    pinned: Mask
+    curves: dict[str, Curve]
+    given: Indices
+
+    @classmethod
+    def of(
+        cls,
+        triangulation: Triangulation,
+        pinned: Mask,
+        curves: Mapping[str, Curve] | None = None,
+        periodic: Sequence[tuple[str, str]] = (),
+        *,
+        junctions: bool = False,
+    ) -> "Outline":
+        """Find the chains of a triangulation, and mark their facets in it.
+
+        Neurons may leave `junctions` of three chains if elements may change sides for that.
+
+        Raises
+        ------
+        ValueError
+            If a curve is given for what is no boundary, or the nodes there are not on it; if periodic boundaries do not
+            match.
+        """
+        curves = check_curves(curves, triangulation.mesh.boundaries)
+        facets = outline_facets(triangulation)
+        pairs = find_pairs(triangulation, facets, periodic)
+        curve = curve_of_facets(facets, curves)
+        joints = joints_of(facets, triangulation.position, without_corner(curve, curves))
+        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves)
+        chains = chains_of(triangulation.position, runs, pieces, curves)
+        chain = np.empty(len(facets.element), dtype=np.int32)
+        chain[runs.facet[pieces.slots]] = pieces.of_slot
+        mark_facets(triangulation, facets, chain)
+        occupied = pinned.copy()
+        occupied[facets.nodes[pairs.facet >= 0]] = True
+        constraints = Constraints(
+            kind=kinds_of(facets, sliding, pinned),
+            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, junctions),
+            parameter=np.zeros(triangulation.nnodes),
+            inner=inner_nodes(triangulation),
+            chains=chains,
+            twins=twins_of(triangulation, facets, pairs),
+        )
+        find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
+        make_mates(constraints, pairs, chain)
+        first = runs.facet[pieces.rows[:, 0]]
+        along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
+        names = {name: turned(side[first], along) for name, side in facets.sides.items()}
+        return cls(constraints, names, pinned, curves, pieces.curve)
+
+    def copy(self) -> "Outline":
+        """The outline as it is now."""
+        own = ("kind", "chain", "parameter", "inner")  # chains and twins stay what they are
+        arrays = {name: getattr(self.constraints, name).copy() for name in own}
+        return replace(self, constraints=self.constraints._replace(**arrays))
+
+    def settle(self, triangulation: Triangulation, floor: float) -> None:
+        """Put the nodes that slide on curves exactly there, as far as the quality rule lets them.
+
+        Curves of which kernels have a table are asked themselves.
+        """
+        kind, chain, chains = self.constraints.kind, self.constraints.chain[:, 0], self.constraints.chains
+        curved = (chains.shape != STRAIGHT) | (self.given >= 0)
+        nodes = np.flatnonzero((kind == SLIDING) & curved[chain])
+        if not len(nodes):
+            return
+        target = np.empty((len(nodes), 2))
+        look_up(self.constraints, nodes, target)
+        for number, (name, curve) in enumerate(self.curves.items()):
+            on = (self.given == number)[chain[nodes]] & (chains.shape == TABLED)[chain[nodes]]
+            if on.any():
+                target[on] = projected(curve, triangulation.position[nodes[on]], name)
+        still = STILL * np.max(np.ptp(triangulation.position, axis=0))
+        settle(triangulation.position, triangulation.star, nodes, target, still, floor)
+
+    def sagitta(self, triangulation: Triangulation) -> float:
+        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
+
+    def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
+        """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""
+        if triangulation.mesh.boundaries is None:
+            return mesh
+        facet = facet_of_edge(mesh, triangulation.elements.node)
+        boundaries = {name: self._boundary(mesh, facet, triangulation, name) for name in self.names}
+        mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
+        return mesh
+
+    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray[np.integer]:
+        """The facets on the chains that carry a name; with their sides if it had them."""
+        chain = triangulation.elements.chain
+        e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
+        number, first = np.unique(facet[e, k], return_index=True)
+        if not isinstance(triangulation.mesh.boundaries[name], OrientedBoundary):
+            return number
+        e, k = e[first], k[first]
+        side = turned(self.names[name][chain[e, k]], runs_along(triangulation, self.constraints, e, k))
+        return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
+
+
+def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> Mask:
+    """Mask (nodes,) of the nodes meant by node indices and names of boundaries and subdomains.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or both a boundary and a subdomain, an index is out of range, or an entry is neither an
+        integer nor a name.
+    """
+    mask = np.zeros(mesh.p.shape[1], dtype=bool)
+    if not isinstance(pinned, Iterable):
+        raise ValueError(f"pinned must be a sequence of node numbers and names; got {pinned!r}.")
+    for entry in [pinned] if isinstance(pinned, str) else pinned:
+        if isinstance(entry, str):
+            mask[nodes_of_name(mesh, entry)] = True
+        elif isinstance(entry, int | np.integer) and not isinstance(entry, bool):
+            if not 0 <= entry < len(mask):
+                raise ValueError(f"pinned nodes must be from 0 to {len(mask) - 1}; got {entry}.")
+            mask[entry] = True
+        else:
+            raise ValueError(f"pinned must hold node numbers and names; got {entry!r}.")
+    return mask
+
+
+def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
+    """The nodes of a named boundary or subdomain."""
+    boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
+    if name in boundaries and name in subdomains:
+        raise ValueError(f"pinned name {name!r} is both a boundary and a subdomain; rename one of them.")
+    if name in boundaries:
+        return mesh.facets[:, np.asarray(boundaries[name])]
+    if name in subdomains:
+        return mesh.t[:, subdomains[name]]
+    known = ", ".join(repr(known) for known in sorted({*boundaries, *subdomains})) or "none"
+    raise ValueError(f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {known}.")
+
+
+def cut_alike(
+    triangulation: Triangulation,
+    facets: Facets,
+    joints: Joints,
+    pairs: Pairs,
+    pinned: Mask,
+    curve: Indices,
+    curves: dict[str, Curve],
+) -> tuple[Runs, Pieces, Mask]:
+    """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
+    paired = np.flatnonzero(pairs.partner >= 0)
+    if np.any((curve >= 0) & (pairs.facet >= 0)):
+        raise ValueError(
+            "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
+            "none. Leave its curve out."
+        )
+    stops = pinned.copy()
+    while True:
+        runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves)
+        sliding = np.zeros(triangulation.nnodes, dtype=bool)
+        sliding[runs.node[pieces.slots]] = True
+        opens = pieces.rows[pieces.rows[:, 3] == 0]
+        sliding[runs.node[opens[:, :2]]] = False
+        alone = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
+        if len(alone) == 0:
+            return runs, pieces, sliding
+        stops[alone] = True
+
+
+def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twins:
+    """The pairs as kernels need them."""
+    region = triangulation.elements.region
+    there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
+    rows = np.flatnonzero(pairs.facet >= 0)
+    there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
+    return Twins(pairs.partner, pairs.motion, pairs.motions, there)
+
+
+def make_mates(constraints: Constraints, pairs: Pairs, chain: Indices) -> None:
+    """Let paired chains be the same but for their motion, and the parameters of paired nodes."""
+    rows = np.flatnonzero(pairs.facet >= 0)
+    mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
+    mate[chain[rows]], motion[chain[rows]] = chain[pairs.facet[rows]], pairs.facet_motion[rows]
+    pair_chains(constraints.chains, mate, motion, pairs.motions)
+    v = np.flatnonzero((constraints.kind == SLIDING) & (pairs.motion >= 0) & (pairs.motion % 2 == 0))
+    constraints.parameter[pairs.partner[v]] = constraints.parameter[v]
+
+
+def mark_facets(triangulation: Triangulation, facets: Facets, chain: Indices) -> None:
+    """Write the chain of every outline facet into the elements on both of its sides."""
+    elements = triangulation.elements
+    elements.chain[facets.element, facets.corner] = chain
+    across = elements.neighbour[facets.element, facets.corner]
+    inside = across >= 0
+    e, own = across[inside], facets.element[inside]
+    k = np.argmax(elements.neighbour[e] == own[:, None], axis=1)
+    elements.chain[e, k] = chain[inside]
+
+
+def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
+    """FREE, SLIDING or HELD for every node, (n,)."""
+    kind = np.full(len(sliding), FREE, dtype=np.int8)
+    kind[facets.nodes] = HELD
+    kind[pinned] = HELD
+    kind[sliding] = SLIDING
+    return kind
+
+
+def chains_of_nodes(
+    facets: Facets, joints: Joints, chain: Indices, sliding: Mask, occupied: Mask, junctions: bool
+) -> NDArray[np.int32]:
+    """The chain of every sliding node, and those between which a corner may be left, JUNCTION where of three, (n, 2).
+
+    Corners that are `occupied`, (n,), nobody leaves: pinned ones, and those of periodic boundaries.
+    """
+    own = np.full((len(sliding), 2), -1, dtype=np.int32)
+    own[joints.node] = chain[joints.facets]
+    if junctions:
+        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, 0] = JUNCTION
+    own[occupied] = -1
+    own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
+    return own
+
+
+def inner_nodes(triangulation: Triangulation) -> Mask:
+    """Nodes neither on the outer boundary nor on an interface, (n,)."""
+    elements = triangulation.elements
+    inner = np.ones(triangulation.nnodes, dtype=bool)
+    across = elements.neighbour
+    e, k = np.nonzero((across < 0) | (elements.region[across] != elements.region[:, None]))
+    inner[elements.node[e, (k + 1) % 3]] = False
+    inner[elements.node[e, (k + 2) % 3]] = False
+    return inner
+
+
+def runs_along(triangulation: Triangulation, constraints: Constraints, element: Indices, corner: Indices) -> Mask:
+    """Whether the edges opposite to these corners run counter-clockwise in the direction of their chains."""
+    along = np.empty(len(element), dtype=np.bool_)
+    mark_along(triangulation.position, triangulation.elements, constraints, element, corner, along)
+    return along

@@ -1,0 +1,209 @@
+"""The two sides of thin parts of a mesh: chains of outline that face each other, and what belongs to them."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, triu
+from scipy.sparse.csgraph import connected_components
+
+from kohonen_adapt.kernels.triangle.across import Views, look_across
+from kohonen_adapt.kernels.triangle.chains import Constraints
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+__all__ = ["facing_sides", "joined"]
+
+LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
+FAR = 3.0  # of the median distance: what is farther away, or as much askance, is not across
+UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
+
+Indices = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Looks(NamedTuple):
+    """What the chains of a part see, a row for each point looked from."""
+
+    start: Indices  # which of the chains
+    end: Indices  # and which it sees
+    weight: Floats  # length of the chain that the point stands for, by distance, less where it looks askance
+
+
+def facing_sides(
+    triangulation: Triangulation, constraints: Constraints, inside: Mask
+) -> Iterator[tuple[Indices, Indices]]:
+    """The nodes on both sides of a connected part, the regions `inside` (r,); a part may have several such pairs."""
+    elements = triangulation.elements
+    across = elements.neighbour
+    own = inside[elements.region]
+    e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
+    nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    chains, chain = np.unique(elements.chain[e, k], return_inverse=True)
+    looks = views_of(triangulation, constraints, inside, e, k, chains)
+    side = sides_of(looks, ends_of(chain, nodes), len(chains))
+    for pair in np.unique(side[side >= 0] // 2):
+        one, other = (np.unique(nodes[side[chain] == 2 * pair + which]) for which in (0, 1))
+        if len(one) and len(other):
+            yield one, other
+
+
+def joined(a: Indices, b: Indices, count: int) -> Indices:
+    """Number the sets of things that pairs join, (count,)."""
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def ends_of(chain: Indices, nodes: Indices) -> Indices:
+    """The nodes in which chains meet: rows of a chain and a node of it, of the facets of these chains, (f, 2)."""
+    rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
+    return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
+
+
+def views_of(
+    triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Indices, k: Indices, chains: Indices
+) -> Looks:
+    """What every one of the chains, to which the edges opposite to corners k of e belong, sees inward."""
+    length = constraints.chains.length
+    least, most = LOOKS
+    looks = least + np.round(most * length[chains] / length[chains].sum())
+    step = np.ones(len(length))
+    step[chains] = length[chains] / looks
+    rows = int(looks.sum()) + len(e)
+    views = Views(np.empty(rows, dtype=np.int32), np.empty(rows, dtype=np.int32), np.empty(rows))
+    count = look_across(triangulation.position, triangulation.elements, constraints, inside, e, k, step, views)
+    start, end, nearness = (array[:count] for array in views)
+    seen = (end >= 0) & (nearness < np.inf)
+    start, end, nearness = start[seen], end[seen], nearness[seen]
+    weight = step[start] * nearness
+    near = nearness * FAR >= median(nearness, weight)
+    return Looks(np.searchsorted(chains, start[near]), np.searchsorted(chains, end[near]), weight[near])
+
+
+def median(values: Floats, weights: Floats) -> float:
+    """The value that half of the weight is below."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
+
+
+def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
+    """The side that every chain of a part is on, (count,): 2 i and 2 i + 1 face each other, -1 for none.
+
+    Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot be, as
+    for the ends of a gap or the walls of a slot, the larger of their lengths by the distance decides. Runs of chains
+    that are left belong to a side if they join nothing else; those that join two sides are the ends of gaps.
+    """
+    sides = Sides(count)
+    weight = faced(sides, looks, touching(ends), count)
+    group = np.array([sides.side(chain) // 2 for chain in range(count)])
+    weights = np.bincount(group, weight, count)
+    heard = np.zeros(count, dtype=bool)
+    for number in np.argsort(-weights, kind="stable"):
+        enough = UNSURE * np.bincount(group, heard, count).astype(bool) @ weights
+        if not weights[number]:
+            break
+        more = heard | (group == number)
+        tried = sides.copy()
+        if all(tried.relate(a, b, False) for a, b in touching(ends[more[ends[:, 0]]])):
+            sides, heard = tried, more
+        elif weights[number] > enough:
+            return np.full(count, -1)
+    return with_runs(sides, heard, ends)
+
+
+def faced(sides: "Sides", looks: Looks, corners: Indices, count: int) -> Floats:
+    """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,).
+
+    Those that meet in a sharp corner see each other too, but nothing is between them.
+    """
+    seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
+    facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
+    apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
+    order = np.flatnonzero(apart)[np.argsort(-facing.data[apart], kind="stable")]
+    for a, b, mutual in zip(facing.row[order], facing.col[order], facing.data[order], strict=True):
+        if mutual and sides.relate(a, b, True):
+            weight[a] += mutual
+    return weight
+
+
+def with_runs(sides: "Sides", heard: Mask, ends: Indices) -> Indices:
+    """The sides of the chains that were heard, and of the runs of others between chains of one side, (c,)."""
+    runs = runs_between(ends, heard)
+    for _, around in runs:
+        sides.join(around)
+    side = np.where(heard, [sides.side(chain) for chain in range(len(heard))], -1)
+    for run, around in runs:
+        found = np.unique(side[around])
+        side[run] = found[0] if len(found) == 1 else -1
+    return side
+
+
+def touching(ends: Indices) -> Indices:
+    """Pairs of chains that end at the same node, each with the next one there; rows of `ends` are chain and node."""
+    ends = ends[np.argsort(ends[:, 1], kind="stable")]
+    same = ends[1:, 1] == ends[:-1, 1]
+    return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
+
+
+def runs_between(ends: Indices, heard: Mask) -> list[tuple[list[int], list[int]]]:
+    """The chains that were not heard, in runs that only others part, each with those others it comes to."""
+    is_heard = heard[ends[:, 0]]
+    links = touching(ends[~np.isin(ends[:, 1], ends[is_heard, 1])])
+    label = joined(links[:, 0], links[:, 1], len(heard))
+    others: dict[int, list[int]] = {}
+    for chain, node in ends[is_heard].tolist():
+        others.setdefault(node, []).append(chain)
+    runs: dict[int, tuple[set[int], set[int]]] = {}
+    for chain, node in ends[~is_heard].tolist():
+        run, around = runs.setdefault(label[chain], (set(), set()))
+        run.add(chain)
+        around.update(others.get(node, ()))
+    return [(sorted(run), sorted(around)) for run, around in runs.values()]
+
+
+class Sides:
+    """Which chains are on the same side, and which on opposite ones; what contradicts that is not heard."""
+
+    def __init__(self, count: int) -> None:
+        self._parent = list(range(count))
+        self._opposite = [False] * count  # to the parent
+        self._size = [1] * count
+
+    def copy(self) -> "Sides":
+        """What is known now."""
+        other = Sides(0)
+        other._parent, other._opposite, other._size = self._parent.copy(), self._opposite.copy(), self._size.copy()
+        return other
+
+    def _root(self, chain: int) -> tuple[int, bool]:
+        """One chain for all that are related, and whether this one is opposite to it."""
+        opposite = False
+        while self._parent[chain] != chain:
+            opposite ^= self._opposite[chain]
+            chain = self._parent[chain]
+        return chain, opposite
+
+    def side(self, chain: int) -> int:
+        """A number that is odd on one side and even on the opposite one."""
+        root, opposite = self._root(chain)
+        return 2 * root + opposite
+
+    def relate(self, a: int, b: int, opposite: bool) -> bool:
+        """Two chains are on opposite sides, or on the same one; returns whether that was heard."""
+        (a, of_a), (b, of_b) = self._root(a), self._root(b)
+        if a == b:
+            return of_a ^ of_b == opposite
+        if self._size[a] < self._size[b]:
+            a, b = b, a
+        self._parent[b], self._opposite[b] = a, of_a ^ of_b ^ opposite
+        self._size[a] += self._size[b]
+        return True
+
+    def join(self, chains: list[int]) -> None:
+        """What is between these is one side, unless some of them are opposite."""
+        found = {self.side(chain) for chain in chains}
+        if not any(side ^ 1 in found for side in found):
+            for chain in chains[1:]:
+                self.relate(chains[0], chain, False)

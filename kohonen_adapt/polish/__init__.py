@@ -1,0 +1,1 @@
+"""The polish: nodes move to where the energy of the solution is lower."""

@@ -1,0 +1,78 @@
+"""Laws of nonlinear material as tables for the kernels."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.kernels.triangle.nonlinear import STEPS
+from kohonen_adapt.problem.ritz import EnergyLaw
+
+__all__ = ["Tables", "tabulated"]
+
+# The squares of gradients that tables reach, in octaves below and above the largest of the solution. Above, at 16 times
+# the largest gradient, the law goes on with its last secant; below, where nothing is stored, with a parabola.
+BELOW, ABOVE = 28, 8
+CHECKED = 20  # octaves below the largest, in which a law is checked
+ROUNDING = 1e-9  # of a field strength: so much it may fall in a step
+ROUGH = 0.01  # of the largest energy: so far one may be from the integral of the field strength
+
+Floats = NDArray[np.float64]
+
+
+class Tables(NamedTuple):
+    """Energies over the square s of the gradient.
+
+    Each octave of s has `STEPS` equal steps; between them a cubic has the energies and their rates at both ends. What
+    that leaves out of the energy is below 1e-8 of it, at the sharpest bends, and over all s below 1e-10.
+    """
+
+    first: int  # s begins with 2^(first - 1)
+    energy: Floats  # (nlaws, rows, 2): W and dW/ds
+
+
+def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
+    """Tables of laws around the largest gradient that a solution has.
+
+    Raises
+    ------
+    ValueError
+        If what a law returns has another shape or is not finite there, its field strength falls, or its energy is not
+        the integral of that.
+    """
+    top = int(np.frexp(largest**2)[1])
+    if not laws:
+        return Tables(top - BELOW, np.zeros((0, 1, 2)))
+    octave = np.ldexp(0.5, top - BELOW + np.arange(BELOW + ABOVE))
+    steps = np.outer(octave, 1.0 + np.arange(STEPS) / STEPS).ravel()
+    b = np.sqrt(np.append(steps, 2.0 * octave[-1]))
+    return Tables(top - BELOW, np.stack([_table(law, b) for law in laws]))
+
+
+def _table(law: EnergyLaw, b: Floats) -> Floats:
+    with np.errstate(over="ignore", invalid="ignore"):  # far above what the solution has a law may overflow
+        strength, energy = (np.asarray(values, dtype=float) for values in (law.field_strength(b), law.energy(b)))
+        if not strength.shape == energy.shape == b.shape:
+            raise ValueError(
+                f"laws of Ritz must return arrays of the shape of b, {b.shape}; {law!r} gave {strength.shape} as field "
+                f"strength and {energy.shape} as energy."
+            )
+        table = np.stack([energy, 0.5 * strength / b], axis=1)
+    checked = slice((BELOW - CHECKED) * STEPS, (BELOW + 1) * STEPS + 1)
+    _check(law, b[checked], strength[checked], energy[checked])
+    return table
+
+
+def _check(law: EnergyLaw, b: Floats, strength: Floats, energy: Floats) -> None:
+    """The energy of another field strength, or of one that falls, is not what the solution minimises."""
+    if not (np.all(np.isfinite(strength)) and np.all(np.isfinite(energy))):
+        raise ValueError(f"laws of Ritz must be finite up to b = {b[-1]:g}; {law!r} is not.")
+    integral = np.cumsum(0.5 * (strength[:-1] + strength[1:]) * np.diff(b))
+    astray = np.abs(energy[1:] - energy[0] - integral) > ROUGH * energy[-1]
+    bad = astray | (np.diff(strength) < -ROUNDING * strength[1:]) | (strength[:-1] <= 0.0)
+    if np.any(bad):
+        raise ValueError(
+            f"laws of Ritz must have a field strength that rises with b, and an energy that is its integral; that of "
+            f"{law!r} is not so near b = {b[np.argmax(bad)]:g}."
+        )

@@ -1,0 +1,1 @@
+"""What is asked of a problem, and how its answers are checked."""

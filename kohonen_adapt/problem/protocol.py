@@ -1,0 +1,183 @@
+"""What the loop asks of a problem, and the answers checked."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.problem.ritz import Ritz
+
+__all__ = [
+    "Problem",
+    "check_problem",
+    "energy_norm",
+    "estimate",
+    "norm_of",
+    "offers",
+    "order_of",
+    "ritz_of",
+    "solve",
+    "solve_again",
+    "why_without",
+]
+
+Floats = NDArray[np.float64]
+
+SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
+
+
+class Problem(Protocol):
+    """Anything with these two methods can be adapted.
+
+    It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
+    to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
+    ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
+    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises. A class that offers
+    some of it for some of its problems only raises AttributeError for the others, which says why.
+    """
+
+    def solve(self, mesh: MeshTri) -> Any:
+        """Solve on the mesh; the solution may be of any type."""
+
+    def indicators(self, mesh: MeshTri, solution: Any) -> ArrayLike:
+        """Error indicators of the energy norm, unsquared, (nelements,)."""
+
+
+def order_of(problem: Problem) -> int:
+    """Degree of the problem's elements, 1 where it does not say."""
+    return getattr(problem, "order", 1)
+
+
+def norm_of(problem: Problem) -> str:
+    """Norm in which the problem wants the error to be small, "energy" where it does not say."""
+    return getattr(problem, "norm", "energy")
+
+
+def check_problem(problem: Problem, rtol: float | None) -> None:
+    """Refuse a problem that the loop cannot use, before anything is solved.
+
+    Raises
+    ------
+    ValueError
+        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order`` or ``norm`` is unknown.
+    """
+    kind = type(problem).__name__
+    missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
+    if missing:
+        raise ValueError(
+            f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
+            f"{kind} has no {' and no '.join(missing)}."
+        )
+    if rtol is not None and not offers(problem, "energy_norm"):
+        reason = why_without(problem, "energy_norm") or "add it"
+        raise ValueError(
+            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: {reason}, or use atol."
+        )
+    if norm_of(problem) not in ("energy", "L2"):
+        raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
+    if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
+        raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
+
+
+def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None, old_solution: Any) -> Any:
+    """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
+    if old_mesh is not None and offers(problem, "solve_from"):
+        return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
+    return problem.solve(mesh)
+
+
+def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
+    """The problem's indicators (nelements,), as a copy: a problem may write the next ones into the same array.
+
+    Raises
+    ------
+    ValueError
+        If they have another shape, or are not finite numbers >= 0.
+    """
+    values = _as_floats(problem.indicators(mesh, solution))
+    expected = (mesh.t.shape[1],)
+    if values.shape != expected:
+        raise ValueError(f"indicators of the problem must have shape (nelements,) = {expected}; got {values.shape}.")
+    _check_values(values, np.isfinite(values), "finite; check the solution")
+    _check_values(values, values >= 0.0, ">= 0; take their absolute values")
+    return values
+
+
+def solve_again(problem: Problem, mesh: MeshTri, indicators: Floats) -> Any:
+    """Solve a mesh that was solved before, in another process.
+
+    Raises
+    ------
+    ValueError
+        If its indicators (nelements,) are no longer those of before, so that it is another problem.
+    """
+    solution = problem.solve(mesh)
+    off = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
+    if off > SAME * indicators.max():
+        raise ValueError(
+            f"the problem is not the one of the checkpoint: on the same mesh its indicators differ by up to {off:.3g}. "
+            "Go on with the problem of before, or choose another folder."
+        )
+    return solution
+
+
+def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
+    """The problem's energy norm of the solution, or None where it offers none.
+
+    Raises
+    ------
+    ValueError
+        If it is not a finite number >= 0.
+    """
+    if not offers(problem, "energy_norm"):
+        return None
+    value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
+    return value
+
+
+def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
+    """The problem's functional with the solution that `solve` returned for the mesh.
+
+    Raises
+    ------
+    ValueError
+        If it is no `Ritz`.
+    """
+    ritz = problem.ritz(mesh, solution)  # type: ignore[attr-defined]
+    if not isinstance(ritz, Ritz):
+        raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
+    return ritz
+
+
+def offers(problem: Problem, name: str) -> bool:
+    """Whether a problem has a method of that name."""
+    return callable(getattr(problem, name, None))
+
+
+def why_without(problem: Problem, name: str) -> str:
+    """Why a problem whose class has such a method does not offer it: what its AttributeError says, or empty."""
+    if hasattr(type(problem), name):
+        try:
+            getattr(problem, name)
+        except AttributeError as error:
+            return str(error)
+    return ""
+
+
+def _as_floats(values: ArrayLike) -> Floats:
+    array = np.array(values)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"indicators of the problem must be real numbers; got {array.dtype}.")
+    return array.astype(float)
+
+
+def _check_values(values: Floats, good: NDArray[np.bool_], wanted: str) -> None:
+    if not good.all():
+        first = int(np.argmin(good))
+        raise ValueError(
+            f"indicators of the problem must be {wanted}: got {values[first]} at element {first}, "
+            f"{np.sum(~good)} such in all."
+        )

@@ -1,0 +1,128 @@
+"""From error indicators or wanted sizes to a density of nodes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.triangulation import check_mesh
+
+__all__ = ["as_reals", "density_from_indicators", "density_from_sizes", "per_element"]
+
+Floats = NDArray[np.float64]
+
+QUIET = 1e-3  # of the median: an indicator below it says nothing
+
+
+def density_from_indicators(
+    mesh: MeshTri, indicators: ArrayLike, *, order: int = 1, norm: str = "energy"
+) -> NDArray[np.float64]:
+    """Density of nodes for which all elements would carry the same error.
+
+    Parameters
+    ----------
+    mesh
+        The mesh that the indicators belong to.
+    indicators
+        (nelements,): error of every element in the energy norm, not squared.
+    order
+        Degree p of the elements.
+    norm
+        ``"energy"`` or ``"L2"``: the norm in which the error is to be small.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Nodes per area, positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
+
+    Raises
+    ------
+    ValueError
+        If the indicators have another shape, are negative or not finite, or `order` or `norm` is unknown.
+
+    Notes
+    -----
+    With the error of an element ``eta_K^2 ~ |K| h^(2p) |D^(p+1) u|^2``, minimising the sum over the mesh at a given
+    number of nodes ``int h^-d`` gives ``rho_K ~ (eta_K^2 / |K|^(1 + 2p/d))^(d / (d + q))`` in d dimensions, with
+    q = 2p for the energy norm and, as the L2 error is smaller by another h, q = 2p + 2 for the L2 norm. For p = 1 and
+    d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``. At the optimum for the energy norm all indicators are
+    equal (equidistribution). Indicators are floored at a thousandth of their median, so that no region is emptied on
+    the strength of a small number; all zero gives a constant.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 8 triangles of one area, 9 nodes
+    >>> density = ka.density_from_indicators(mesh, [1, 1, 1, 1, 1, 1, 1, 3])
+    >>> round(float(density[7] / density[0]), 9), round(float(density.mean()), 9)
+    (3.0, 9.0)
+    """
+    check_mesh(mesh)
+    values = per_element(mesh, indicators, "indicators")
+    if isinstance(order, bool) or order not in (1, 2, 3, 4):
+        raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
+    if norm not in ("energy", "L2"):
+        raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
+    sizes = area(mesh)
+    if not values.any():
+        return np.full(len(values), mesh.p.shape[1] / sizes.sum())
+    median = np.median(values) or np.median(values[values > 0])
+    eta = np.maximum(values, QUIET * median) / values.max()
+    q = 2 * order if norm == "energy" else 2 * order + 2
+    density = (eta**2 / (sizes / sizes.max()) ** (1 + order)) ** (2 / (2 + q))
+    return density * (mesh.p.shape[1] / np.sum(sizes * density))
+
+
+def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> NDArray[np.float64]:
+    """Density of nodes of equilateral triangles with the wanted edge lengths.
+
+    Parameters
+    ----------
+    mesh
+        The mesh that the sizes belong to.
+    sizes
+        (nelements,): wanted edge length at every element, in mesh units.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        ``2 / (sqrt(3) h^2)`` nodes per area: a triangle has half a node and the area ``sqrt(3) h^2 / 4``.
+
+    Raises
+    ------
+    ValueError
+        If the sizes have another shape or are not positive and finite.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)
+    >>> ka.density_from_sizes(mesh, np.full(8, 0.1)).round(2)[0]  # equilateral triangles with edges of 0.1
+    np.float64(115.47)
+    """
+    check_mesh(mesh)
+    lengths = per_element(mesh, sizes, "sizes")
+    if not np.all(lengths > 0):
+        raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
+    return 2.0 / (np.sqrt(3.0) * lengths**2)
+
+
+def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
+    """Values (nelements,), finite and not negative, as floats."""
+    array = np.asarray(values)
+    if array.shape != (mesh.nelements,):
+        raise ValueError(f"{name} must have shape (nelements,) = ({mesh.nelements},); got {array.shape}.")
+    array = as_reals(array, name)
+    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
+    if len(bad):
+        raise ValueError(f"{name} must be finite and >= 0; element {bad[0]} has {array[bad[0]]}.")
+    return array
+
+
+def as_reals(array: NDArray[Any], name: str) -> Floats:
+    """An array as floats, refused where that would lose something."""
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be real numbers; got {array.dtype}.")
+    return array.astype(np.float64)

@@ -1,0 +1,209 @@
+"""One epoch of training: points in batches, presented part by part of the mesh, shared among threads.
+
+The winners of a batch are searched before any of its points is presented. The mesh is cut into parts along a
+space-filling curve. What is presented around neurons deep inside a part touches nothing of the others, so threads take
+the parts side by side; the points near the cuts come after them. Neither the parts nor what comes out depends on the
+number of threads.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
+from kohonen_adapt.kernels.triangle.chains import Constraints
+from kohonen_adapt.kernels.triangle.geometry import mark_sound
+from kohonen_adapt.kernels.triangle.search import CROSSINGS, STRETCH, Scratch, find_winners
+from kohonen_adapt.kernels.triangle.smooth import sweep
+from kohonen_adapt.kernels.triangle.train import learn
+from kohonen_adapt.mesh.ordering import along_curve
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.som.schedule import Stage
+from kohonen_adapt.som.training_points import Draw
+
+__all__ = ["Classroom", "scratch_for"]
+
+PULL = 0.4  # share of its way that a neuron may go towards the points of one batch: the next one balances it
+LEAST = 1_000  # neurons in a part: fewer are not worth a thread
+STRIPS = 0.3  # share of the neurons that may be so near the cuts that they have to wait
+TILE = 250  # neurons, more for wide radii, whose points are presented together: they stay in the processor's cache
+UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
+FEW = 1_000  # stars or searches that are not worth another thread
+
+Indices = NDArray[np.integer]
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class Classroom:
+    """A triangulation under training, with room for every thread to work in.
+
+    Attributes
+    ----------
+    triangulation, constraints
+        What is trained, and what its outlines allow.
+    floor
+        The quality that the guard asks for.
+    order, rank
+        Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
+    rooms
+        Scratch arrays, one set per thread.
+    """
+
+    triangulation: Triangulation
+    constraints: Constraints
+    floor: float
+    order: Indices
+    rank: Indices
+    rooms: list[Scratch]
+
+    @classmethod
+    def of(cls, triangulation: Triangulation, constraints: Constraints, floor: float) -> "Classroom":
+        """Cut the mesh into parts, and make room for every thread."""
+        order = along_curve(triangulation.position).astype(np.int32)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        rooms = [scratch_for(triangulation) for _ in range(number_of_threads())]
+        return cls(triangulation, constraints, floor, order, rank, rooms)
+
+    def epoch(
+        self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices, rng: np.random.Generator
+    ) -> tuple[float, float]:
+        """Present every point once; returns the mean distance to the winners and the mean length of their search."""
+        number, total, steps = len(slot), 0.0, 0
+        rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
+        parts = parts_for(self.triangulation.nnodes, rings)
+        sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
+        batches = batches_for(stage, rate, number, self.triangulation.nnodes)
+        for first in range(batches):
+            rows = np.arange(first, number, batches)
+            batch = shown.reordered(rows)
+            found, distances, walked = self.search(batch, winners[slot[rows]])
+            winners[slot[rows]] = found
+            cuts, order = self._by_parts(found, stage.radius, parts, deep, rng)
+            self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
+            total, steps = total + float(distances.sum()), steps + walked
+        return total / max(1, number), steps / max(1, number)
+
+    def _sound_stars(self) -> Mask:
+        """Stars that the quality rule finds nothing wrong with, (n,)."""
+        tri = self.triangulation
+        sound = np.empty(tri.nnodes, dtype=np.bool_)
+        shared(
+            lambda thread, first, last: mark_sound(tri.position, tri.star, self.floor, first, last, sound),
+            even_cuts(tri.nnodes, FEW),
+        )
+        return sound
+
+    def sweep(self, weight: NDArray[np.float64], circumcentres: bool) -> None:
+        """Smooth once, with the given weight of every element."""
+        tri, parts = self.triangulation, parts_for(self.triangulation.nnodes, 1)
+        deep = self._deep_nodes(parts, 1)
+
+        def task(thread: int, first: int, last: int, which: bool = True) -> None:
+            sweep(
+                tri.position, tri.elements, tri.star, self.constraints, weight, circumcentres, self.floor,
+                self.order[first:last], deep, which,
+            )  # fmt: skip
+
+        shared(task, shares_of(starts_of_parts(tri.nnodes, parts)))
+        task(0, 0, tri.nnodes, which=False)
+
+    def _deep_nodes(self, parts: int, rings: int) -> Mask:
+        """Neurons that have only neurons of their own part within so many rings, (n,)."""
+        deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
+        part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
+        paired = np.flatnonzero(self.constraints.twins.partner >= 0)
+        part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
+        mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
+        return deep
+
+    def search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
+        """Winner of every point, its distance, and the number of steps that all searches took."""
+        tri = self.triangulation
+        found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
+
+        def task(thread: int, first: int, last: int) -> int:
+            part = slice(first, last)
+            return find_winners(
+                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
+                hints[part], found[part], distances[part], self.rooms[thread],
+            )  # fmt: skip
+
+        return found, distances, sum(shared(task, even_cuts(len(hints), FEW, STRETCH)))
+
+    def _by_parts(
+        self, winners: Indices, radius: int, parts: int, deep: Mask, rng: np.random.Generator
+    ) -> tuple[Indices, Indices]:
+        """Where every part begins in the order of the points, and that order; last come the points near cuts."""
+        n = len(deep)
+        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius)))))
+        cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
+        sort_into_tiles(winners, self.rank, deep, n, tiles, rng, cuts, order)
+        return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
+
+    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Indices, sound: Mask, cuts: Indices) -> None:
+        """Present the points, the parts side by side and what is near cuts after them."""
+        tri, strength = self.triangulation, stage.strength()
+
+        def task(thread: int, first: int, last: int) -> None:
+            part = slice(first, last)
+            learn(
+                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
+                batch.weights[part], winners[part], rate, strength, self.floor, sound, self.rooms[thread],
+            )  # fmt: skip
+
+        shared(task, shares_of(cuts[:-1]))
+        task(0, cuts[-2], cuts[-1])
+
+
+def starts_of_parts(neurons: int, parts: int) -> Indices:
+    """Where every part begins in the order of the neurons, and the end, (parts + 1,)."""
+    return -(-np.arange(parts + 1) * neurons // parts)
+
+
+def shares_of(starts: Indices) -> list[int]:
+    """Of the places where parts begin those where the shares of threads do."""
+    parts = len(starts) - 1
+    shares = min(number_of_threads(), parts)
+    return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
+
+
+def parts_for(neurons: int, rings: int) -> int:
+    """The largest power of two of parts whose strips along the cuts, so many rings wide, are no more than is allowed.
+
+    Neurons in a square have sqrt(neurons) in a row; to make p parts 2 (sqrt(p) - 1) cuts go from side to side.
+    """
+    parts = 1
+    while 2 * parts * LEAST <= neurons and 4 * rings * (np.sqrt(2 * parts) - 1) <= STRIPS * np.sqrt(neurons):
+        parts *= 2
+    return parts
+
+
+def disc(radius: int) -> int:
+    """Neurons within that many rings of one, where all have six neighbours."""
+    return 1 + 3 * radius * (radius + 1)
+
+
+def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
+    """How many batches to make of so many points."""
+    ring = np.arange(stage.radius + 1)
+    pull = points / neurons * rate * float(np.maximum(1, 6 * ring) @ stage.strength()) / PULL
+    return max(1, ceil(pull), ceil(points / UPDATES * disc(stage.radius)))
+
+
+def scratch_for(triangulation: Triangulation) -> Scratch:
+    """Room for one thread to work in."""
+    n, m = triangulation.nnodes, len(triangulation.elements.node)
+    return Scratch(
+        np.zeros(n, dtype=np.int64),
+        np.zeros(m, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+        np.empty(n + m + 1, dtype=np.int32),
+        np.empty(m, dtype=np.int32),
+        np.empty(m),
+        np.empty((CROSSINGS + 3, 2), dtype=np.int32),
+    )

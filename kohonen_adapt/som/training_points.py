@@ -1,0 +1,221 @@
+"""From a density of nodes to training points, and densities looked up where nodes have gone."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.kernels.curve import draw_points
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.geometry import Elements
+from kohonen_adapt.kernels.triangle.smooth import (
+    Sites,
+    average_at_sites,
+    count_sites,
+    fill_sites,
+    multiply_factors,
+    update_factors,
+)
+from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.mesh.ordering import along_curve
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.som.density import as_reals, per_element
+
+__all__ = ["CallableDensity", "Draw", "ElementDensity", "density_of"]
+
+Floats = NDArray[np.float64]
+
+# barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
+QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
+
+ZERO = 1e-6  # of the largest value: a density of zero is raised to this
+FEW = 5_000  # nodes that are not worth another thread
+CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
+
+
+class Draw(NamedTuple):
+    """Training points (k, 2), the elements of the density's mesh they lie in, their regions and weights (k,).
+
+    They come along a space-filling curve: neighbours in the array are neighbours in the plane.
+    """
+
+    points: Floats
+    element: NDArray[np.int32]
+    region: NDArray[np.int32]
+    weights: Floats
+
+    def reordered(self, order: NDArray[np.integer]) -> "Draw":
+        """These points in that order."""
+        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
+
+
+class ElementDensity:
+    """A density that is constant on every element of the mesh it was estimated on."""
+
+    lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
+
+    def __init__(self, triangulation: Triangulation, values: Floats) -> None:
+        self.position, self.elements = snapshot(triangulation)
+        self.values = without_zeros(values, values.max())
+        self.areas = triangulation.areas()
+        self.masses = self.areas * self.values
+        self._log_at_corners = np.empty(self.elements.node.shape)
+        average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
+        self._sites = sites_of(triangulation)
+        self._order = along_curve(triangulation.centroids()).astype(np.int32)
+        self._cumulated = np.cumsum(self.masses[self._order])
+
+    def draw(self, number: int, rng: np.random.Generator) -> Draw:
+        """Points stratified along a space-filling curve: every stretch of the summed-up mass gets its share."""
+        points, element = np.empty((number, 2)), np.empty(number, dtype=np.int32)
+        draw_points(
+            self.position, self.elements.node, self._order, self._cumulated, rng.random((number, 3)), points, element
+        )
+        return Draw(points, element, self.elements.region[element], np.ones(number))
+
+    def at_nodes(self) -> Floats:
+        """The mean over the elements around every node of the density's mesh, (n,)."""
+        return means_at_nodes(self.elements.node, self.masses / self.areas)
+
+    def squares(self, triangulation: Triangulation) -> Floats:
+        """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
+        squares = np.empty(len(triangulation.elements.node))
+
+        def look_up(thread: int, first: int, last: int) -> None:
+            update_factors(
+                triangulation.position, first, last, self._sites, self.position, self.elements, self._log_at_corners
+            )
+
+        shared(look_up, even_cuts(triangulation.nnodes, FEW))
+        multiply_factors(triangulation.elements, self._sites, squares)
+        return squares
+
+    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+        """Take notice that the triangulation has other nodes and elements now; the locator is the density's mesh's."""
+        self._sites = sites_of(triangulation)
+        middle = triangulation.position[triangulation.elements.node[self._sites.element]].mean(axis=1)
+        self._sites.element[:] = np.maximum(0, locator.find(middle))
+
+
+class CallableDensity:
+    """A density given as a function of position, sampled wherever it is needed."""
+
+    lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
+
+    def __init__(self, triangulation: Triangulation, function: Callable[[Floats], ArrayLike]) -> None:
+        self.position, self.elements = snapshot(triangulation)
+        self.function = function
+        self.areas = triangulation.areas()
+        self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
+        self._order = along_curve(triangulation.centroids()).astype(np.int32)
+        values = self._candidates(np.random.default_rng(0))[1]
+        self.largest = values.max()
+        if not self.largest > 0:
+            raise ValueError(
+                f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
+                "Give it a small positive value where few nodes are wanted."
+            )
+        means = without_zeros(values, self.largest).reshape(len(self.areas), self.share).mean(axis=1)
+        self.masses = np.empty_like(self.areas)
+        self.masses[self._order] = self.areas[self._order] * means
+
+    def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """As many random points in every element, along the curve, and the density there."""
+        element = np.repeat(self._order, self.share)
+        points = points_in(self.position, self.elements, element, rng)
+        return points, self._evaluate(points)
+
+    def _evaluate(self, points: Floats) -> Floats:
+        """The function at the rows of an (n, 2) array, checked."""
+        values = np.asarray(self.function(points.T.copy()))
+        if values.shape != (len(points),):
+            raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
+        values = as_reals(values, "density")
+        bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+        if len(bad):
+            where = tuple(points[bad[0]].tolist())
+            raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
+        return values
+
+    def draw(self, number: int, rng: np.random.Generator) -> Draw:
+        """About `number` of many candidates, chosen by the density at each and stratified along the curve."""
+        points, values = self._candidates(rng)
+        cumulated = np.cumsum(np.repeat(self.areas[self._order], self.share) * without_zeros(values, self.largest))
+        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
+        chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
+        element = self._order[chosen // self.share]
+        return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
+
+    def at_nodes(self) -> Floats:
+        """The mean over the elements around every node of the density's mesh, (n,)."""
+        return means_at_nodes(self.elements.node, self.masses / self.areas)
+
+    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+        """Nothing: the function is asked anew wherever nodes are."""
+
+    def squares(self, triangulation: Triangulation) -> Floats:
+        """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
+        corners = triangulation.position[triangulation.elements.node]
+        points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
+        values = self._evaluate(points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
+        return without_zeros(values, self.largest).mean(axis=0) ** 2
+
+
+def density_of(
+    triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike]
+) -> ElementDensity | CallableDensity:
+    """A user's density, checked, for the mesh of a triangulation.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape than (nelements,), is negative, not finite, or zero everywhere.
+    """
+    if callable(density):
+        return CallableDensity(triangulation, density)
+    values = per_element(triangulation.mesh, density, "density")
+    if not values.any():
+        raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
+    return ElementDensity(triangulation, values)
+
+
+def without_zeros(values: Floats, largest: float) -> Floats:
+    """Shares of the largest value, as only ratios matter; zeros raised to a millionth of it.
+
+    Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
+    """
+    return np.where(values == 0.0, ZERO, values / largest)
+
+
+def means_at_nodes(node: NDArray[np.int32], values: Floats) -> Floats:
+    """Mean over the elements around every node; each counts the same, as small ones know better than large ones."""
+    return np.bincount(node.ravel(), weights=np.repeat(values, 3)) / np.bincount(node.ravel())
+
+
+def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
+    """The triangulation as it is now: the map goes on to change its own."""
+    elements = triangulation.elements
+    return triangulation.position.copy(), elements._replace(
+        node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=elements.region.copy()
+    )
+
+
+def sites_of(triangulation: Triangulation) -> Sites:
+    """The regions of every node, with the elements around it to start searches from."""
+    elements, star = triangulation.elements, triangulation.star
+    start = np.empty_like(star.start)
+    count_sites(elements, star, start)
+    region, element = (np.empty(start[-1], dtype=np.int32) for _ in range(2))
+    sites = Sites(start, region, element, np.empty(start[-1]))
+    fill_sites(elements, star, sites)
+    return sites
+
+
+def points_in(position: Floats, elements: Elements, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
+    """A random point in each of the given elements, (k, 2)."""
+    u, v = rng.random((2, len(element), 1))
+    outside = u + v > 1.0
+    u, v = np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)
+    a, b, c = (position[elements.node[element, k]] for k in range(3))
+    return a + u * (b - a) + v * (c - a)

@@ -1,0 +1,276 @@
+"""Transport: nodes flow, all at once, from where training points have too many winners to where they have too few.
+
+Clusters of elements exchange nodes like vessels exchange water. With m_c the mass of the training points in cluster c
+over that of its share of the elements, the net inflow that cluster c asks for is log m_c nodes per node, and the flux
+between neighbours is the difference of a potential times the length of their common outline over their distance:
+Poisson's equation in finite volumes, with no flux across outlines. The moves that make up these fluxes are a smooth
+field, so that nodes are carried many edge lengths far without one overtaking the other. That is the first step of
+Newton's method for the Monge-Ampere equation of optimal transport, as in Budd, Huang and Russell, "Adaptivity with
+moving grids", Acta Numerica 18 (2009), for the empirical density that a self-organizing map learns from.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.chains import Constraints
+from kohonen_adapt.kernels.triangle.transport import (
+    find_centres,
+    find_crossings,
+    find_directions,
+    go_to_middle,
+    hold_back,
+    mark_spoiled,
+    mark_too_long,
+    measure_moves,
+    move_with_clusters,
+    share_out,
+    slow_down,
+    smooth_moves,
+    step_ahead,
+    take_step,
+)
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.som.training_points import Draw
+
+__all__ = ["POINTS", "Transport"]
+
+POINTS = 0.25  # training points per neuron and round: four in a cluster
+CLUSTER = 32  # elements
+SMOOTHING = 1 / 16  # sweeps over clusters, per node in a row
+BOUND = 0.7  # of the logarithm of the mass: what is asked for is linear in it
+STEPS = 4  # at most, and edges flip after each: elements are stretched by less than a fifth in one
+STEP = 1.0  # of the distance of neighbours, below which no more steps are needed
+MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, before the flow is slowed down
+ATTEMPTS = 6  # in all
+SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
+NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
+LEAKAGE = 1e-9  # of the conductance around a cluster
+FEW = 4_000  # nodes or elements that are not worth another thread
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+
+@dataclass
+class Transport:
+    """A triangulation whose nodes are carried.
+
+    Attributes
+    ----------
+    triangulation, constraints
+        What is carried, and what its outlines allow.
+    floor
+        The quality that elements must keep.
+    flip
+        Makes the triangulation Delaunay again, where it may.
+    cluster
+        The cluster of every element, (m,): stretches of a space-filling curve through each region.
+    """
+
+    triangulation: Triangulation
+    constraints: Constraints
+    floor: float
+    flip: Callable[[], None]
+    cluster: Indices
+
+    @classmethod
+    def of(
+        cls,
+        triangulation: Triangulation,
+        constraints: Constraints,
+        floor: float,
+        flip: Callable[[], None],
+        rank: Indices,
+    ) -> "Transport":
+        """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
+        return cls(triangulation, constraints, floor, flip, clusters_of(triangulation, rank))
+
+    def carry(self, shown: Draw, winners: Indices) -> None:
+        """One round: let the nodes flow to where these points found too few winners."""
+        move = self._moves(self._flow(shown, winners))
+        far = self._reach(move)
+        steps = min(STEPS, max(1, ceil(far / STEP)))
+        step = Step.of(self.triangulation, self.constraints)
+        for _ in range(steps):
+            self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
+            self.flip()
+
+    def _flow(self, shown: Draw, winners: Indices) -> Floats:
+        """Mean displacement of the nodes of every cluster, (c, 2)."""
+        tri, cluster = self.triangulation, self.cluster
+        mass = np.empty(len(cluster))
+        share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
+        size = np.bincount(cluster).astype(np.float64)
+        centre = np.empty((len(size), 2))
+        find_centres(tri.position, tri.elements.node, cluster, centre)
+        row, column, length = self._crossings()
+        way = centre[column] - centre[row]
+        conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
+        links = symmetric(conductance, row, column, len(size))
+        height = potential(links, wanted_inflow(np.bincount(cluster, weights=mass).astype(np.float64), size, links))
+        carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
+        # what crosses an edge has gone half of the way between the centres in either cluster
+        flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
+        return self._smoothed(np.stack(flow, axis=1) / size[:, None], links)
+
+    def _smoothed(self, flow: Floats, links: csr_array) -> Floats:
+        """The flow without the errors that two-point fluxes make from cluster to cluster, along outlines on outlines.
+
+        They are a share of the flow, and nodes go the farther, in edges, the more there are.
+        """
+        mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
+        along = np.empty((len(flow), 3))
+        find_directions(self.triangulation.elements.node, self.constraints, self.cluster, along)
+        xx, xy, yy = along.T
+        for _ in range(int(SMOOTHING * np.sqrt(self.triangulation.nnodes))):
+            x, y = (0.5 * (flow + mean @ flow)).T
+            flow = np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
+        return flow
+
+    def _crossings(self) -> tuple[Indices, Indices, Floats]:
+        """Pairs of clusters that share edges which nodes may cross, and the length of those edges."""
+        tri, cluster = self.triangulation, self.cluster
+        most = 3 * len(cluster) // 2
+        row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
+        found = find_crossings(tri.position, tri.elements, cluster, row, column, length)
+        low, high = np.minimum(row[:found], column[:found]), np.maximum(row[:found], column[:found])
+        both = coo_array((length[:found], (low, high)), shape=(len(cluster), len(cluster)))
+        both.sum_duplicates()
+        return *both.coords, both.data
+
+    def _moves(self, flow: Floats) -> Floats:
+        """The displacement of every node: that of the clusters around it, smoothed, along outlines on outlines."""
+        star, constraints, n = self.triangulation.star, self.constraints, self.triangulation.nnodes
+        cuts, moves = even_cuts(n, FEW), np.empty((2, n, 2))
+
+        def begin(thread: int, first: int, last: int) -> None:
+            move_with_clusters(star, constraints, self.cluster, flow, first, last, moves[0])
+
+        def smooth(thread: int, first: int, last: int) -> None:
+            smooth_moves(star, constraints, moves[0], first, last, moves[1])
+
+        shared(begin, cuts)
+        for _ in range(ceil(n**0.25)):  # they smooth what jumps from cluster to cluster
+            shared(smooth, cuts)
+            moves = moves[::-1]
+        return moves[0]
+
+    def _reach(self, move: Floats) -> float:
+        """How far nodes go, in distances of neighbours, all but one in a hundred."""
+        tri, ratio = self.triangulation, np.empty(self.triangulation.nnodes)
+
+        def measure(thread: int, first: int, last: int) -> None:
+            measure_moves(tri.position, tri.star, move, first, last, ratio)
+
+        shared(measure, even_cuts(tri.nnodes, FEW))
+        return float(np.quantile(ratio, 0.99))
+
+    def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
+        """Let all nodes go a share of their moves, as far as that spoils no element."""
+        tri, constraints = self.triangulation, self.constraints
+        nodes = even_cuts(tri.nnodes, FEW)
+
+        def go(thread: int, first: int, last: int) -> None:
+            step_ahead(tri.position, constraints, move, share, first, last, step.ahead, step.parameter)
+
+        def take(thread: int, first: int, last: int) -> None:
+            take_step(tri.position, constraints, step.ahead, step.parameter, first, last)
+
+        shared(go, nodes)
+        self._mend(step, rings)
+        shared(take, nodes)
+
+    def _mend(self, step: "Step", rings: int) -> None:
+        """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are."""
+        tri, constraints, node = self.triangulation, self.constraints, self.triangulation.elements.node
+
+        def mark(thread: int, first: int, last: int) -> None:
+            mark_spoiled(tri.position, step.ahead, node, self.floor, first, last, step.spoiled)
+
+        for attempt in range(ATTEMPTS):
+            shared(mark, even_cuts(len(node), FEW))
+            if not step.spoiled.any():
+                break
+            if attempt < MIDDLES:
+                go_to_middle(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
+            else:
+                slow_down(
+                    tri.position, step.ahead, step.parameter, node, tri.star, constraints, step.spoiled, rings,
+                    step.ring, step.queue,
+                )  # fmt: skip
+        shared(mark, even_cuts(len(node), FEW))
+        hold_back(tri.position, step.ahead, node, tri.star, self.floor, step.spoiled, step.queue)
+        while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
+            hold_back(tri.position, step.ahead, node, tri.star, self.floor, step.spoiled, step.queue)
+
+
+class Step(NamedTuple):
+    """Where nodes are about to be, (n, 2), and at which parameter, (n,); elements that this spoils, (m,); scratch."""
+
+    ahead: Floats
+    parameter: Floats
+    spoiled: NDArray[np.bool_]
+    ring: NDArray[np.int32]
+    queue: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, triangulation: Triangulation, constraints: Constraints) -> "Step":
+        """Room for steps, one after the other."""
+        n, m = triangulation.nnodes, len(triangulation.elements.node)
+        return cls(
+            np.empty((n, 2)),
+            constraints.parameter.copy(),
+            np.empty(m, dtype=np.bool_),
+            np.full(n, -1, dtype=np.int32),
+            np.empty(max(n, m), dtype=np.int32),
+        )
+
+
+def clusters_of(triangulation: Triangulation, rank: Indices) -> Indices:
+    """The cluster of every element, (m,) int32, by the rank of nodes along a space-filling curve, (n,)."""
+    region, node = triangulation.elements.region, triangulation.elements.node
+    order = np.argsort(rank[node[:, 0]], kind="stable")
+    order = order[np.argsort(region[order], kind="stable")]
+    count = np.bincount(region)
+    clusters = np.maximum(1, np.round(count / CLUSTER).astype(np.int64))
+    place = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+    along = region[order]
+    cluster = np.empty(len(order), dtype=np.int32)
+    cluster[order] = (np.cumsum(clusters) - clusters)[along] + place * clusters[along] // count[along]
+    return cluster
+
+
+def wanted_inflow(mass: Floats, size: Floats, links: csr_array) -> Floats:
+    """The nodes that every cluster asks for, in elements; zero in sum wherever nodes can flow, (c,)."""
+    parts = connected_components(links, directed=False)[1]
+    mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
+    share = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
+    few = 0.5 / size  # half an element's share more in every cluster, for there may be none
+    asked = np.clip(np.log((share + few) / (1.0 + few)), -BOUND, BOUND)
+    return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
+
+
+def potential(links: csr_array, inflow: Floats) -> Floats:
+    """What drives the flow: the solution of Poisson's equation on the clusters, (c,)."""
+    total = links.sum(axis=0)
+    total[total == 0.0] = 1.0
+    # where nodes can flow the potential is fixed but for a constant; a little leakage fixes that, too
+    matrix = csc_array(diags_array(total * (1.0 + LEAKAGE)) - links)
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
+        inflow
+    )
+
+
+def symmetric(values: Floats, row: Indices, column: Indices, count: int) -> csr_array:
+    """A matrix with these entries, and the same below its diagonal."""
+    upper = coo_array((values, (row, column)), shape=(count, count)).tocsr()
+    return upper + upper.T

@@ -1,0 +1,62 @@
+"""Compile every kernel now, for benchmarks and for containers."""
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, Problem, equilibrate, fan_of
+from kohonen_adapt.mesh.locate import interpolate
+from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polish.polish import descend
+from kohonen_adapt.polish.transfer import Carrier
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.som.recycling import unchanged
+from kohonen_adapt.som.relocate import guarded_map, relocate
+from kohonen_adapt.som.schedule import Schedule, Stage
+
+__all__ = ["warmup"]
+
+
+def warmup() -> None:
+    """Compile every kernel now, or load it from numba's cache.
+
+    Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` does that, which takes some
+    seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> ka.warmup()  # doctest: +SKIP
+    """
+    mesh = MeshTri().refined(2)
+    brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
+    for topology in ("flip", "fixed", "recycle"):
+        relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
+    relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])
+    relocate(
+        mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
+    )
+    KohonenMap(mesh).search(np.array([0.3, 0.4]), 0)
+    interpolate(mesh, mesh.p[0], mesh.p)
+    _polish(mesh)
+    _equilibrate()
+
+
+def _polish(mesh: MeshTri) -> None:
+    """Carry a function to where it is, and lower its energy by one sweep."""
+    som = guarded_map(mesh, Limits())
+    triangulation, outline = som.triangulation, som.outline
+    ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
+    functional = Functional.of(ritz, triangulation, outline)
+    carrier = Carrier.of(ritz, functional, triangulation.copy(), outline)
+    values, fixed = carrier.onto(triangulation, outline, unchanged(triangulation).hint)
+    descend(triangulation, outline, functional, values, fixed, sweeps=1, flips=True, floor=0.3)
+
+
+def _equilibrate() -> None:
+    """Equilibrate nothing in one triangle: the estimators stand beside the tower, but their loop is a kernel too."""
+    point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
+    node = np.array([[0, 1, 2]], dtype=np.int32)
+    problem = Problem(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))
+    equilibrate(problem, fan_of(1), np.zeros((1, 3, 2)), np.zeros(3))

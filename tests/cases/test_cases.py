@@ -1,0 +1,379 @@
+"""Cases: what TOML means, what is refused and how, and that nothing hostile gets past with another error."""
+
+import math
+import tomllib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.meshes import disk
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kohonen_adapt.cases import case_of, read_case
+from kohonen_adapt.io import write_mesh
+from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
+from kohonen_adapt.outline.curves import Arc, Line, Spline
+
+CONTRACT = """
+mesh = "c_core.msh"
+scale = 1e-3
+[materials.iron]
+permeability = 1000.0
+[materials.magnet]
+permeability = 1.05
+remanence = [0.0, 1.2]
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 4
+min_quality = 0.3
+"""
+
+EVERYTHING = """
+mesh = "sub/m.msh"
+depth = 0.1
+order = 2
+estimator = "residual"
+open_boundary = "rim"
+periodic = [["left", "right"]]
+antiperiodic = [["low", "high"]]
+[materials]
+coil = {}
+air = {current_density = 1}
+magnet = {coercivity = [1e5, 0]}
+points = {bh = [[1.0, 500], [1.5, 3000], [1.9, 20000], [2.2, 200000]]}
+brauer = {bh = {law = "brauer", k1 = 50.0, k2 = 10, k3 = 1.5}}
+froehlich = {bh = {law = "froehlich", permeability = 2000, saturation = 2.0}}
+arctan = {bh = {law = "arctan", permeability = 2000, saturation = 2.0}}
+[potential]
+outer = 1
+[ampere_turns]
+coil = 100
+[adapt]
+passes = 3
+rtol = 0.01
+atol = 0
+topology = "flip"
+min_quality = 0.2
+pinned = ["coil", 3]
+seed = 7
+polish = false
+target_nodes = 5000
+layers = {air = 2}
+output_rtol = 0.01
+[adapt.curves]
+round = {curve = "arc", centre = [1, 0.0], radius = 2}
+straight = {curve = "line", start = [0, 0], end = [1, 1]}
+bent = {curve = "spline", points = [[0, 0], [1, 1], [2, 0]], closed = true}
+[outputs]
+fx = {quantity = "force", body = "coil", component = "x"}
+fy = {quantity = "force", body = ["coil", "air"], component = "y"}
+t = {quantity = "torque", body = "coil", centre = [1, 2]}
+psi = {quantity = "flux_linkage", coil = "coil", turns = 10}
+w = {quantity = "energy"}
+wc = {quantity = "coenergy"}
+"""
+
+
+def case(text, folder=Path("there")):
+    return case_of(tomllib.loads(text), folder)
+
+
+def changed(old, new):
+    assert old in CONTRACT
+    return CONTRACT.replace(old, new)
+
+
+def test_the_case_of_the_contract():
+    it = case(CONTRACT)
+    assert it.mesh == Path("there") / "c_core.msh" and it.scale == 1e-3
+    assert it.problem.materials == {
+        "iron": Material(permeability=1000.0),
+        "magnet": Material(permeability=1.05, remanence=(0.0, 1.2)),
+        "air": Material(),
+    }
+    assert it.problem.potential == {"outer": 0.0}
+    assert it.adapt == {"passes": 4, "min_quality": 0.3} and it.outputs == {}
+
+
+def test_every_key():
+    it = case(EVERYTHING)
+    problem = it.problem
+    assert (problem.depth, problem.order, problem.open_boundary) == (0.1, 2, "rim")
+    assert problem.periodic == (("left", "right"),) and problem.antiperiodic == (("low", "high"),)
+    laws = {name: each.bh for name, each in problem.materials.items() if each.bh is not None}
+    points = Table([(1.0, 500), (1.5, 3000), (1.9, 20000), (2.2, 200000)])
+    assert laws == {
+        "points": points,
+        "brauer": Brauer(50.0, 10.0, 1.5),
+        "froehlich": Froehlich(2000.0, 2.0),
+        "arctan": Arctan(2000.0, 2.0),
+    }
+    assert problem.materials["magnet"].coercivity == (1e5, 0.0) and problem.ampere_turns == {"coil": 100.0}
+    curves = it.adapt.pop("curves")
+    assert (curves["round"], curves["straight"]) == (Arc((1.0, 0.0), 2.0), Line((0.0, 0.0), (1.0, 1.0)))
+    assert isinstance(curves["bent"], Spline) and curves["bent"].closed
+    assert it.adapt == {
+        "passes": 3,
+        "rtol": 0.01,
+        "atol": 0.0,
+        "topology": "flip",
+        "min_quality": 0.2,
+        "pinned": ["coil", 3],
+        "seed": 7,
+        "polish": False,
+        "target_nodes": 5000,
+        "periodic": [("left", "right"), ("low", "high")],
+        "layers": {"air": 2},
+        "output_rtol": 0.01,
+    }
+    assert {name: each.bodies for name, each in it.outputs.items()} == {
+        "fx": ("coil",),
+        "fy": ("coil", "air"),
+        "t": ("coil",),
+        "psi": ("coil",),
+        "w": (),
+        "wc": (),
+    }
+
+
+class RecordingField:
+    """Stands for a field: says what it was asked."""
+
+    energy, coenergy = 5.0, 6.0
+
+    def force(self, body):
+        return np.array([len(body), 10.0 * len(body)])
+
+    def torque(self, body, centre):
+        return centre[0] + 10.0 * centre[1]
+
+    def flux_linkage(self, coil, turns):
+        return turns * len(coil)
+
+
+def test_a_curve_that_is_not_that_of_the_mesh_is_refused_before_the_run(tmp_path):
+    mesh = whole_disk(0.25)
+    write_mesh(tmp_path / "m.msh", mesh)
+    text = 'mesh = "m.msh"\n[materials.all]\n[potential]\nrim = 0.0\n[adapt.curves]\nrim = {curve = "arc", '
+    right, wrong_one = (case(text + f"centre = [0, 0], radius = {radius}}}", tmp_path) for radius in (0.25, 0.4))
+    assert right.fitting_mesh().p.shape == mesh.p.shape
+    with pytest.raises(ValueError, match=r"adapt: .*curve"):
+        wrong_one.fitting_mesh()
+
+
+def whole_disk(radius):
+    mesh = disk(4, radius)
+    return mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "per_metre"), [("", "/m"), ("depth = 0.1", ""), ("axisymmetric = true", "")], ids=str
+)
+def test_outputs_are_totals_only_with_a_depth_or_an_axis(symmetry, per_metre):
+    quantities = "[outputs]" + EVERYTHING.partition("[outputs]")[2]
+    if "axisymmetric" in symmetry:
+        quantities = quantities.replace("fx = ", "# ")
+    labels = list(case(f"{symmetry}\n{CONTRACT}{quantities}").labelled_outputs)
+    units = {"fx": "N", "fy": "N", "t": "N m", "psi": "Wb", "w": "J", "wc": "J"}
+    assert labels == [f"{name} ({unit}{per_metre})" for name, unit in units.items() if f"\n{name} =" in quantities]
+
+
+def test_outputs_ask_the_field():
+    values = {name: each(RecordingField()) for name, each in case(EVERYTHING).outputs.items()}
+    assert values == {"fx": 1.0, "fy": 20.0, "t": 21.0, "psi": 10.0, "w": 5.0, "wc": 6.0}
+
+
+def test_pairs_of_the_field_stay_matched_unless_the_case_says_otherwise():
+    pair = '[materials.a]\n[adapt]\nperiodic = [["c", "d"]]'
+    assert case(f'mesh = "m"\nantiperiodic = [["a", "b"]]\n{pair}').adapt["periodic"] == [("c", "d")]
+
+
+def test_a_curve_from_a_file_beside_the_case(tmp_path):
+    (tmp_path / "steel.csv").write_text("B, H\n1.0, 500\n1.5, 3000\n1.9, 20000\n2.2, 200000\n")
+    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = "steel.csv"'))
+    law = read_case(tmp_path / "case.toml").problem.materials["iron"].bh
+    assert law.points[1] == (1.0, 500.0)
+
+
+def wrong(old, new, *said):
+    return pytest.param(changed(old, new), said, id=new.replace("\n", " ")[:40])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        wrong('mesh = "c_core.msh"', "", "mesh is missing"),
+        wrong('mesh = "c_core.msh"', "mesh = 3", "mesh must be a text in quotes that is not empty; got 3."),
+        wrong("scale = 1e-3", "scale = -1", "scale must be a finite number > 0; got -1."),
+        wrong("scale = 1e-3", "scale = nan", "scale must be a finite number > 0; got nan."),
+        wrong("scale = 1e-3", "scale = true", "scale must be a finite number > 0; got True."),
+        wrong("scale = 1e-3", "scale = 1" + 400 * "0", "scale must be a finite number > 0; got 1000"),
+        wrong("scale = 1e-3", "scal = 1e-3", "'scal' is no key of a case. Did you mean 'scale'? Known: mesh, scale"),
+        wrong("scale = 1e-3", "axisymmetric = 1", "axisymmetric must be true or false; got 1."),
+        wrong("scale = 1e-3", "order = 3", "order must be one of 1, 2; got 3."),
+        wrong("scale = 1e-3", "order = true", "order must be one of 1, 2; got True."),
+        wrong("scale = 1e-3", 'estimator = "residul"', "got 'residul'. Did you mean 'residual'?"),
+        wrong("scale = 1e-3", 'periodic = ["a", "b"]', "periodic must be a list of pairs of names, as"),
+        wrong("scale = 1e-3", "depth = 0", "depth must be a finite number > 0; got 0."),
+        wrong(
+            "permeability = 1000.0",
+            "permeabilty = 1000.0",
+            "'materials.iron.permeabilty' is no key of a case. Did you mean 'permeability'? Known in materials.iron: ",
+        ),
+        wrong("permeability = 1000.0", "permeability = 0", "materials.iron.permeability must be a finite number > 0"),
+        wrong("remanence = [0.0, 1.2]", "remanence = 1.2", "materials.magnet.remanence must be two numbers [x, y]"),
+        wrong("remanence = [0.0, 1.2]", 'remanence = [0.0, "1"]', "materials.magnet.remanence[1] must be a finite num"),
+        wrong("remanence = [0.0, 1.2]", "remanence = [0, 1]\ncoercivity = [0, 1]", "materials.magnet: a magnet has a"),
+        wrong("permeability = 1000.0", "bh = 3", "materials.iron.bh must be a list of [B, H], the name of a file, or"),
+        wrong("permeability = 1000.0", "bh = [[1, 2, 3]]", "materials.iron.bh[0] must be two numbers [x, y]"),
+        wrong("permeability = 1000.0", "bh = [[1, 2]]", "materials.iron.bh: bh must have at least two points besides"),
+        wrong("permeability = 1000.0", 'bh = "none.csv"', "materials.iron.bh must name a file with a table of B and H"),
+        wrong("permeability = 1000.0", 'bh = "/dev/zero"', "materials.iron.bh must name a file with a table of B and"),
+        wrong("permeability = 1000.0", 'bh = "\\u0000"', "materials.iron.bh"),
+        wrong("permeability = 1000.0", f'bh = "{"x" * 5000}"', "materials.iron.bh"),
+        wrong("permeability = 1000.0", "bh = {k1 = 1}", "materials.iron.bh.law must be one of 'brauer', 'froehlich'"),
+        wrong("permeability = 1000.0", 'bh = {law = "bauer"}', "got 'bauer'. Did you mean 'brauer'?"),
+        wrong("permeability = 1000.0", 'bh = {law = "brauer", k1 = 1}', "materials.iron.bh.k2 is missing"),
+        wrong(
+            "permeability = 1000.0",
+            'bh = {law = "brauer", k1 = 1e9, k2 = 1, k3 = 1}',
+            "materials.iron.bh: k1 + k2 of Brauer",
+        ),
+        pytest.param('mesh = "m"\nmaterials = {air = 1}', ["materials.air must be a table of keys; got 1."], id="air"),
+        wrong("outer = 0.0", 'outer = "0"', "potential.outer must be a finite number; got '0'."),
+        wrong("outer = 0.0", "", "potential must fix A on at least one boundary"),
+        wrong("outer = 0.0", "outer = 0.0\n[ampere_turns]\ncoil = 1", "ampere_turns has 'coil', which is not among"),
+        wrong("passes = 4", "passes = 4.0", "adapt.passes must be an integer from 0 to 2147483647; got 4.0."),
+        wrong("passes = 4", "passes = -1", "adapt.passes must be an integer from 0 to 2147483647; got -1."),
+        wrong("passes = 4", 'topology = "flp"', "adapt.topology must be one of", "Did you mean 'flip'?"),
+        wrong("passes = 4", "layers = {gap = 0}", "adapt.layers.gap must be an integer from 1"),
+        wrong(
+            "passes = 4", "curves = {a = {radius = 1}}", "adapt.curves.a.curve must be one of 'arc', 'line', 'spline'"
+        ),
+        wrong("passes = 4", 'curves = {a = {curve = "arc", radius = 1}}', "adapt.curves.a.centre is missing"),
+        wrong(
+            "passes = 4",
+            'curves = {a = {curve = "line", start = [0, 0], end = [0, 0]}}',
+            "adapt.curves.a: start and end",
+        ),
+        wrong("passes = 4", 'curves = {a = {curve = "spline", points = [[0, 0]]}}', "adapt.curves.a: "),
+        wrong("passes = 4", 'curves = {a = {curve = "spline", points = 3}}', "adapt.curves.a.points must be a list of"),
+        wrong("passes = 4", "pinned = [1.5]", "adapt.pinned[0] must be an integer from 0"),
+        wrong("passes = 4", 'pinned = "iron"', "adapt.pinned must be a list of names and node numbers; got 'iron'."),
+        wrong("passes = 4", "output_rtol = 0.1", "adapt.output_rtol limits the changes of outputs, and there are none"),
+        wrong(
+            "min_quality = 0.3", "min_quality = 2", "adapt.min_quality must be a finite number >= 0 and <= 1; got 2."
+        ),
+        wrong(
+            "min_quality = 0.3", "[outputs.f]\nquantity = 'forc'", "outputs.f.quantity must be", "Did you mean 'force'?"
+        ),
+        wrong("min_quality = 0.3", "[outputs.f]\nquantity = 'force'\nbody = 'a'", "outputs.f.component is missing"),
+        wrong(
+            "min_quality = 0.3", "[outputs.f]\nquantity = 'energy'\nbody = 'a'", "'outputs.f.body' is no key of a case."
+        ),
+        wrong(
+            "min_quality = 0.3",
+            "[outputs.f]\nquantity = 'flux_linkage'\ncoil = []",
+            "outputs.f.coil must be a name or a",
+        ),
+    ],
+)
+def test_a_wrong_case_names_file_and_key(text, said, tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(text)
+    with pytest.raises(ValueError) as refusal:
+        read_case(file)
+    assert str(refusal.value).startswith(f"{file}: ")
+    for part in said:
+        assert part in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"mesh = ", b"\xff\xfe", b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = 1\na = 2"],
+    ids=["cut", "not UTF-8", "deep", "long", "twice"],
+)
+def test_what_is_no_toml(content, tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"case\.toml: is not TOML: "):
+        read_case(file)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"there is no file '.*case\.toml'\. Make one: kohonen-adapt init MESH"):
+        read_case(tmp_path / "case.toml")
+
+
+def keys_of(text):
+    """Every key and text that a case may have somewhere."""
+
+    def words(value):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield key
+                yield from words(inner)
+        elif isinstance(value, list):
+            for inner in value:
+                yield from words(inner)
+        elif isinstance(value, str):
+            yield value
+
+    return sorted(set(words(tomllib.loads(text))))
+
+
+WORDS = keys_of(EVERYTHING) + keys_of(CONTRACT)
+LEAVES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.just(10**400),
+    st.floats(),
+    st.dates(),
+    st.text(max_size=5),
+    st.sampled_from(WORDS),
+)
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(WORDS) | st.text(max_size=3), inner),
+    max_leaves=12,
+)
+
+
+@st.composite
+def spoilt_cases(draw):
+    """A good case with one place of it replaced by anything."""
+    it = tomllib.loads(draw(st.sampled_from([CONTRACT, EVERYTHING])))
+    place = it
+    while True:
+        key = draw(st.sampled_from(sorted(place)))
+        if not isinstance(place[key], dict) or not place[key] or draw(st.booleans()):
+            place[key] = draw(TREES)
+            return it
+        place = place[key]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.dictionaries(st.sampled_from(WORDS) | st.text(max_size=3), TREES, max_size=5) | spoilt_cases())
+def test_any_tree_is_a_case_or_a_value_error(tree):
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            it = case_of(tree, Path("there"))
+        except ValueError as error:
+            assert str(error)
+            return
+    assert isinstance(it.problem, Magnetostatics) and math.isfinite(it.scale) and it.scale > 0.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=80) | st.text(max_size=80).map(lambda text: text.encode("utf-8", "ignore")))
+def test_any_bytes_are_a_case_or_a_value_error(tmp_path_factory, content):
+    file = tmp_path_factory.mktemp("case") / "case.toml"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"case\.toml: "):
+        read_case(file)

@@ -1,0 +1,166 @@
+"""The command: what it writes, what it says, and how it ends."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.terminal import Terminal
+
+ROOT = Path(__file__).parents[2]
+
+
+def run(*arguments, **environment):
+    """The command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "kohonen_adapt", *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def one_line(text):
+    return text.count("\n") == 1 and text.startswith("kohonen-adapt: ")
+
+
+def test_demo_magnet(tmp_path, capsys):
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path / "new" / "folder")]) == 0
+    files = tmp_path / "new" / "folder"
+    assert sorted(file.name for file in files.iterdir()) == ["magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"]
+    said = capsys.readouterr().out
+    progress = re.findall(r"^pass (\d): 899 nodes, estimate [\d.]+ \(([\d.]+) %\), [\d.]+ s$", said, re.MULTILINE)
+    assert [int(number) for number, _ in progress] == [0, 1, 2, 3, 4]
+    assert float(progress[4][1]) < 0.8 * float(progress[0][1])
+    assert "Energy Error %" in said
+    assert said.endswith(f"Files in {files}: magnet.html, magnet.msh, magnet.png, magnet.vtu.\n")
+    mesh = ka.read_mesh(files / "magnet.msh")
+    assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
+    assert mesh.p.shape[1] == 899
+
+
+def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path, capsys, monkeypatch):
+    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["magnet.msh", "magnet.vtu"]
+    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+
+
+def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib():
+    def draw():
+        raise ModuleNotFoundError("No module named 'other'", name="other")
+
+    terminal = Terminal()
+    with pytest.raises(ModuleNotFoundError, match="other"):
+        terminal.wait_for(lambda: cli._drawn(terminal, Path("out"), draw))
+
+
+@pytest.mark.slow
+def test_demo_in_a_process_of_its_own(tmp_path):
+    done = run("demo", "magnet", "--out", tmp_path)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert "c_core.msh': 899 nodes" in done.stderr  # progress goes to one stream, remarks to the other
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"kohonen-adapt {ka.__version__}\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["demo"], ["demo", "magnet"], ["demo", "motor", "--out", "x"], ["walk"]])
+def test_wrong_use(arguments, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(arguments)
+    assert end.value.code == 2
+    assert "usage: kohonen-adapt" in capsys.readouterr().err
+
+
+def test_without_arguments_there_is_the_help(capsys):
+    with pytest.raises(SystemExit):
+        cli.main([])
+    said = capsys.readouterr().err
+    commands = ("demo", "run", "init", "check", "relocate")
+    assert all(re.search(rf"^    {name} +\S", said, re.MULTILINE) for name in commands)
+    assert " ".join(said.split()).endswith("A first case: kohonen-adapt init MESH.")
+
+
+def test_out_is_a_file(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path / "file")]) == 2
+    error = capsys.readouterr().err
+    assert one_line(error)
+    assert f"--out expected a folder that takes files; '{tmp_path / 'file'}' does not: File exists." in error
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permissions do not bind the superuser")
+def test_out_is_read_only(tmp_path, capsys):
+    tmp_path.chmod(0o500)
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 2
+    assert "does not: Permission denied." in capsys.readouterr().err
+
+
+def test_no_traceback_for_a_folder_that_cannot_be(tmp_path):
+    (tmp_path / "file").touch()
+    done = run("demo", "magnet", "--out", tmp_path / "file" / "below")
+    assert done.returncode == 2
+    assert done.stdout == "" and one_line(done.stderr)
+
+
+def test_a_missing_example(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(cli, "EXAMPLES", (tmp_path / "data",))
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert one_line(error) and "the example 'magnet.py' is not installed; expected it in" in error
+
+
+def test_ctrl_c(tmp_path, capsys, monkeypatch):
+    def interrupted(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("runpy.run_path", interrupted)
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "kohonen-adapt: interrupted.\n"
+
+
+def test_a_problem_that_fails_on_the_way(tmp_path, capsys, monkeypatch):
+    run_path = cli.runpy.run_path
+
+    def failing(path):
+        example = run_path(path)
+        solve, meshes = type(example["PROBLEM"]).solve, []
+
+        def solve_twice(self, mesh, *old):
+            meshes.append(mesh)
+            if len(meshes) > 2:
+                raise RuntimeError("no third time")
+            return solve(self, mesh)
+
+        for name in ("solve", "solve_from"):
+            monkeypatch.setattr(type(example["PROBLEM"]), name, solve_twice)
+        return example
+
+    monkeypatch.setattr("runpy.run_path", failing)
+    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 1
+    assert "no third time" in capsys.readouterr().out
+    assert (tmp_path / "magnet.vtu").exists()
+
+
+def test_the_command_is_installed():
+    commands = entry_points(group="console_scripts", name="kohonen-adapt")
+    if not commands:
+        pytest.skip("the package is not installed")
+    assert next(iter(commands)).load() is cli.main

@@ -1,0 +1,130 @@
+"""The command `check`: what it says of good meshes and of every kind of fault."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.mesh_files import two_rooms
+from helpers.meshes import disk, named, slit, square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.check import faults, thin_parts
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def said_of(mesh, tmp_path, capsys):
+    """What is said of a mesh; the status is that of what is said."""
+    ka.write_mesh(tmp_path / "it.msh", mesh)
+    status = cli.main(["check", str(tmp_path / "it.msh")])
+    said = capsys.readouterr().out
+    assert status == (0 if said.endswith("\nNothing is wrong.\n") else 1)
+    return said
+
+
+def whole(mesh):
+    """A mesh with one name for all elements and one for its rim."""
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def test_a_good_mesh(capsys):
+    assert cli.main(["check", str(EXAMPLES / "c_core.msh"), "--scale", "1e-3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    mesh = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
+    value = ka.quality(mesh)
+    assert lines[0] == "size: 0.14 x 0.14 m, 899 nodes, 1696 triangles"
+    for line, (name, rows) in zip(lines[1:4], sorted(mesh.subdomains.items()), strict=True):
+        assert re.fullmatch(rf"subdomain '{name}': {len(rows)} triangles, [\d.]+ m\^2", line)
+    assert lines[4] == f"boundary 'outer': {len(mesh.boundaries['outer'])} facets"
+    lines = lines[2:]
+    assert lines[3] == "coverage: 1696 triangles in one subdomain, 0 in none, 0 in two or more"
+    assert lines[4].startswith(f"quality: worst {value.min():.3g} (triangle {np.argmin(value)} near (")
+    assert lines[4].endswith(f"mean {value.mean():.3g}")
+    assert lines[5].startswith("angles: from ")
+    assert lines[6] == "outlines: 22 chains, 22 straight, 0 on arcs, 0 closed"
+    assert lines[7].startswith("nodes: ") and lines[7].endswith(" 20 in corners that others may take, 0 held for good")
+    assert lines[8:] == ["Nothing is wrong."]
+
+
+def test_arcs_have_radii(tmp_path, capsys):
+    said = said_of(whole(disk(6, 0.25)), tmp_path, capsys)
+    assert "outlines: 1 chain, 0 straight, 1 on arcs (radius 0.25 m), 1 closed" in said
+
+
+def test_the_smallest_angle(tmp_path, capsys):
+    assert "angles: from 45 degrees on" in said_of(whole(square(2)), tmp_path, capsys)
+
+
+def test_millimetres(capsys):
+    assert cli.main(["check", str(EXAMPLES / "c_core.msh")]) == 1
+    said = capsys.readouterr().out
+    assert (
+        "- the mesh is 140 x 140 m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)." in said
+    )
+
+
+def test_names_that_overlap_or_lack(tmp_path, capsys):
+    said = said_of(two_rooms(), tmp_path, capsys)
+    assert "in two or more" in said and re.search(r"- \d+ triangles are in more than one subdomain, one near \(", said)
+    said = said_of(square(4), tmp_path, capsys)
+    assert "- 32 triangles are in no subdomain, one near (" in said
+    assert "- no boundary has a name, so a case can fix no potential" in said
+
+
+def test_a_slit_is_a_seam():
+    (found,) = [fault for fault in faults(whole(slit(4))) if "coincident rim node" in fault]
+    assert "If that is no slit, merge them" in found
+
+
+def test_hanging_nodes_are_found_where_they_are():
+    p = np.array([[0.0, 1, 0, 1, 0.5, 1.0], [0, 0, 1, 1, 0, -1]])
+    mesh = whole(MeshTri(p, np.array([[0, 1, 0, 4], [1, 3, 4, 1], [2, 2, 5, 5]])))
+    (found,) = [fault for fault in faults(mesh) if "hanging" in fault]
+    assert found.startswith("1 hanging node, at (0.5, 0), inside an edge of another triangle")
+
+
+def test_pinched_nodes():
+    p = np.array([[0.0, 1, 0, -1, 0], [0, 0, 1, 0, -1]])
+    mesh = whole(MeshTri(p, np.array([[0, 0], [1, 3], [2, 4]])))
+    (found,) = [fault for fault in faults(mesh) if "pinched" in fault]
+    assert found.startswith("1 pinched node, at (0, 0): parts of the mesh touch in a point only")
+
+
+def test_bad_elements():
+    mesh = whole(MeshTri.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 0.01, 3)))
+    (found,) = [fault for fault in faults(mesh) if "quality" in fault]
+    assert found.startswith("16 triangles have a quality below 0.3, the default of min_quality; the worst, ")
+
+
+@pytest.mark.parametrize(("layers", "thin"), [(1, True), (2, False)])
+def test_a_gap_of_one_layer(layers, thin):
+    ticks = np.concatenate([np.linspace(0, 0.9, 7), np.linspace(0.9, 1.0, layers + 1)[1:], np.linspace(1, 2, 7)[1:]])
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 15), ticks)
+    mesh = mesh.with_subdomains(
+        {"gap": lambda x: (x[1] > 0.9) & (x[1] < 1), "rest": lambda x: (x[1] < 0.9) | (x[1] > 1)}
+    )
+    found = list(thin_parts(ka.KohonenMap(mesh)))
+    assert len(found) == thin
+    if thin:
+        assert found[0].startswith("subdomain 'gap' has 1 layer of elements between its sides near (")
+
+
+def test_no_fault_in_a_mesh_with_every_kind_of_name():
+    said = " ".join(faults(named(8)))
+    assert "hanging" not in said and "coincident rim node" not in said
+
+
+def test_the_status_is_in_the_help(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The exit status is 0 if nothing would, 1 if faults were found, and 2 if the file holds no mesh" in said
+
+
+def test_no_mesh(tmp_path, capsys):
+    assert cli.main(["check", str(tmp_path / "none.msh")]) == 2
+    assert "read_mesh expected a mesh file; there is none at" in capsys.readouterr().err

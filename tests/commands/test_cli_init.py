@@ -1,0 +1,111 @@
+"""The command `init`: a case that runs as it stands, for meshes with names of all kinds."""
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.mesh_files import two_rooms
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import case_of, case_text
+from kohonen_adapt.commands import main as cli
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("name", ["c_core", "actuator_1", "motor"])
+def test_the_case_runs_dry_once_the_potential_is_chosen(name, tmp_path, capsys):
+    shutil.copy(EXAMPLES / f"{name}.msh", tmp_path)
+    (tmp_path / "cases").mkdir()
+    case = tmp_path / "cases" / "new.toml"
+    assert cli.main(["init", str(tmp_path / f"{name}.msh"), "--scale", "1e-3", "-o", str(case)]) == 0
+    said = capsys.readouterr().out
+    assert said == f"Wrote {case}. Fill in its materials and potential, then: kohonen-adapt run {case} --dry-run\n"
+    written, mesh = tomllib.loads(case.read_text()), ka.read_mesh(tmp_path / f"{name}.msh")
+    assert written["mesh"] == f"../{name}.msh" and written["scale"] == 1e-3
+    assert set(written["materials"]) == set(mesh.subdomains)
+    assert len(written["potential"]) == (name != "motor")
+    assert all(f"\n{boundary} = 0.0" in case.read_text().replace("\n# ", "\n") for boundary in mesh.boundaries)
+    case.write_text(case.read_text().replace("# outer = 0.0", "outer = 0.0"))
+    assert cli.main(["run", str(case), "--dry-run"]) == 0
+
+
+def test_without_a_boundary_on_most_of_the_rim_the_user_chooses():
+    """The longest boundaries of the motor are its antiperiodic sides."""
+    text = case_text(ka.read_mesh(EXAMPLES / "motor.msh", scale=1e-3), "motor.msh", 1e-3)
+    assert tomllib.loads(text)["potential"] == {}
+    assert (
+        "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides.\n"
+        "# inner = 0.0  # 5.76 % of the rim\n"
+        "# left = 0.0  # 31.8 % of the rim\n"
+        "# outer = 0.0  # 30.7 % of the rim\n"
+        "# right = 0.0  # 31.8 % of the rim\n"
+        "# ring = 0.0  # not on the rim alone\n"
+    ) in text
+
+
+def test_millimetres_taken_for_metres_are_doubted(tmp_path, capsys):
+    arguments = ["init", str(EXAMPLES / "c_core.msh"), "-o", str(tmp_path / "new.toml")]
+    assert cli.main(arguments) == 0
+    assert "kohonen-adapt: warning: the mesh is " in capsys.readouterr().err
+
+
+def test_it_does_not_overwrite(tmp_path, capsys):
+    shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
+    (tmp_path / "c_core.toml").write_text("mine")
+    assert cli.main(["init", str(tmp_path / "c_core.msh")]) == 2
+    case = tmp_path / "c_core.toml"
+    assert case.read_text() == "mine"
+    assert capsys.readouterr().err == (
+        f"kohonen-adapt: init does not overwrite '{case}'; choose another name with -o CASE.toml.\n"
+    )
+
+
+def test_overlapping_names_are_commented_out(tmp_path):
+    ka.write_mesh(tmp_path / "rooms.msh", two_rooms())
+    assert cli.main(["init", str(tmp_path / "rooms.msh")]) == 0
+    text = (tmp_path / "rooms.toml").read_text()
+    assert set(tomllib.loads(text)["materials"]) == {"left", "right side"}
+    assert "# [materials.low]" in text and "# interface = 0.0" in text and '# "wall and floor" = 0.0' in text
+    (tmp_path / "rooms.toml").write_text(text.replace('# "wall and floor"', '"wall and floor"'))
+    assert cli.main(["run", str(tmp_path / "rooms.toml"), "--dry-run"]) == 0
+
+
+def test_no_flux_leaves_where_most_of_the_rim_is():
+    """Not on the longest boundary, which is inside, nor on the rim of a hole."""
+    mesh = MeshTri.init_tensor(np.linspace(0, 9, 10), np.linspace(0, 9, 10))
+    mesh = mesh.remove_elements(np.flatnonzero((np.abs(mesh.p[:, mesh.t].mean(axis=1) - 4.5) < 0.5).all(axis=0)))
+    rim = mesh.boundary_facets()
+    far = (np.abs(mesh.p[:, mesh.facets[:, rim]].mean(axis=1) - 4.5) > 4).any(axis=0)
+    inside = np.setdiff1d(np.arange(mesh.facets.shape[1]), rim)
+    mesh = mesh.with_boundaries({"hole": rim[~far], "inside": inside, "outside": rim[far]})
+    written = case_text(mesh, "m.msh", 1.0)
+    assert tomllib.loads(written)["potential"] == {"outside": 0.0}
+    assert "# inside = 0.0  # not on the rim alone\n" in written
+    assert "# hole = 0.0  # 10 % of the rim\noutside = 0.0  # 90 % of the rim\n" in written
+
+
+def test_a_mesh_without_names_says_what_it_lacks(tmp_path):
+    text = case_text(MeshTri().refined(1), "m.msh", 1.0)
+    assert "# 100 % of the area has no material above: give it a surface group of its own" in text
+    assert "# The mesh names no part of its rim: give the lines there a physical group" in text
+    with pytest.raises(ValueError, match="potential must fix A on at least one boundary"):
+        case_of(tomllib.loads(text), tmp_path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(min_size=1), st.text(min_size=1), st.text(min_size=1))
+def test_any_name_comes_back(subdomain, boundary, file):
+    if subdomain.startswith("gmsh:") or boundary.startswith("gmsh:"):
+        return
+    mesh = MeshTri().refined(1)
+    mesh = mesh.with_subdomains({subdomain: np.arange(mesh.t.shape[1])})
+    mesh = mesh.with_boundaries({boundary: mesh.boundary_facets()})
+    given = tomllib.loads(case_text(mesh, file, 1e-3))
+    assert (set(given["materials"]), set(given["potential"]), given["mesh"]) == ({subdomain}, {boundary}, file)
+    assert given["scale"] == 1e-3

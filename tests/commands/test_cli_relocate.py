@@ -1,0 +1,212 @@
+"""The command `relocate`: a round trip through files with a solver that knows nothing of this package."""
+
+import re
+
+import meshio
+import numpy as np
+import pytest
+import skfem
+from helpers.meshes import l_shape
+from numpy.testing import assert_array_equal
+from skfem.helpers import dot, grad
+from skfem.models.poisson import laplace
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.io.fields import read_field
+
+
+def solved(file):
+    """Laplace's equation on the mesh of a file by scikit-fem: mesh, solution and error against the exact one."""
+    content = meshio.read(file)
+    mesh = skfem.MeshTri(content.points[:, :2].T, content.cells_dict["triangle"].T)
+    basis = skfem.Basis(mesh, skfem.ElementTriP1(), intorder=6)
+
+    def exact(x):
+        return np.hypot(*x) ** (2 / 3) * np.sin(2 / 3 * np.mod(np.arctan2(x[1], x[0]), 2 * np.pi))
+
+    u = exact(mesh.p)
+    inner = mesh.interior_nodes()
+    u = skfem.solve(*skfem.condense(laplace.assemble(basis), x=u, I=inner))
+
+    @skfem.Functional
+    def squared(w):
+        radius, angle = np.hypot(*w.x), np.mod(np.arctan2(w.x[1], w.x[0]), 2 * np.pi)
+        slope = 2 / 3 * radius ** (-1 / 3) * np.stack([-np.sin(angle / 3), np.cos(angle / 3)])
+        off = grad(w["u"]) - slope
+        return dot(off, off)
+
+    return mesh, u, float(np.sqrt(squared.assemble(basis, u=basis.interpolate(u))))
+
+
+def write_field(path, mesh, **data):
+    """A VTU file by meshio, as another program would write it."""
+    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
+    meshio.Mesh(points, [("triangle", mesh.t.T)], **data).write(path)
+
+
+@pytest.fixture
+def source(tmp_path):
+    mesh = l_shape(8)
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
+    ka.write_mesh(tmp_path / "before.msh", mesh)
+    return tmp_path / "before.msh"
+
+
+def move(source, field, *options):
+    out = source.with_name("after.msh")
+    return cli.main(["relocate", str(source), "--density", f"{field}:rho", "--out", str(out), *options]), out
+
+
+@pytest.mark.parametrize("kind", ["cell_data", "point_data"])
+def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, capsys):
+    first, u, error = solved(source)
+    for _ in range(2):
+        mesh, u, _ = solved(source)
+        rho = ka.density_from_indicators(mesh, ka.estimators.residual(mesh, u, np.ones(mesh.t.shape[1])))
+        nodal = np.bincount(mesh.t.ravel(), np.tile(rho, 3)) / np.bincount(mesh.t.ravel())
+        write_field(tmp_path / "f.vtu", mesh, **{kind: {"rho": [rho] if kind == "cell_data" else nodal}})
+        code, out = move(source, tmp_path / "f.vtu", "--topology", "recycle")
+        assert code == 0
+        source = out.rename(tmp_path / "step.msh")
+    last, _, error_after = solved(source)
+    assert last.p.shape == first.p.shape
+    assert error_after < 0.6 * error
+    named = ka.read_mesh(source)
+    assert set(named.subdomains) == {"all"} and set(named.boundaries) == {"rim"}
+    said = capsys.readouterr().out  # with blank lines of meshio's
+    wrote = rf"Wrote .*after\.msh: {first.p.shape[1]} nodes, worst quality 0\.\d\d; before \d\.\d\d\.\n"
+    assert len(re.findall(wrote, said)) == 2
+
+
+def test_it_is_what_the_library_does(source, tmp_path, capfd):
+    mesh = ka.read_mesh(source)
+    rho = 1.0 + mesh.p[0][mesh.t].mean(axis=0) ** 2
+    write_field(tmp_path / "f.vtu", mesh, cell_data={"rho": [rho]})
+    options = ["--topology", "flip", "--min-quality", "0.4", "--pinned", "rim", "3", "--seed", "5", "--quiet"]
+    code, out = move(source, tmp_path / "f.vtu", *options)
+    wanted = ka.relocate(mesh, rho, topology="flip", min_quality=0.4, pinned=["rim", 3], seed=5)
+    assert code == 0
+    assert_array_equal(ka.read_mesh(out).p, wanted.p)
+    assert capfd.readouterr().out == ""
+
+
+def test_periodic_and_layers(tmp_path):
+    mesh = skfem.MeshTri.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 1, 9))
+    mesh = mesh.with_subdomains({"gap": lambda x: (x[1] > 0.25) & (x[1] < 0.5), "rest": lambda x: x[1] < 0.25})
+    mesh = mesh.with_boundaries({"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1})
+    ka.write_mesh(tmp_path / "before.msh", mesh)
+    mesh = ka.read_mesh(tmp_path / "before.msh")
+    rho = 1.0 + 9.0 * mesh.p[1][mesh.t].mean(axis=0)
+    write_field(tmp_path / "f.vtu", mesh, cell_data={"rho": [rho]})
+    code, out = move(
+        tmp_path / "before.msh", tmp_path / "f.vtu", "--periodic", "left", "right", "--layers", "gap", "2", "--quiet"
+    )
+    assert code == 0
+    after = ka.read_mesh(out)
+    heights = [np.sort(after.p[1, np.unique(after.facets[:, after.boundaries[name]])]) for name in ("left", "right")]
+    assert_array_equal(*heights)
+    assert_array_equal(after.p, ka.relocate(mesh, rho, periodic=[("left", "right")], layers={"gap": 2}).p)
+
+
+def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
+    mesh = ka.read_mesh(source)
+    rho = np.arange(1.0, mesh.t.shape[1] + 1)
+    points = np.vstack([[[9.0, 9.0, 0.0]], np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])])
+    cells = [("line", [[1, 2]]), ("triangle", mesh.t.T + 1)]
+    meshio.Mesh(points, cells, cell_data={"rho": [[7.0], rho]}).write(tmp_path / "f.vtu")
+    assert_array_equal(read_field(tmp_path / "f.vtu", "rho", mesh), rho)
+
+
+@pytest.mark.parametrize("kind", ["cell_data", "point_data"])
+def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
+    mesh, rng = ka.read_mesh(source), np.random.default_rng(0)
+    nodes, triangles = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
+    other = skfem.MeshTri(mesh.p[:, nodes], np.argsort(nodes)[mesh.t][:, triangles])
+    rho = np.arange(1.0, mesh.t.shape[1] + 1) if kind == "cell_data" else 1.0 + mesh.p[0]
+    write_field(tmp_path / "f.vtu", other, **{kind: {"rho": [rho[triangles]] if kind == "cell_data" else rho[nodes]}})
+    wanted = rho if kind == "cell_data" else rho[mesh.t].mean(axis=0)
+    assert np.allclose(read_field(tmp_path / "f.vtu", "rho", mesh), wanted, rtol=1e-14)
+
+
+def test_nodal_fields_are_averaged_over_elements(source, tmp_path):
+    mesh = ka.read_mesh(source)
+    write_field(tmp_path / "f.vtu", mesh, point_data={"rho": 1.0 + mesh.p[0]})
+    got = read_field(tmp_path / "f.vtu", "rho", mesh)
+    assert np.allclose(got, 1.0 + mesh.p[0][mesh.t].mean(axis=0), rtol=1e-14)
+
+
+def spoilt(mesh, how):
+    """A field file that does not fit, as arguments of `write_field`."""
+    rho = {"rho": [np.ones(mesh.t.shape[1])]}
+    if how == "shifted":
+        return mesh.translated((0.1, 0.0)), {"cell_data": rho}
+    if how == "millimetres":
+        return mesh.scaled(1e3), {"cell_data": rho}
+    if how == "refined":
+        return mesh.refined(1), {"cell_data": {"rho": [np.ones(4 * mesh.t.shape[1])]}}
+    if how == "flipped":
+        t = mesh.t.copy()
+        t[:, 0] = t[:, 1]
+        return skfem.MeshTri(mesh.p, t, validate=False), {"cell_data": rho}
+    if how == "broken":
+        return skfem.MeshTri(np.where(mesh.p == 1.0, np.nan, mesh.p), mesh.t, validate=False), {"cell_data": rho}
+    if how == "absent":
+        return mesh, {"cell_data": {"other": rho["rho"]}}
+    if how == "twice":
+        return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.p.shape[1])}}
+    if how == "vector":
+        return mesh, {"cell_data": {"rho": [np.ones((mesh.t.shape[1], 3))]}}
+    return mesh, {"cell_data": {"rho": [np.full(mesh.t.shape[1], {"negative": -1.0, "nan": np.nan}[how])]}}
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("shifted", "sizes of the mesh off its place. Are both in the same unit, and of the same step?"),
+        (
+            "millimetres",
+            "at a scale of 1; it is there at 1000, so the units differ. Give --scale 1000 (metres per unit",
+        ),
+        ("refined", "read_field expected a field on the mesh, of"),
+        ("flipped", "a triangle is "),
+        ("broken", "read_field expected finite coordinates;"),
+        ("absent", "has no field 'rho'; its fields are: 'other'."),
+        ("twice", "has 'rho' at points and in cells; rename one of them."),
+        ("vector", "must be one real number per node or element; got 3."),
+        ("negative", "density"),
+        ("nan", "density"),
+    ],
+)
+def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
+    mesh, data = spoilt(ka.read_mesh(source), how)
+    write_field(tmp_path / "f.vtu", mesh, **data)
+    code, out = move(source, tmp_path / "f.vtu", "--quiet")
+    assert code == 2 and not out.exists()
+    error = capsys.readouterr().err
+    assert error.startswith("kohonen-adapt: ") and error.count("\n") == 1 and said in error
+
+
+EXPECTED = "--density expected FIELD.vtu:name, a file (or .msh, .msh2, .pos) and a field of it;"
+
+
+@pytest.mark.parametrize(
+    ("density", "out", "said"),
+    [
+        ("f.vtu", "a.msh", f"{EXPECTED} got 'f.vtu'."),
+        ("f.vtu:", "a.msh", f"{EXPECTED} got 'f.vtu:'."),
+        ("none.vtu:rho", "a.msh", "read_field expected a file with a field; there is none at 'none.vtu'."),
+        ("f.vtu:rho", "a.stl", "--out expected a file that ends in .msh, .msh2, .vtu; got 'a.stl'."),
+    ],
+)
+def test_wrong_arguments(density, out, said, source, tmp_path, capsys):
+    arguments = ["relocate", str(source), "--density", density, "--out", str(tmp_path / out), "--quiet"]
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr().err == f"kohonen-adapt: {said}\n"
+
+
+def test_a_broken_field_file(source, tmp_path, capsys):
+    (tmp_path / "f.vtu").write_text("<VTKFile")
+    code, _ = move(source, tmp_path / "f.vtu", "--quiet")
+    assert code == 2
+    assert "read_field expected a VTU file; " in capsys.readouterr().err

@@ -1,0 +1,418 @@
+"""A run that is interrupted, killed or out of disk leaves whole files, and goes on to what it would have been."""
+
+import csv
+import errno
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from helpers.meshes import inset
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+
+ROOT = Path(__file__).parents[2]
+
+CASE = """
+mesh = "mesh.msh"
+scale = 1e-3
+[materials.core]
+permeability = 1000.0
+remanence = [0.0, 1.2]
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 2
+[outputs.stored]
+quantity = "energy"
+"""
+
+# The command without pictures, which would take most of the time.
+COMMAND = "import sys; sys.modules['matplotlib'] = None; from kohonen_adapt.commands.main import main; sys.exit(main())"
+
+
+def case_in(folder, mesh, text=CASE):
+    ka.write_mesh(folder / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
+    (folder / "case.toml").write_text(text)
+    return folder / "case.toml"
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Of 81 nodes."""
+    return case_in(tmp_path, inset(8))
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(cli, "write_pictures", lambda *given: [])
+
+
+def run(case, *arguments):
+    return cli.main(["run", str(case), *map(str, arguments), "--quiet"])
+
+
+def history(folder):
+    """The rows of the table of passes, without times."""
+    with (folder / "history.csv").open(newline="") as stream:
+        return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(stream)]
+
+
+def assert_same_results(one, other):
+    for name in ("adapted.msh", "adapted.vtu"):
+        assert (one / name).read_bytes() == (other / name).read_bytes()
+    assert history(one) == history(other)
+
+
+def assert_whole(folder):
+    """Whatever stands under a final name can be read, and belongs to a finished pass."""
+    if (folder / "adapted.msh").exists():
+        ka.read_mesh(folder / "adapted.msh")
+    if (folder / "adapted.vtu").exists():
+        meshio.read(folder / "adapted.vtu")
+    if (folder / "history.csv").exists():
+        assert all(float(row["estimate"]) > 0.0 for row in history(folder))
+    for file in folder.glob("passes/*.npz"):
+        with np.load(file) as content:
+            assert all(content[name].dtype != object for name in content.files)
+
+
+def drafts(folder):
+    return [file.name for file in folder.rglob("*.draft")]
+
+
+# ---- in a process of its own: signals ----
+
+
+# where a shell started these tests in the background it made them ignore Ctrl-C, which processes inherit
+HEARING = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+
+
+@pytest.fixture
+def begin():
+    """Begin a command in a process of its own, which does not outlive the test."""
+    processes = []
+
+    def begun(*arguments, code=COMMAND):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        process = subprocess.Popen(
+            [sys.executable, "-c", HEARING + code, *map(str, arguments)],
+            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        processes.append(process)
+        return process
+
+    yield begun
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def wait_for_line(process, begins):
+    for line in process.stdout:
+        if line.startswith(begins):
+            return
+    raise AssertionError(process.stderr.read())
+
+
+STUBBORN = """
+import hashlib, sys
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+def solve_from(self, *given):
+    print("stubborn", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # a loop of C that runs for many minutes and hears of nothing
+
+Magnetostatics.solve_from = solve_from
+"""
+
+KEEPING_THE_LOCK = """
+from kohonen_adapt import cli
+
+def write_pictures(*given):
+    sum(range(10**13))  # a loop of C in which no thread of Python can run
+
+cli.write_pictures = write_pictures
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "word", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
+)
+def test_a_loop_that_hears_of_nothing_is_left(number, word, code, case, tmp_path, begin):
+    out = tmp_path / "out"
+    process = begin("run", case, "--out", out, code=STUBBORN + COMMAND)
+    wait_for_line(process, "stubborn")
+    process.send_signal(number)
+    process.send_signal(number)  # as people do
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert error.splitlines()[-1] == (
+        f"kohonen-adapt: {word}; pass 0, the best of 1, is in {out}: adapted.msh, adapted.vtu, history.csv. "
+        f"To go on: kohonen-adapt run {case} --resume {out}."
+    )
+    assert_whole(out)
+    assert len(history(out)) == 1
+    assert run(case, "--resume", out) == 0
+    assert run(case, "--out", tmp_path / "straight") == 0
+    assert_same_results(out, tmp_path / "straight")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_drawing_that_keeps_the_lock_of_python_is_ended_by_the_system(number, case, tmp_path, begin):
+    """Everything else is written by then, and it says so."""
+    out = tmp_path / "out"
+    process = begin("run", case, "--out", out, code=KEEPING_THE_LOCK + COMMAND)
+    wait_for_line(process, f"Results are in {out}; now pictures and the report, which Ctrl-C leaves out.")
+    time.sleep(1.0)  # until it has the lock
+    process.send_signal(number)
+    process.communicate(timeout=30)
+    assert process.returncode == -number
+    assert_whole(out)
+    assert run(case, "--out", tmp_path / "straight") == 0
+    assert_same_results(out, tmp_path / "straight")
+    assert run(case, "--resume", out) == 0
+
+
+def test_interrupted_before_the_first_pass(case, tmp_path, begin):
+    code = STUBBORN.replace("solve_from", "solve") + COMMAND
+    process = begin("run", case, "--out", tmp_path / "out", code=code)
+    wait_for_line(process, "stubborn")
+    process.send_signal(signal.SIGINT)
+    assert "interrupted; no further pass was finished. To go on: " in process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert run(case, "--resume", tmp_path / "out") == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["interrupted", "killed"])
+def test_cut_short_at_any_moment_and_resumed(number, tmp_path, begin):
+    """Three times, with 3500 nodes; the moment is drawn anew for each process."""
+    mesh = ka.read_mesh(ROOT / "examples" / "c_core.msh").refined(1)
+    case = case_in(tmp_path, mesh, CASE.replace("core]", "iron]") + "[materials.magnet]\nremanence = [0.0, 1.2]\n")
+    assert run(case, "--out", tmp_path / "straight") == 0
+    draw, out = random.Random(int(number)), tmp_path / "out"
+    for option in ("--out", "--resume", "--resume"):
+        process = begin("run", case, option, out)
+        wait_for_line(process, "pass " if option == "--out" else ("pass ", "Going on"))
+        time.sleep(draw.uniform(0.0, 0.8))
+        process.send_signal(number)
+        process.communicate(timeout=30)
+        # 0 where it had ended before, -SIGINT where all but pictures was written
+        assert process.returncode in (0, 130, -signal.SIGINT, -signal.SIGKILL)
+        assert_whole(out)
+        assert process.returncode != 130 or not drafts(out)
+    assert run(case, "--resume", out) == 0
+    assert_same_results(out, tmp_path / "straight")
+    assert not drafts(out)
+
+
+STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
+
+
+@pytest.mark.parametrize("option", ["--out", "--resume"])
+def test_drafts_go_when_a_run_is_interrupted(option, case, tmp_path, begin):
+    assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
+    case.write_text(CASE.replace("passes = 2", "passes = 3"))
+    process = begin("run", case, option, tmp_path / "out", code=STUCK + COMMAND)
+    wait_for_line(process, "stuck")
+    assert drafts(tmp_path / "out")
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert not drafts(tmp_path / "out")
+
+
+def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
+    mesh = ka.read_mesh(tmp_path / "mesh.msh")
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
+    (tmp_path / "after.msh").write_text("what was there")
+    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
+    process = begin(*arguments, "--out", tmp_path / "after.msh", code=STUCK + COMMAND)
+    wait_for_line(process, "stuck")
+    assert len(drafts(tmp_path)) == 1
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=30)[1].endswith("kohonen-adapt: interrupted.\n")
+    assert process.returncode == 130
+    assert not drafts(tmp_path)
+    assert (tmp_path / "after.msh").read_text() == "what was there"
+
+
+# ---- killed at every file ----
+
+
+def killed_at(call, after, case, *arguments):
+    """The command in a fork that is killed when it gives a file its name; whether it came to that."""
+    child = os.fork()
+    if child == 0:
+        replace, left = os.replace, [call]
+
+        def fatal(source, target):
+            left[0] -= 1
+            if after:
+                replace(source, target)
+            if not left[0]:
+                os.kill(os.getpid(), signal.SIGKILL)
+            if not after:
+                replace(source, target)
+
+        os.replace = fatal
+        os._exit(run(case, *arguments))
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+def test_killed_while_a_file_gets_its_name(after, case, tmp_path):
+    case.write_text(CASE.replace("passes = 2", "passes = 1"))
+    assert run(case, "--out", tmp_path / "straight") == 0
+    for call in range(1, 100):
+        out = tmp_path / f"killed_{call}"
+        if not killed_at(call, after, case, "--out", out):
+            break
+        assert_whole(out)
+        assert after or drafts(out)
+        assert run(case, "--resume", out) == 0
+        assert not drafts(out)
+        assert_same_results(out, tmp_path / "straight")
+    # Of each pass mesh, fields and history, once as a draft and once for good, and the checkpoint; the end; no more.
+    assert call == 2 * (3 + 3 + 1) + 1 + 1
+
+
+# ---- a full disk ----
+
+
+def contents(folder):
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize("name", ["adapted.msh", "adapted.vtu", "history.csv", "pass-0001.npz", "ended.txt"])
+def test_a_full_disk_leaves_old_files_as_they_were(name, case, tmp_path, monkeypatch, capsys):
+    """The disk is full when the file of that name is to be written after the second pass."""
+    out, replace, before = tmp_path / "out", os.replace, {}
+
+    def full(source, target):
+        if Path(target).name == name and (out / "passes" / "pass-0000.npz").exists():
+            raise OSError(errno.ENOSPC, "No space left on device", str(source))
+        replace(source, target)
+        if Path(target).suffix == ".npz":
+            before.update(contents(out))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", full)
+        assert run(case, "--out", out) == (1 if name == "pass-0001.npz" else 2)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "No space left on device" in line and name.partition(".")[0].replace("pass-000", "pass ") in line
+    if name == "pass-0001.npz":  # the results of its pass are there before
+        before.update({file: file.read_bytes() for file in out.iterdir() if file.is_file()})
+    assert contents(out) == before  # no draft, and nothing that was changed
+    assert run(case, "--resume", out) == 0
+    assert run(case, "--out", tmp_path / "straight") == 0
+    assert_same_results(out, tmp_path / "straight")
+
+
+def test_a_file_that_breaks_off(case, tmp_path):
+    """A real write that fails half-way, for files may not be longer than that here."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (6000, before[1]))
+    try:
+        code = run(case, "--out", tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert code == 2
+    assert not drafts(tmp_path / "out")
+    assert_whole(tmp_path / "out")
+    assert run(case, "--resume", tmp_path / "out") == 0
+
+
+# ---- what the options say ----
+
+
+def test_resume_says_where_it_goes_on(case, tmp_path, capsys):
+    assert run(case, "--out", tmp_path / "out") == 0
+    case.write_text(CASE.replace("passes = 2", "passes = 3"))
+    assert cli.main(["run", str(case), "--resume", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"Going on after pass 2, the last that was finished in {tmp_path / 'out'}."
+    assert said[1].startswith("pass 3: 81 nodes")
+    assert [row["pass"] for row in history(tmp_path / "out")] == ["0", "1", "2", "3"]
+
+
+def test_a_finished_run_gets_its_files_back(case, tmp_path):
+    out = tmp_path / "out"
+    assert run(case, "--out", out) == 0
+    before = contents(out)
+    for name in ("adapted.msh", "adapted.vtu", "history.csv"):
+        (out / name).unlink()
+    assert run(case, "--resume", out) == 0
+    assert contents(out) == before
+
+
+def test_out_replaces_a_finished_run_and_nothing_of_it_stays(case, tmp_path):
+    assert run(case, "--out", tmp_path / "out") == 0
+    case.write_text(CASE.replace("passes = 2", "passes = 0\nseed = 3"))
+    assert run(case, "--out", tmp_path / "out") == 0
+    assert sorted(file.name for file in (tmp_path / "out" / "passes").iterdir()) == ["ended.txt", "pass-0000.npz"]
+    assert len(history(tmp_path / "out")) == 1
+
+
+def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert killed_at(8, True, case, "--out", out)
+    before = contents(out)
+    assert run(case, "--out", out) == 2
+    assert capsys.readouterr().err == (
+        f"kohonen-adapt: '{out}' has passes of a run that has not ended: go on with --resume {out}, or delete "
+        f"'{out / 'passes'}' to start anew.\n"
+    )
+    assert contents(out) == before
+
+
+def test_resume_where_nothing_was_begun(case, tmp_path, capsys):
+    for folder in (tmp_path, tmp_path / "none"):
+        assert run(case, "--resume", folder) == 2
+        assert capsys.readouterr().err == (
+            f"kohonen-adapt: --resume expected the folder of a run that was begun; '{folder}' has no 'passes'. Begin "
+            f"with --out {folder}.\n"
+        )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("passes = 2", "seed = 1", "its seed was 0, not 1. Go on"),
+        ("permeability = 1000.0", "permeability = 900.0", "the problem is not the one of the checkpoint"),
+        ("scale = 1e-3", "scale = 1e-2", "its mesh is another one"),
+    ],
+)
+def test_resume_with_another_case(old, new, said, case, tmp_path, capsys):
+    assert run(case, "--out", tmp_path / "out") == 0
+    before = contents(tmp_path / "out")
+    case.write_text(CASE.replace(old, new))
+    assert run(case, "--resume", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert contents(tmp_path / "out") == before
+
+
+def test_out_or_resume(case, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        run(case, "--out", tmp_path, "--resume", tmp_path)
+    assert "argument --resume: not allowed with argument --out" in capsys.readouterr().err
+
+
+def test_pictures_of_a_run_need_no_further_solve(case, tmp_path, monkeypatch):
+    befores = []
+    monkeypatch.setattr(cli, "write_pictures", lambda case, before, after, folder: befores.append(before) or [])
+    monkeypatch.setattr(cli, "adapt", None)
+    assert run(case, "--out", tmp_path / "out") == 0
+    (before,) = befores
+    assert len(before.history) == 1 and before.mesh is before.history[0].mesh

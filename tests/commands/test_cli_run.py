@@ -1,0 +1,282 @@
+"""The command `run`: its files, what it says, and how it ends."""
+
+import csv
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PICTURES = ["adaptation.png", "density.png", "quality.png", "estimate.png", "outlines.png", "passes.gif"]
+FILES = sorted(["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html", *PICTURES])
+
+CASE = f"""
+mesh = {json.dumps(str(EXAMPLES / "c_core.msh"))}
+scale = 1e-3
+[materials.iron]
+permeability = 1000.0
+[materials.magnet]
+permeability = 1.05
+remanence = [0.0, 1.2]
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 2
+[outputs.stored]
+quantity = "energy"
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(CASE)
+    return file
+
+
+def names_in(folder):
+    return sorted(file.name for file in folder.iterdir())
+
+
+def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
+    out = tmp_path / "new" / "out"
+    assert cli.main(["run", str(case), "--out", str(out)]) == 0
+    assert names_in(out) == FILES
+    said = capsys.readouterr().out
+    assert re.findall(r"^pass (\d): 899 nodes", said, re.MULTILINE) == ["0", "1", "2"]
+    assert "Energy Error %" in said and "stored (J/m)" in said
+    files = ", ".join(["adapted.msh", "adapted.vtu", "history.csv", *PICTURES, "report.html"])
+    assert said.endswith(f"Files in {out}: {files}.\n")
+    mesh, fields = ka.read_mesh(out / "adapted.msh", scale=1e-3), meshio.read(out / "adapted.vtu")
+    assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
+    assert_allclose(mesh.p.T, fields.points[:, :2], rtol=1e-12, atol=1e-17)
+    assert set(fields.point_data) == {"A (Wb per m)"}
+    assert {"B (T)", "H (A per m)", "indicator"} <= set(fields.cell_data)
+    with (out / "history.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["pass"] for row in rows] == ["0", "1", "2"]
+    best = min(float(row["estimate"]) for row in rows)
+    assert best == pytest.approx(np.sqrt(np.sum(fields.cell_data["indicator"][0] ** 2)), rel=1e-12)
+    assert best < 0.6 * float(rows[0]["estimate"])
+    assert all(float(row["output stored (J/m)"]) > 0.0 for row in rows)
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "kohonen-adapt run case.toml --out out" in report and "permeability = 1000.0" in report
+    assert "Asked for: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
+    assert report.count("<img ") == len(PICTURES)
+    assert str(tmp_path) not in report and str(EXAMPLES) not in report
+
+
+def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(case, tmp_path):
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    once_more = tmp_path / "again.toml"
+    once_more.write_text(re.sub("mesh = .*", 'mesh = "out/adapted.msh"', CASE))
+    before = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
+    assert cli.main(["run", str(once_more), "--dry-run"]) == 0
+    after = ka.read_mesh(tmp_path / "out" / "adapted.msh", scale=1e-3)
+    assert_allclose(np.ptp(after.p, axis=1), np.ptp(before.p, axis=1), rtol=1e-12)
+
+
+def test_the_fields_of_a_run_go_with_its_mesh_once_more(case, tmp_path, capsys):
+    """The mesh is in millimetres, as it came, and the fields are in metres."""
+    case.write_text(CASE.replace("passes = 2", "passes = 1"))
+    assert cli.main(["run", str(case), "--out", str(tmp_path), "--quiet"]) == 0
+    adapted, fields, out = tmp_path / "adapted.msh", tmp_path / "adapted.vtu", tmp_path / "moved.msh"
+    relocate = ["relocate", str(adapted), "--indicators", f"{fields}:indicator", "--out", str(out), "--quiet"]
+    assert cli.main(relocate) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"kohonen-adapt: read_field expected the mesh in '{fields}' at a scale of 1; it is there at 0.001, so the "
+        "units differ. Give --scale 0.001 (metres per unit of the mesh, for a field file in metres)."
+    )
+    assert cli.main([*relocate, "--scale", "0.001"]) == 0
+    before, after = ka.read_mesh(adapted), ka.read_mesh(out)
+    eta = meshio.read(fields).cell_data["indicator"][0]
+    wanted = ka.relocate(before, ka.density_from_indicators(before, eta))
+    assert_allclose(after.p, wanted.p, rtol=1e-12)
+    assert set(after.subdomains) == set(before.subdomains)
+    assert cli.main([*relocate, "--scale", "0"]) == 2
+    assert capsys.readouterr().err.endswith("scale must be a finite number > 0; got 0.0.\n")
+
+
+def test_quiet_says_nothing(case, tmp_path, capfd):
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert capfd.readouterr().out == ""
+    assert names_in(tmp_path / "out") == FILES
+
+
+def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch):
+    def solve(*given):
+        raise RuntimeError("a dry run must not solve")
+
+    monkeypatch.setattr(Magnetostatics, "solve", solve)
+    assert cli.main(["run", str(case), "--dry-run", "--out", str(tmp_path / "out")]) == 0
+    assert "nothing is wrong;" in capsys.readouterr().out
+    assert names_in(tmp_path) == ["case.toml"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[materials.iron]", "[materials.irn]", "materials: "),
+        ("[materials.air]", "", "materials: "),
+        ("outer = 0.0", "outr = 0.0", "boundary conditions: "),
+        (
+            "passes = 2",
+            'pinned = ["core"]',
+            "adapt: pinned name 'core' is not in the mesh; its boundaries and subdomains are",
+        ),
+        ("passes = 2", "layers = {gap = 2}", "adapt: layers has 'gap', which is no subdomain of the mesh"),
+        ("passes = 2", 'periodic = [["left", "right"]]', "adapt: "),
+        (
+            "passes = 2",
+            "target_nodes = 10",
+            "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
+        ),
+        ('"energy"', '"torque"\nbody = "rotor"', "outputs.stored: "),
+        ("c_core.msh", "none.msh", "mesh must name a mesh file, as seen from the case; there is none at '"),
+        (
+            "passes = 2",
+            'passes = "2"',
+            "adapt.passes must be an integer from 0 to 2147483647; got '2'. Write it without quotes.",
+        ),
+        ("outer = 0.0", "outer = '0'", "potential.outer must be a finite number; got '0'. Write it without quotes."),
+        ("passes = 2", "polish = 'no'", "adapt.polish must be true or false; got 'no'. Write it without quotes."),
+    ],
+)
+def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
+    assert old in CASE
+    case.write_text(CASE.replace(old, new))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith(f"kohonen-adapt: {case}: {said}")
+
+
+def test_what_is_not_toml(case, capsys):
+    case.write_text(CASE.replace("1000.0", "1000,0"))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"kohonen-adapt: {case}: is not TOML: ") and error.count("\n") == 1
+    assert error.endswith(
+        "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma.\n"
+    )
+
+
+def test_a_mesh_is_no_case(capsys):
+    mesh = EXAMPLES / "c_core.msh"
+    assert cli.main(["run", str(mesh), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert (
+        error.endswith(f". That is a mesh; make a case for it: kohonen-adapt init {mesh}.\n") and error.count("\n") == 1
+    )
+
+
+def test_millimetres_taken_for_metres_are_doubted(case, capsys):
+    case.write_text(CASE.replace("scale = 1e-3", ""))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (doubt,) = capsys.readouterr().err.splitlines()
+    assert doubt.startswith("kohonen-adapt: warning: the mesh is ")
+    assert doubt.endswith(" m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case).")
+
+
+def test_a_warning_is_one_line(case, capsys):
+    case.write_text(CASE.replace("permeability = 1000.0", "bh = [[1.0, 500.0], [1.2, 700.0]]"))
+    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kohonen-adapt: warning: the table ends at 1.2 T, 700 A/m far from saturation")
+
+
+def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, monkeypatch):
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
+    assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html"]
+    assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+
+
+def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeypatch):
+    def full(source, target):
+        raise OSError(28, "No space left on device", str(source))
+
+    case.write_text(CASE.replace("passes = 2", "passes = 0"))
+    monkeypatch.setattr(os, "replace", full)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert "No space left on device" in error and "adapted.msh" in error and error.count("\n") == 1
+    assert [file.name for file in (tmp_path / "out").rglob("*")] == ["passes"]
+
+
+def test_without_a_folder(case, capsys):
+    assert cli.main(["run", str(case)]) == 2
+    assert capsys.readouterr().err == (
+        "kohonen-adapt: run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.\n"
+    )
+
+
+def test_a_problem_without_a_solution_is_no_wrong_use(case, tmp_path, capsys, monkeypatch):
+    def solve(self, mesh):
+        raise np.linalg.LinAlgError("no finite solution")
+
+    monkeypatch.setattr(Magnetostatics, "solve", solve)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.endswith("kohonen-adapt: no finite solution\n")
+    assert [file.name for file in (tmp_path / "out").rglob("*")] == ["passes"]
+
+
+def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, capsys, monkeypatch):
+    def solve_from(self, *given):
+        raise RuntimeError("no second time")
+
+    monkeypatch.setattr(Magnetostatics, "solve_from", solve_from)
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert "no second time" in capsys.readouterr().err
+    assert "adapted.msh" in names_in(tmp_path / "out")
+
+
+def test_the_report_says_what_was_asked_for(case, tmp_path):
+    case.write_text(
+        CASE.replace("passes = 2", "passes = 1\nrtol = 0.5\noutput_rtol = 0.1\ntarget_nodes = 900\nseed = 7")
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (
+        "and grow it to 900 nodes in at most 1 pass, until rtol = 0.5 or output_rtol = 0.1, by the residual estimate "
+        "of the magnetic field in iron, magnet, air. Outputs: stored (J/m)." in report
+    )
+    assert "<h3>Seed</h3>\n<pre>7</pre>" in report
+
+
+def test_around_an_axis_the_contours_are_flux_lines(case, tmp_path):
+    """The flux function r A comes before A, whose contours are no flux lines."""
+    mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)
+    materials = "\n".join(f"[materials.{json.dumps(name)}]" for name in mesh.subdomains)
+    case.write_text(
+        f"""
+mesh = {json.dumps(str(EXAMPLES / "actuator_1.msh"))}
+scale = 1e-3
+axisymmetric = true
+{materials}
+[potential]
+outer = 0.0
+[adapt]
+passes = 0
+"""
+    )
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert report.index('"flux function r A (Wb)"') < report.index('"vector potential A (Wb/m)"')
+    assert "error indicator of an element (\\u221a(J))" in report

@@ -1,0 +1,1 @@
+"""Meshes, files, problems and slow twins that several tests share."""

@@ -1,0 +1,59 @@
+"""Reports for tests: a small square with hostile names, no physics."""
+
+from dataclasses import replace
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.report import write_report
+
+HOSTILE = '</script><img src=x onerror="document.title=1"><!--${oops}&amp;'
+
+
+def a_mesh(levels=3):
+    mesh = MeshTri().refined(levels)
+    return mesh.with_subdomains({"left": lambda x: x[0] < 0.5, HOSTILE: lambda x: x[0] > 0.5})
+
+
+def a_pass(number, mesh, estimate, outputs=()):
+    return Pass(number, mesh, estimate, 2.0, (), 0.5, 0.9, 0.0, {"solve": 0.1}, outputs=dict(outputs))
+
+
+def a_result(mesh, history, status=Status.MAX_PASSES):
+    """A result whose solution is x of every node, and whose indicators grow with the number of the element."""
+    indicators = np.linspace(0.1, 2.0, mesh.t.shape[1])
+    nodes = np.arange(mesh.p.shape[1])
+    return AdaptResult(
+        mesh, mesh.p[0], indicators, history[-1].estimate, tuple(history), status, f"Done with {HOSTILE}.", nodes
+    )
+
+
+def before_and_after():
+    before = a_mesh()
+    squeezed = before.p.copy()
+    squeezed[1] = squeezed[1] ** 2
+    after = replace(before, doflocs=squeezed)
+    first = a_pass(0, before, 1.0, {HOSTILE: 4.0})
+    last = a_pass(1, after, 0.5, {HOSTILE: 5.0})
+    return a_result(before, [first]), a_result(after, [first, last])
+
+
+def mean_of_x(mesh):
+    return lambda solution: solution[mesh.t].mean(axis=0)
+
+
+def hostile_report(folder, **changed):
+    """Write a report in which everything that can have a name has a hostile one; its path."""
+    before, after = before_and_after()
+    given = {
+        "title": HOSTILE,
+        "asked": HOSTILE,
+        "point_data": {f"x (m) {HOSTILE}": lambda solution: solution},
+        "cell_data": {"middle (m)": mean_of_x(before.mesh)},
+        "settings": {HOSTILE: HOSTILE},
+        **changed,
+    }
+    path = folder / "report.html"
+    write_report(path, after, before=before, **given)
+    return path

@@ -1,0 +1,416 @@
+"""Hostile files: a reader gives what is there, or a ValueError or OSError of one line that names the file.
+
+No crash, no hang, no memory beyond a multiple of the file, and nothing but the file itself is opened.
+"""
+
+import os
+import subprocess
+import sys
+import tracemalloc
+import warnings
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from helpers.hostile_files import bomb, mesh_seeds, raw_vtu, spoilt
+from helpers.mesh_files import assert_same, two_rooms
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import read_case
+from kohonen_adapt.io.fields import read_field
+from kohonen_adapt.magnetostatics import read_bh
+
+PATIENCE = 20_000  # ms: none of these files takes a tenth of a second; a loop without end does
+MEMORY = 120 * 2**20  # bytes: the files have some ten kilobytes
+LONGEST = 1000  # characters of a message
+
+CURVE = b"B, H\n# measured\n1.0, 500\n1.5, 3000\n1.9, 20000\n2.2, 200000\n"
+CASE = b"""mesh = "m.msh"
+scale = 1e-3
+periodic = [["left", "right"]]
+[materials.iron]
+bh = [[1.0, 500.0], [1.9, 2e4], [2.2, 2e5]]
+[materials."the air"]
+permeability = 1.0
+[potential]
+outer = 0.0
+[adapt]
+passes = 4
+layers = {gap = 2}
+pinned = ["iron", 3]
+[outputs.f]
+quantity = "force"
+body = "iron"
+component = "x"
+"""
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    return mesh_seeds(tmp_path_factory.mktemp("seeds"))
+
+
+def refused_or_read(reader, path, *arguments):
+    """What a reader gives, or None where it refuses as it may."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            return reader(path, *arguments)
+        except (ValueError, OSError) as error:
+            said = str(error)
+            assert str(path) in said and "\n" not in said and len(said) < LONGEST
+            return None
+
+
+def within_memory(read):
+    tracemalloc.start()
+    try:
+        read()
+        assert tracemalloc.get_traced_memory()[1] < MEMORY
+    finally:
+        tracemalloc.stop()
+
+
+FUZZ = settings(max_examples=150, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+@FUZZ
+@given(data=st.data())
+def test_spoilt_mesh_files(seeds, tmp_path_factory, suffix, data):
+    path = tmp_path_factory.mktemp("spoilt") / f"m{suffix}"
+    path.write_bytes(data.draw(spoilt(seeds[suffix])))
+
+    def read():
+        mesh = refused_or_read(ka.read_mesh, path)
+        refused_or_read(ka.read_groups, path)
+        for name in ("e", "n"):
+            refused_or_read(read_field, path, name, mesh or two_rooms())
+        if suffix == ".msh":  # of the mesh of the seeds, as what came of the file may be no mesh to work with
+            refused_or_read(ka.read_curves, path, two_rooms())
+
+    within_memory(read)
+
+
+@FUZZ
+@given(content=spoilt([CASE]))
+def test_spoilt_cases(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("spoilt") / "case.toml"
+    path.write_bytes(content)
+    within_memory(lambda: refused_or_read(read_case, path))
+
+
+@FUZZ
+@given(content=spoilt([CURVE]))
+def test_spoilt_curves(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("spoilt") / "steel.csv"
+    path.write_bytes(content)
+    within_memory(lambda: refused_or_read(read_bh, path))
+
+
+@FUZZ
+@given(content=spoilt([b'View "f" {\nST(0,0,0,1,0,0,0,1,0){1,2,3};\nST(1,0,0,1,1,0,0,1,0){1,2,3};\n};\n']))
+def test_spoilt_lists(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("spoilt") / "f.pos"
+    path.write_bytes(content)
+    within_memory(lambda: refused_or_read(read_field, path, "f", two_rooms()))
+
+
+def special(kind, folder, suffix):
+    """The path of something that is no plain file."""
+    path = folder / f"it{suffix}"
+    if kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "loop":
+        path.symlink_to(path)
+    elif kind == "folder":
+        path.mkdir()
+    return path
+
+
+READERS = {
+    "mesh": (ka.read_mesh, ".msh"),
+    "vtu": (ka.read_mesh, ".vtu"),
+    "groups": (ka.read_groups, ".msh"),
+    "curves": (lambda path: ka.read_curves(path, two_rooms()), ".msh"),
+    "field": (lambda path: read_field(path, "f", two_rooms()), ".vtu"),
+    "bh": (read_bh, ".csv"),
+    "case": (read_case, ".toml"),
+}
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "loop", "folder", "nothing"])
+@pytest.mark.parametrize("reader", READERS)
+def test_what_is_no_plain_file_is_not_opened(reader, kind, tmp_path):
+    read, suffix = READERS[reader]
+    path = special(kind, tmp_path, suffix)
+    with pytest.raises(FileNotFoundError) as refusal:
+        read(path)
+    assert str(path) in str(refusal.value)
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "../../../../../../etc/passwd", "/etc/passwd", "..", "m.msh\\u0000"])
+def test_a_case_opens_no_other_kind_of_file_as_a_mesh(path, tmp_path):
+    (tmp_path / "case.toml").write_text(f'mesh = "{path}"\n[materials]\n[potential]\na = 0.0\n')
+    with pytest.raises(
+        ValueError, match=r"mesh: read_mesh expected a file name that ends in|mesh must name a mesh file"
+    ):
+        read_case(tmp_path / "case.toml").fitting_mesh()
+
+
+LAUGHS = '<!DOCTYPE VTKFile [<!ENTITY a "ha">{}]>'.format(
+    "".join(f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(12))
+)
+OUTSIDE = '<!DOCTYPE VTKFile [<!ENTITY m SYSTEM "file:///etc/passwd">]>'
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize(("types", "entity"), [(LAUGHS, "m"), (OUTSIDE, "m")], ids=["laughs", "outside"])
+def test_no_entities(tmp_path, types, entity, encoding):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>{types}<VTKFile type="UnstructuredGrid">&{entity};</VTKFile>'
+    (tmp_path / "m.vtu").write_bytes(text.encode(encoding))
+    with pytest.raises(ValueError, match="cannot be read: it declares a document type, which no mesh needs"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
+
+
+def test_what_unpacks_to_more_than_a_mesh_is_not_unpacked(tmp_path):
+    (tmp_path / "m.vtu").write_bytes(bomb(400))
+    with pytest.raises(ValueError, match="cannot be read: it unpacks to far more than a mesh of its size holds"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
+
+
+def test_arrays_that_name_the_same_bytes(tmp_path):
+    array = '<DataArray type="Float64" Name="{}" format="appended" offset="0"/>'
+    arrays = "".join(array.format(name) for name in range(5000))
+    blob = np.uint32(800_000).tobytes() + bytes(800_000)
+    piece = f"<UnstructuredGrid><Piece><Points>{arrays}</Points></Piece></UnstructuredGrid>"
+    head = f'<VTKFile type="UnstructuredGrid">{piece}<AppendedData encoding="raw">_'.encode()
+    (tmp_path / "m.vtu").write_bytes(head + blob + b"</AppendedData></VTKFile>")
+    with pytest.raises(ValueError, match="cannot be read: it unpacks to far more than a mesh of its size holds"):
+        ka.read_mesh(tmp_path / "m.vtu")
+
+
+def test_what_unpacks_to_more_than_it_says_is_cut(tmp_path):
+    (tmp_path / "m.vtu").write_bytes(raw_vtu(declared=16, repeat=10**6))
+    with pytest.raises(ValueError, match="a block of its data has another length than it says"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
+
+
+def test_a_piece_without_points(tmp_path):
+    (tmp_path / "m.vtu").write_bytes(raw_vtu().replace(b"<Points>", b"<Point>").replace(b"</Points>", b"</Point>"))
+    with pytest.raises(ValueError, match="cannot be read: a piece has 0 arrays of points"):
+        ka.read_mesh(tmp_path / "m.vtu")
+
+
+def test_deep_nesting(tmp_path):
+    (tmp_path / "m.vtu").write_text("<VTKFile>" + "<a>" * 100_000 + "</a>" * 100_000 + "</VTKFile>")
+    with pytest.raises(ValueError, match="it holds no UnstructuredGrid"):
+        ka.read_mesh(tmp_path / "m.vtu")
+
+
+def test_a_case_of_ten_megabytes(tmp_path):
+    (tmp_path / "case.toml").write_bytes(b"a." * 5_000_000 + b"b = 1")
+    with pytest.raises(ValueError, match=r"case\.toml: a case has at most 1000000 bytes; this has 10000005"):
+        read_case(tmp_path / "case.toml")
+
+
+def test_keys_of_any_length_and_lines(tmp_path):
+    key = "x" * 100_000
+    (tmp_path / "case.toml").write_text(f'mesh = "m"\n[materials]\n"a\\nb" = {{{key} = 1}}')
+    refused_or_read(read_case, tmp_path / "case.toml")
+
+
+def limited(code, path):
+    """What a process says that may have two gigabytes more than it has after its imports."""
+    limit = (
+        "import resource, sys, kohonen_adapt as ka\n"
+        "from pathlib import Path\n"
+        "from kohonen_adapt.io.fields import read_field\n"
+        "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, resource.RLIM_INFINITY))\n"
+    )
+    try_it = f"try:\n    {code}\nexcept ValueError as error:\n    print(error)\n"
+    done = subprocess.run([sys.executable, "-c", limit + try_it, path], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc to know the memory of a process")
+@pytest.mark.parametrize(
+    ("suffix", "read"),
+    [
+        (".msh", "ka.read_mesh(sys.argv[1])"),
+        (".vtu", "ka.read_mesh(sys.argv[1])"),
+        (".pos", "read_field(Path(sys.argv[1]), 'f', None)"),
+    ],
+)
+def test_a_file_that_does_not_fit_into_memory(suffix, read, tmp_path):
+    path = tmp_path / f"m{suffix}"
+    path.write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n")
+    with path.open("r+b") as stream:
+        stream.truncate(2**36)  # takes no space: nothing but holes
+    assert limited(read, path) == f"'{path}' does not fit into memory.\n"
+
+
+def test_a_large_file_without_a_header_is_not_read(tmp_path):
+    path = tmp_path / "m.msh"
+    with path.open("wb") as stream:
+        stream.truncate(2**40)
+    with pytest.raises(ValueError, match=r"expected a Gmsh file; '.*' has no section \$MeshFormat"):
+        within_memory(lambda: ka.read_mesh(path))
+
+
+@pytest.mark.parametrize("version", ["2.2", "4.1"])
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("count", [2**31 - 1, 2**62, -1])
+def test_counts_beyond_the_file(version, binary, count, tmp_path):
+    kind = np.int64 if version == "4.1" else np.int32
+    body = f"{count} {count} 1 1\n".encode()
+    if binary:
+        body = np.array([count] * 4).astype(kind).tobytes() if version == "4.1" else f"{count}\n".encode()
+    head = f"$MeshFormat\n{version} {binary} 8\n".encode() + (np.int32(1).tobytes() + b"\n" if binary else b"")
+    sections = b"".join(b"$%s\n%s\n$End%s\n" % (name, body, name) for name in (b"Nodes", b"Elements"))
+    (tmp_path / "m.msh").write_bytes(head + b"$EndMeshFormat\n" + sections)
+    within_memory(lambda: refused_or_read(ka.read_mesh, tmp_path / "m.msh"))
+    with pytest.raises(ValueError, match=r"is not a complete Gmsh file|read_mesh expected"):
+        ka.read_mesh(tmp_path / "m.msh")
+
+
+ONE = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+2 1 "all"
+$EndPhysicalNames
+$Entities
+0 0 1 0
+1 0 0 0 1 1 0 1 1 0
+$EndEntities
+$Nodes
+1 3 1 3
+2 1 0 3
+1
+2
+3
+0 0 0
+1 0 0
+0 1 0
+$EndNodes
+$Elements
+1 1 1 1
+2 1 2 1
+1 1 2 3
+$EndElements
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("\n2 1 0 3\n", "\n2 1 0 2.5\n", "2.5 stands where a whole number must"),
+        ("\n2\n3\n", "\n2\n2.5\n", "2.5 stands where a whole number must"),
+        ("\n2\n3\n", "\n2\n1e300\n", "a number that counts is too large, or none"),
+        ("\n2\n3\n", "\n2\nnan\n", "a number that counts is too large, or none"),
+        ("\n2 1 0 3\n", "\n2 1 0 1e300\n", "a section ends before its last number"),
+        ('2 1 "all"', '2 99999999999 "all"', "a group has the number 99999999999"),
+        (ONE[ONE.index("\n2 1 0 3") : ONE.index("\n$EndNodes")], "", "it has elements and no nodes"),
+    ],
+)
+def test_numbers_that_are_none(old, new, said, tmp_path):
+    assert old in ONE
+    text = ONE.replace(old, new, 1).replace("$Nodes\n1 3", "$Nodes\n0 0" if "no nodes" in said else "$Nodes\n1 3")
+    (tmp_path / "m.msh").write_text(text)
+    with pytest.raises(ValueError, match=said):
+        ka.read_mesh(tmp_path / "m.msh")
+
+
+def test_an_entity_in_thousands_of_groups(tmp_path):
+    """Two hundred kilobytes that stand for forty million memberships."""
+    groups, count = 2000, 20_000
+    text = ONE.replace(
+        "1 1 0 1 1 0\n$EndEntities", f"1 1 0 {groups} {' '.join(map(str, range(1, 1 + groups)))} 0\n$EndEntities"
+    )
+    elements = "\n".join(f"{number} 1 2 3" for number in range(1, 1 + count))
+    (tmp_path / "m.msh").write_text(text.replace("2 1 2 1\n1 1 2 3", f"2 1 2 {count}\n{elements}"))
+    with pytest.raises(ValueError, match="it has elements in more groups than a mesh of its size can need"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.msh"))
+
+
+def mixed_22(binary):
+    """Four triangles around a node, their outer sides as lines, by turns, in MSH 2.2."""
+    points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)]
+    sides = [(1, 2), (2, 3), (3, 4), (4, 1)]
+    rows = [row for side in sides for row in ((1, 2, 7, 1, *side), (2, 2, 8, 1, *side, 5))]
+    head = f"$MeshFormat\n2.2 {binary} 8\n".encode() + (np.int32(1).tobytes() + b"\n" if binary else b"")
+    if binary:
+        kind = np.dtype([("number", np.int32), ("point", np.float64, 3)])
+        nodes = np.array([(k, (x, y, 0.0)) for k, (x, y) in enumerate(points, 1)], kind).tobytes()
+        table = [[kind, 1, tags, k, *rest] for k, (kind, tags, *rest) in enumerate(rows, 1)]
+        elements = b"".join(np.array(row, np.int32).tobytes() for row in table)
+    else:
+        nodes = "\n".join(f"{k} {x} {y} 0" for k, (x, y) in enumerate(points, 1)).encode()
+        elements = "\n".join(" ".join(map(str, (k, *row))) for k, row in enumerate(rows, 1)).encode()
+    return (
+        head + b"$EndMeshFormat\n$Nodes\n5\n" + nodes + b"\n$EndNodes\n$Elements\n8\n" + elements + b"\n$EndElements\n"
+    )
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_elements_of_two_kinds_by_turns(binary, tmp_path):
+    (tmp_path / "m.msh").write_bytes(mixed_22(binary))
+    mesh = ka.read_mesh(tmp_path / "m.msh")
+    assert_array_equal(mesh.subdomains["region_8"], np.arange(4))
+    assert_array_equal(np.sort(mesh.boundaries["boundary_7"]), np.sort(mesh.boundary_facets()))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"binary": False},
+        {"compression": None},
+        {"compression": None, "header_type": "UInt64"},
+        {"compression": "lzma"},
+        {"header_type": "UInt64"},
+    ],
+    ids=str,
+)
+def test_every_form_of_vtu(options, tmp_path):
+    mesh, path = two_rooms(), tmp_path / "m.vtu"
+    field = np.arange(64.0) / 3
+    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
+    meshio.vtu.write(path, meshio.Mesh(points, [("triangle", mesh.t.T)], cell_data={"e": [field]}), **options)
+    back = ka.read_mesh(path)
+    rtol = 1e-10 if options.get("binary") is False else 0.0  # meshio writes eleven digits
+    np.testing.assert_allclose(back.p, mesh.p, rtol=rtol)
+    assert_array_equal(back.t, mesh.t)
+    np.testing.assert_allclose(read_field(path, "e", mesh), field, rtol=rtol)
+
+
+def test_raw_data_as_paraview_appends_it(tmp_path):
+    (tmp_path / "m.vtu").write_bytes(raw_vtu())
+    mesh = ka.read_mesh(tmp_path / "m.vtu")
+    assert_same(mesh, type(mesh)(np.array([[0.0, 1, 0, 1], [0, 0, 1, 1]]), np.array([[0, 1], [1, 3], [2, 2]])))
+    assert_array_equal(read_field(tmp_path / "m.vtu", "e", mesh), [1.5, 2.5])
+
+
+def test_pieces_are_put_together(tmp_path):
+    """And points that come again, one for each of their corners, are the same node to a field."""
+    piece = (
+        '<Piece><Points><DataArray type="Float64" NumberOfComponents="3">{}</DataArray></Points><Cells>'
+        '<DataArray type="Int32" Name="connectivity">0 1 2</DataArray><DataArray type="Int32" Name="offsets">3'
+        '</DataArray><DataArray type="UInt8" Name="types">5</DataArray></Cells>'
+        '<CellData><DataArray type="Float32" Name="e">{}</DataArray></CellData></Piece>'
+    )
+    pieces = piece.format("0 0 0 1 0 0 0 1 0", 1.5) + piece.format("1 0 0 1 1 0 0 1 0", 2.5)
+    (tmp_path / "m.vtu").write_text(
+        f'<VTKFile type="UnstructuredGrid"><UnstructuredGrid>{pieces}</UnstructuredGrid></VTKFile>'
+    )
+    assert ka.read_mesh(tmp_path / "m.vtu").p.shape == (2, 6)
+    (tmp_path / "one.vtu").write_bytes(raw_vtu())
+    assert_array_equal(read_field(tmp_path / "m.vtu", "e", ka.read_mesh(tmp_path / "one.vtu")), [1.5, 2.5])

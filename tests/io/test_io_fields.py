@@ -1,0 +1,130 @@
+"""Fields from views of Gmsh and lists of GetDP: the same numbers as from VTU, whatever the form."""
+
+import numpy as np
+import pytest
+from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh, two_rooms
+from numpy.testing import assert_allclose, assert_array_equal
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.io.fields import read_field
+
+
+def ramp(mesh):
+    """A field per node, and the means of it per element."""
+    nodal = 1.0 + mesh.p[0] + 2.0 * mesh.p[1]
+    return nodal, nodal[mesh.t].mean(axis=0)
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".msh2", ".vtu"])
+def test_what_write_mesh_writes(tmp_path, suffix):
+    mesh = two_rooms()
+    nodal, cellwise = ramp(mesh)
+    path = tmp_path / f"f{suffix}"
+    ka.write_mesh(path, mesh, point_data={"n": nodal}, cell_data={"e": cellwise, "v": np.stack([cellwise] * 2)})
+    assert_array_equal(read_field(path, "e", mesh), cellwise)
+    assert_allclose(read_field(path, "n", mesh), cellwise, rtol=1e-14)
+    with pytest.raises(ValueError, match=r"'v' of '.*' must be one real number per node or element; got 3"):
+        read_field(path, "v", mesh)
+    with pytest.raises(ValueError, match=r"has no field 'x'; its fields are: .*'e', 'n', "):
+        read_field(path, "x", mesh)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("binary", [False, True], ids=["text", "binary"])
+@pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_views_that_gmsh_saves(tmp_path, binary, kind, version):
+    mesh = two_rooms()
+    nodal, cellwise = ramp(mesh)
+    ka.write_mesh(tmp_path / "m.msh", mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / "m.msh"))
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.option.setNumber("PostProcessing.SaveMesh", 1)
+        tags = 1 + np.arange(mesh.p.shape[1] if kind == "NodeData" else mesh.t.shape[1])
+        values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t].T.ravel()}[kind]
+        view = gmsh.view.add("f")
+        gmsh.view.addHomogeneousModelData(view, 0, model.getCurrent(), kind, tags, values)
+        gmsh.view.write(view, str(tmp_path / "f.msh"))
+    assert_allclose(read_field(tmp_path / "f.msh", "f", mesh), cellwise, rtol=1e-14)
+
+
+def as_list(mesh, values, name="f"):
+    """How GetDP writes: triangles by their corners, values at each of these."""
+    rows = [
+        f"ST({','.join(f'{x!r},{y!r},0' for x, y in mesh.p[:, corners].T.tolist())})"
+        f"{{{','.join(repr(value) for value in row.tolist())}}};"
+        for corners, row in zip(mesh.t.T, values, strict=True)
+    ]
+    return "\n".join([f'View "{name}" {{', *rows, "};\n"])
+
+
+def test_lists_of_triangles(tmp_path):
+    mesh = two_rooms()
+    nodal, cellwise = ramp(mesh)
+    both = as_list(mesh, nodal[mesh.t].T) + as_list(mesh, nodal[mesh.t].T + 1.0, "g")
+    (tmp_path / "f.pos").write_text(both)
+    assert_allclose(read_field(tmp_path / "f.pos", "f", mesh), cellwise, rtol=1e-14)
+    assert_allclose(read_field(tmp_path / "f.pos", "g", mesh), cellwise + 1.0, rtol=1e-14)
+
+
+def test_lists_that_do_not_fit(tmp_path):
+    mesh, path = two_rooms(), tmp_path / "f.pos"
+    values = ramp(mesh)[0][mesh.t].T
+    path.write_text(as_list(mesh, values[:, [0, 1, 2, 0, 1, 2]]))
+    with pytest.raises(ValueError, match="must have triangles of nine coordinates and three values, one step"):
+        read_field(path, "f", mesh)
+    path.write_text(as_list(mesh, values) + as_list(mesh, values))
+    with pytest.raises(ValueError, match="has 2 fields or steps 'f'; write one only"):
+        read_field(path, "f", mesh)
+    path.write_text(as_list(mesh, values) + as_list(mesh.translated((1.0, 0.0)), values, "g"))
+    with pytest.raises(ValueError, match="has views on other triangles; write each to a file of its own"):
+        read_field(path, "f", mesh)
+    path.write_text('View "f" {\n};')
+    with pytest.raises(ValueError, match=r"expected a field on the mesh, of 45 nodes and 64 triangles; .* 0 and 0"):
+        read_field(path, "f", mesh)
+
+
+def test_data_for_a_part_only_is_refused(tmp_path, capsys):
+    mesh = two_rooms()
+    ka.write_mesh(tmp_path / "f.msh", mesh, cell_data={"f": np.ones(64)})
+    text = (tmp_path / "f.msh").read_text().replace("\n1\n64\n1 1.0\n", "\n1\n63\n")
+    (tmp_path / "f.msh").write_text(text)
+    said = relocated(tmp_path, mesh, "--density", "f.msh:f", capsys)
+    assert "density must be finite and >= 0; element 0 has nan." in said
+
+
+def relocated(folder, mesh, option, field, capsys):
+    """What the command says."""
+    ka.write_mesh(folder / "m.msh", mesh)
+    arguments = ["relocate", str(folder / "m.msh"), option, f"{folder}/{field}", "--out", str(folder / "o.msh")]
+    cli.main([*arguments, "--quiet"])
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize("meaning", ["density", "indicators", "sizes"])
+def test_what_a_field_may_mean(tmp_path, meaning, capsys):
+    mesh = two_rooms()
+    given = ramp(mesh)[1]
+    ka.write_mesh(tmp_path / "f.msh", mesh, cell_data={"f": given})
+    assert relocated(tmp_path, mesh, f"--{meaning}", "f.msh:f", capsys) == ""
+    make = {"indicators": ka.density_from_indicators, "sizes": ka.density_from_sizes}
+    density = make[meaning](mesh, given) if meaning in make else given
+    assert_array_equal(ka.read_mesh(tmp_path / "o.msh").p, ka.relocate(mesh, density).p)
+
+
+def test_one_meaning_only(tmp_path):
+    for options in ([], ["--density", "a.vtu:a", "--sizes", "a.vtu:a"]):
+        with pytest.raises(SystemExit):
+            cli.main(["relocate", "m.msh", "--out", "o.msh", *options])
+
+
+def test_fields_in_other_files(tmp_path):
+    (tmp_path / "f.xdmf").write_text("")
+    with pytest.raises(ValueError, match=r"read_field expected a file name that ends in \.vtu, \.msh, \.msh2, \.pos"):
+        read_field(tmp_path / "f.xdmf", "f", two_rooms())
+    (tmp_path / "f.pos").write_text("something")
+    with pytest.raises(ValueError, match=r"expected a Gmsh file; '.*' has no section \$MeshFormat"):
+        read_field(tmp_path / "f.pos", "f", two_rooms())

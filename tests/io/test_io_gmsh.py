@@ -1,0 +1,298 @@
+"""Gmsh on both sides: it reads what we write, and every trap of the files that it writes."""
+
+import logging
+
+import meshio
+import numpy as np
+import pytest
+from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, needs_gmsh, two_rooms
+from numpy.testing import assert_array_equal
+from skfem import MeshTri
+
+from kohonen_adapt.io import read_mesh, write_mesh
+from kohonen_adapt.mesh.measures import area
+
+
+def groups_in_gmsh(path):
+    """Distinct elements of every physical group as Gmsh has them after reading: {(dimension, name): rows of nodes}."""
+    groups = {}
+    with gmsh_session() as model:
+        gmsh.open(str(path))
+        for dimension, tag in model.getPhysicalGroups():
+            nodes = []
+            for entity in model.getEntitiesForPhysicalGroup(dimension, tag):
+                _, _, rows = model.mesh.getElements(dimension, entity)
+                nodes += [row.reshape(-1, dimension + 1) for row in rows]
+            rows = np.sort(np.concatenate(nodes), axis=1)
+            groups[dimension, model.getPhysicalName(dimension, tag)] = np.unique(rows, axis=0)
+    return groups
+
+
+def assert_gmsh_has(path, mesh):
+    groups = groups_in_gmsh(path)
+    wanted = {(2, name): mesh.t[:, items] for name, items in mesh.subdomains.items()}
+    wanted |= {(1, name): mesh.facets[:, items] for name, items in mesh.boundaries.items()}
+    assert groups.keys() == wanted.keys()
+    for key, nodes in wanted.items():
+        assert_array_equal(groups[key], np.unique(1 + np.sort(nodes.T, axis=1), axis=0))
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_reads_the_same_groups(tmp_path, suffix):
+    write_mesh(tmp_path / f"mesh{suffix}", two_rooms())
+    assert_gmsh_has(tmp_path / f"mesh{suffix}", two_rooms())
+
+
+@needs_gmsh
+@pytest.mark.parametrize(
+    "name", ["with space", " led and trailed ", "ü π 磁", "it's", "a\\b", "$Nodes", "$End", "a" * 127, "1"]
+)
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_and_we_read_hostile_names(tmp_path, name, suffix):
+    path = tmp_path / f"mesh{suffix}"
+    mesh = MeshTri().refined(1)
+    mesh = mesh.with_subdomains({name: np.arange(3)}).with_boundaries({name: lambda x: x[0] == 0})
+    write_mesh(path, mesh)
+    assert_same(read_mesh(path), mesh)
+    assert_gmsh_has(path, mesh)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_saves_what_it_read_from_us(tmp_path, suffix):
+    """Through Gmsh and back: also that every node is where Gmsh keeps it when it saves only what is in a group."""
+    write_mesh(tmp_path / f"mesh{suffix}", two_rooms())
+    with gmsh_session():
+        gmsh.open(str(tmp_path / f"mesh{suffix}"))
+        gmsh.write(str(tmp_path / "again.msh"))
+    back = read_mesh(tmp_path / "again.msh")
+    assert back.p.shape == (2, 45) and back.t.shape == (3, 64)
+    for name, items in two_rooms().subdomains.items():
+        assert area(back)[back.subdomains[name]].sum() == pytest.approx(area(two_rooms())[items].sum(), rel=1e-12)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_fields_for_gmsh(tmp_path, suffix):
+    mesh = two_rooms()
+    vector = np.vstack([np.arange(64.0), np.full(64, 1 / 3)])
+    path = tmp_path / f"mesh{suffix}"
+    write_mesh(path, mesh, point_data={"A z": mesh.p[0] / 3}, cell_data={"B": vector})
+    with gmsh_session():
+        gmsh.open(str(path))
+        nodal, elementwise = (gmsh.view.getHomogeneousModelData(view, 0) for view in gmsh.view.getTags())
+    assert (nodal[0], elementwise[0]) == ("NodeData", "ElementData")
+    assert_array_equal(nodal[1], np.arange(1, 46))
+    assert_array_equal(nodal[2], mesh.p[0] / 3)
+    assert_array_equal(elementwise[1], np.arange(1, 65))
+    assert_array_equal(elementwise[2], np.column_stack([*vector, np.zeros(64)]).ravel())
+
+
+RECTANGLES = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {2, 0, 0};
+Point(4) = {0, 1, 0}; Point(5) = {1, 1, 0}; Point(6) = {2, 1, 0}; Point(7) = {0.5, 0.5, 0};
+Line(1) = {1, 2}; Line(2) = {2, 5}; Line(3) = {5, 4}; Line(4) = {4, 1};
+Line(5) = {2, 3}; Line(6) = {3, 6}; Line(7) = {6, 5};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
+Mesh.MeshSizeMin = 0.4; Mesh.MeshSizeMax = 0.4;
+"""
+
+FORMATS = [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)]
+
+
+@pytest.fixture(params=FORMATS, ids=["22 text", "22 binary", "41 text", "41 binary"])
+def drawn(request, tmp_path):
+    """A function that meshes the two rectangles with the groups it is given, and returns the file."""
+    if gmsh is None:
+        pytest.skip(WHY_NOT)
+
+    def draw(groups, options=(), dimension=2, order=1):
+        version, binary = request.param
+        (tmp_path / "drawing.geo").write_text(RECTANGLES + groups + "\n")
+        with gmsh_session() as model:
+            gmsh.open(str(tmp_path / "drawing.geo"))
+            for name, value in [("Mesh.MshFileVersion", float(version)), ("Mesh.Binary", binary), *options]:
+                gmsh.option.setNumber(name, value)
+            model.mesh.generate(dimension)
+            model.mesh.setOrder(order)
+            gmsh.write(str(tmp_path / "drawing.msh"))
+        return tmp_path / "drawing.msh"
+
+    return draw
+
+
+def areas(mesh):
+    return {name: round(float(area(mesh)[items].sum()), 9) for name, items in (mesh.subdomains or {}).items()}
+
+
+def lengths(mesh):
+    ends = mesh.p[:, mesh.facets]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
+    return {name: round(float(length[items].sum()), 9) for name, items in (mesh.boundaries or {}).items()}
+
+
+ALL = 'Physical Surface("iron", 7) = {1}; Physical Surface("air", 8) = {2};'
+
+
+def test_groups_of_a_drawing(drawn):
+    mesh = read_mesh(drawn(ALL + 'Physical Curve("outer", 7) = {1, 5, 6, 7, 3, 4};'))
+    assert areas(mesh) == {"iron": 1.0, "air": 1.0}
+    assert lengths(mesh) == {"outer": 6.0}
+    assert mesh.is_valid()
+
+
+def test_trap_1_lines_and_surfaces_of_the_same_number(drawn):
+    mesh = read_mesh(drawn('Physical Surface("iron", 1) = {1, 2}; Physical Curve("outer", 1) = {4};'))
+    assert areas(mesh) == {"iron": 2.0}
+    assert lengths(mesh) == {"outer": 1.0}
+
+
+def test_lines_and_surfaces_of_the_same_name(drawn):
+    mesh = read_mesh(drawn('Physical Surface("part", 1) = {1, 2}; Physical Curve("part", 2) = {4};'))
+    assert areas(mesh) == {"part": 2.0}
+    assert lengths(mesh) == {"part": 1.0}
+
+
+def test_trap_2_a_surface_in_two_groups(drawn):
+    mesh = read_mesh(drawn(ALL + 'Physical Surface("both", 9) = {1, 2}; Physical Surface("again", 3) = {2};'))
+    assert areas(mesh) == {"iron": 1.0, "air": 1.0, "both": 2.0, "again": 1.0}
+    assert area(mesh).sum() == pytest.approx(2.0)
+    assert len(np.unique(np.sort(mesh.t, axis=0), axis=1).T) == mesh.t.shape[1]
+
+
+def test_a_line_in_two_groups(drawn):
+    mesh = read_mesh(drawn(ALL + 'Physical Curve("a", 1) = {1, 5}; Physical Curve("b", 2) = {5, 6};'))
+    assert lengths(mesh) == {"a": 2.0, "b": 2.0}
+
+
+def test_trap_3_groups_without_names(drawn):
+    mesh = read_mesh(drawn("Physical Surface(4) = {1}; Physical Surface(5) = {2}; Physical Curve(4) = {1, 2};"))
+    assert areas(mesh) == {"region_4": 1.0, "region_5": 1.0}
+    assert lengths(mesh) == {"boundary_4": 2.0}
+
+
+def test_an_element_in_two_groups_without_names(drawn):
+    mesh = read_mesh(drawn("Physical Surface(4) = {1}; Physical Surface(5) = {1, 2};"))
+    assert areas(mesh) == {"region_4": 1.0, "region_5": 2.0}
+
+
+def test_trap_4_no_line_group(drawn, caplog):
+    mesh = read_mesh(drawn(ALL))
+    assert areas(mesh) == {"iron": 1.0, "air": 1.0}
+    assert mesh.boundaries is None
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_no_group_at_all(drawn, caplog):
+    mesh = read_mesh(drawn(""))
+    assert mesh.subdomains is None and mesh.boundaries is None
+    assert area(mesh).sum() == pytest.approx(2.0)
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_trap_5_no_sets_of_gmsh(drawn):
+    assert set(read_mesh(drawn(ALL)).subdomains) == {"iron", "air"}
+
+
+def test_trap_6_interior_lines(drawn):
+    mesh = read_mesh(drawn(ALL + 'Physical Curve("interface", 3) = {2};'))
+    assert lengths(mesh) == {"interface": 1.0}
+    assert np.all(mesh.f2t[1, mesh.boundaries["interface"]] >= 0)
+
+
+def test_reversed_groups(drawn):
+    mesh = read_mesh(drawn('Physical Surface("all", 1) = {-1, 2}; Physical Curve("turned", 2) = {-4, 1};'))
+    assert areas(mesh) == {"all": 2.0}
+    assert lengths(mesh) == {"turned": 2.0}
+
+
+def test_trap_7_quadrilaterals(drawn):
+    path = drawn(ALL + "Recombine Surface {1};")
+    with pytest.raises(
+        ValueError, match=r"expected triangles only; '.*' has .* quadrilateral elements, .* triangle elem"
+    ):
+        read_mesh(path)
+
+
+def test_trap_8_partly_tagged_surfaces_leave_a_hole(drawn, caplog):
+    path = drawn('Physical Surface("air", 2) = {2}; Physical Curve("outer", 1) = {4, 5}; Physical Point("p", 1) = {7};')
+    with caplog.at_level(logging.INFO):
+        mesh = read_mesh(path)
+    assert areas(mesh) == {"air": 1.0} and area(mesh).sum() == pytest.approx(1.0)
+    assert lengths(mesh) == {"outer": 1.0}
+    assert_array_equal(np.unique(mesh.t), np.arange(mesh.p.shape[1]))
+    assert "lines of" in caplog.text and "are no side of a triangle: left out." in caplog.text
+    assert "unused nodes dropped." in caplog.text and "; 0 unused" not in caplog.text
+    if b"4.1" in path.read_bytes()[:20]:
+        assert "has no triangles for surface 1 of its geometry: the mesh has holes there." in caplog.text
+
+
+def test_trap_8_coverage(drawn, caplog):
+    path = drawn('Physical Surface("air", 2) = {2};', options=[("Mesh.SaveAll", 1)])
+    mesh = read_mesh(path)
+    assert area(mesh).sum() == pytest.approx(2.0)
+    if b"4.1" in path.read_bytes()[:20]:  # in 2.2, Gmsh forgets the groups when it saves all
+        assert areas(mesh) == {"air": 1.0}
+        assert f"50 % of the area of '{path}' is in no surface group: give it one." in caplog.messages
+
+
+def test_trap_9_second_order_triangles_are_read_as_their_corners(drawn):
+    groups = ALL + 'Physical Curve("outer", 7) = {1, 5, 6, 7, 3, 4};'
+    mesh, straight = read_mesh(drawn(groups, order=2)), read_mesh(drawn(groups))
+    assert type(mesh) is MeshTri
+    assert_same(mesh, straight)
+
+
+def test_trap_10_scale(drawn):
+    mesh = read_mesh(drawn(ALL), scale=1e-3)
+    assert mesh.p.max() == pytest.approx(2e-3, rel=1e-12)
+    assert areas(mesh) == {"iron": 1e-6, "air": 1e-6}
+
+
+def test_nodes_and_triangles_are_those_that_meshio_finds(drawn):
+    path = drawn(ALL)
+    file, mesh = meshio.gmsh.read(path), read_mesh(path)
+    assert_array_equal(np.unique(mesh.p.T, axis=0), np.unique(file.points[:, :2], axis=0))
+    centres = file.points[file.cells_dict["triangle"]].mean(axis=1)[:, :2]
+    assert_array_equal(np.sort(mesh.p[:, mesh.t].mean(axis=1)[0]), np.sort(centres[:, 0]))
+
+
+def test_a_mesh_of_lines_or_volumes_is_refused(drawn):
+    with pytest.raises(ValueError, match=r"expected triangles; .* has .* line elements, .*Mesh in two dimensions"):
+        read_mesh(drawn("", dimension=1))
+    with pytest.raises(ValueError, match=r"expected a plane mesh; .* has .* 3D elements"):
+        read_mesh(drawn("Extrude {0, 0, 1} { Surface{1, 2}; }", dimension=3))
+
+
+def test_a_drawing_in_another_plane_is_refused(drawn):
+    with pytest.raises(ValueError, match="expected a drawing in the xy-plane; z runs from 0 to 1 in"):
+        read_mesh(drawn("Rotate {{1, 0, 0}, {0, 0, 0}, Pi/2} { Surface{1, 2}; }"))
+
+
+def test_parameters_of_nodes_are_passed_over(drawn):
+    path = drawn(ALL, options=[("Mesh.SaveParametric", 1)])
+    if b"4.1" in path.read_bytes()[:20]:
+        with_parameters = read_mesh(path)
+        assert_same(with_parameters, read_mesh(drawn(ALL)))
+    else:
+        with pytest.raises(ValueError, match=r"section \$Nodes is missing"):
+            read_mesh(path)
+
+
+def test_partitions_are_refused(drawn):
+    path = drawn(ALL)
+    text = path.read_bytes().replace(b"$Nodes", b"$PartitionedEntities\n$EndPartitionedEntities\n$Nodes", 1)
+    path.write_bytes(text)
+    with pytest.raises(ValueError, match="it is partitioned"):
+        read_mesh(path)
+
+
+def test_a_file_cut_short_anywhere_is_refused(drawn):
+    whole = (path := drawn(ALL + 'Physical Curve("outer", 7) = {1};')).read_bytes()
+    end = whole.index(b"$EndElements") - 4
+    for length in np.linspace(0, end, 60).astype(int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match=r"is not a complete Gmsh file|expected a Gmsh file"):
+            read_mesh(path)

@@ -1,0 +1,212 @@
+"""Physical groups keep number, dimension and name from file to file: by Gmsh's own account, in MSH 2.2 and 4.1."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, needs_gmsh, two_rooms
+from numpy.testing import assert_array_equal
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.io import Groups
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+# As a user of GetDP draws: numbers without names, the same number for a line and a surface, a point, an overlap.
+DRAWING = """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1}; Rectangle(2) = {1, 0, 0, 1, 1}; Coherence;
+Point(100) = {0.4, 0.6, 0}; Point{100} In Surface{1};
+Physical Surface(1000) = {1}; Physical Surface("air", 3) = {2}; Physical Surface("all", 77) = {1, 2};
+Physical Curve(1000) = {4}; Physical Curve("outer", 12) = {1, 4, 5, 6, 7, 3}; Physical Curve(9) = {2};
+Physical Point(41) = {100}; Physical Point("corner", 3) = {1};
+Mesh.MeshSizeMin = 0.2; Mesh.MeshSizeMax = 0.2;
+"""
+
+
+def groups_in(path):
+    """What Gmsh has after reading: {(dimension, number): (name, measure or places)}."""
+    found = {}
+    with gmsh_session() as model:
+        gmsh.open(str(path))
+        for dimension, tag in model.getPhysicalGroups():
+            rows = [row for entity in entities(model, dimension, tag) for row in elements(model, dimension, entity)]
+            # in MSH 2.2 an element of two groups is there twice
+            nodes = np.unique(np.sort(rows, axis=1), axis=0)
+            points = np.array([[model.mesh.getNode(node)[0][:2] for node in row] for row in nodes])
+            found[dimension, tag] = model.getPhysicalName(dimension, tag), measure(points)
+    return found
+
+
+def entities(model, dimension, tag):
+    return model.getEntitiesForPhysicalGroup(dimension, tag)
+
+
+def elements(model, dimension, entity):
+    kinds, _, rows = model.mesh.getElements(dimension, entity)
+    assert list(kinds) == [{0: 15, 1: 1, 2: 2}[dimension]]
+    return rows[0].reshape(-1, dimension + 1)
+
+
+def measure(corners):
+    """Area, length, or the places themselves."""
+    off = corners[:, 1:] - corners[:, :1]
+    if corners.shape[1] == 3:
+        return 0.5 * np.abs(off[:, 0, 0] * off[:, 1, 1] - off[:, 0, 1] * off[:, 1, 0]).sum()
+    return np.hypot(*off[:, 0].T).sum() if corners.shape[1] == 2 else corners[:, 0].sum(axis=0)
+
+
+def assert_same_groups(path, other):
+    got, wanted = groups_in(path), groups_in(other)
+    assert got.keys() == wanted.keys()
+    for key, (name, size) in wanted.items():
+        assert got[key][0] == name
+        np.testing.assert_allclose(got[key][1], size, rtol=1e-12)
+
+
+@pytest.fixture(params=["2.2", "4.1"])
+def drawing(request, tmp_path):
+    if gmsh is None:
+        pytest.skip(WHY_NOT)
+    (tmp_path / "drawing.geo").write_text(DRAWING)
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / "drawing.geo"))
+        gmsh.option.setNumber("Mesh.MshFileVersion", float(request.param))
+        model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "drawing.msh"))
+    return tmp_path / "drawing.msh"
+
+
+def test_what_a_file_says_of_its_groups(drawing):
+    groups = ka.read_groups(drawing, scale=1e-3)
+    assert groups.names == {
+        (0, 3): "corner",
+        (0, 41): "point_41",
+        (1, 9): "boundary_9",
+        (1, 12): "outer",
+        (1, 1000): "boundary_1000",
+        (2, 3): "air",
+        (2, 77): "all",
+        (2, 1000): "region_1000",
+    }
+    assert_array_equal(groups.points[41], [[0.4e-3], [0.6e-3]])
+    assert_array_equal(groups.points[3], [[0.0], [0.0]])
+    mesh = ka.read_mesh(drawing, scale=1e-3)
+    assert {name for (dimension, _), name in groups.names.items() if dimension == 2} == set(mesh.subdomains)
+    assert {name for (dimension, _), name in groups.names.items() if dimension == 1} == set(mesh.boundaries)
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_reads_the_same_groups(drawing, suffix):
+    out = drawing.with_name(f"copy{suffix}")
+    ka.write_mesh(out, ka.read_mesh(drawing), groups=ka.read_groups(drawing))
+    assert_same_groups(out, drawing)
+    assert_same(ka.read_mesh(out), ka.read_mesh(drawing))
+    assert ka.read_groups(out).names == ka.read_groups(drawing).names
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_relocate_keeps_the_groups(drawing, suffix, topology):
+    mesh = ka.read_mesh(drawing)
+    ka.write_mesh(drawing.with_name("f.vtu"), mesh, cell_data={"rho": np.exp(3 * mesh.p[0, mesh.t].mean(axis=0))})
+    out = drawing.with_name(f"out{suffix}")
+    field = ["--density", f"{drawing.with_name('f.vtu')}:rho", "--topology", topology]
+    assert cli.main(["relocate", str(drawing), *field, "--out", str(out), "--quiet"]) == 0
+    assert_same_groups(out, drawing)
+    assert not np.array_equal(ka.read_mesh(out).p, mesh.p)
+
+
+def test_run_leaves_points_where_they_are(tmp_path, monkeypatch):
+    """Where a coarser mesh would do, so that their nodes would be taken away."""
+    monkeypatch.setattr(cli, "write_pictures", lambda *given: [])
+    mesh = ka.read_mesh(EXAMPLES / "c_core.msh")
+    inside = mesh.interior_nodes()
+    probes = mesh.p[:, inside[np.argsort(np.hypot(*mesh.p[:, inside]))[-40:]]]
+    ka.write_mesh(tmp_path / "c_core.msh", mesh, groups=Groups({(0, 9): "probes"}, {9: probes}))
+    shutil.copy(EXAMPLES / "magnet.toml", tmp_path)
+    assert cli.main(["run", str(tmp_path / "magnet.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    points = ka.read_groups(tmp_path / "out" / "adapted.msh").points[9]
+    assert points.shape == probes.shape
+    assert max(np.abs(points - probe[:, None]).max(axis=0).min() for probe in probes.T) < 1e-9
+
+
+def test_run_keeps_the_groups(drawing):
+    case = drawing.with_name("case.toml")
+    case.write_text(
+        'mesh = "drawing.msh"\nscale = 1e-3\n[materials.region_1000]\ncurrent_density = 1e6\n[materials.air]\n'
+        "[potential]\nouter = 0.0\n[adapt]\npasses = 1\n"
+    )
+    assert cli.main(["run", str(case), "--out", str(drawing.parent / "out"), "--quiet"]) == 0
+    got, wanted = groups_in(drawing.parent / "out" / "adapted.msh"), groups_in(drawing)
+    assert {key: name for key, (name, _) in got.items()} == {key: name for key, (name, _) in wanted.items()}
+    for key, (_, size) in wanted.items():
+        np.testing.assert_allclose(got[key][1], size, rtol=1e-9)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_numbers_of_ones_own(tmp_path, suffix):
+    names = {(2, 5): "left", (2, 2): "right side", (1, 5): "floor", (0, 8): "origin"}
+    path = tmp_path / f"mesh{suffix}"
+    ka.write_mesh(path, two_rooms(), groups=Groups(names, {8: np.zeros((2, 1))}))
+    found = {key: name for key, (name, _) in groups_in(path).items()}
+    assert names.items() <= found.items()
+    # Those that have none get new ones, which differ from all others.
+    new = found.keys() - names.keys()
+    assert {found[key] for key in new} == {"low", "outer", "wall and floor", "interface"}
+    assert len({number for _, number in new} | {5, 2, 8}) == len(new) + 3
+
+
+def test_names_that_are_numbers_need_no_groups(tmp_path):
+    mesh = MeshTri().refined(2).with_subdomains({"region_101": np.arange(5), "iron": np.arange(5, 9)})
+    mesh = mesh.with_boundaries({"boundary_101": lambda x: x[0] == 0, "boundary_0": lambda x: x[1] == 0})
+    ka.write_mesh(tmp_path / "mesh.msh", mesh)
+    assert_same(ka.read_mesh(tmp_path / "mesh.msh"), mesh)
+    assert ka.read_groups(tmp_path / "mesh.msh").names == {
+        (1, 2): "boundary_0",
+        (1, 101): "boundary_101",
+        (2, 1): "iron",
+        (2, 101): "region_101",
+    }
+    assert "region_101" not in (tmp_path / "mesh.msh").read_text()
+
+
+def test_an_empty_group_without_a_name_is_not_forgotten(tmp_path):
+    mesh = MeshTri().with_subdomains({"region_4": np.empty(0, np.int32), "all": np.arange(2)})
+    ka.write_mesh(tmp_path / "mesh.msh", mesh)
+    assert ka.read_groups(tmp_path / "mesh.msh").names == {(2, 1): "all", (2, 4): "region_4"}
+
+
+def test_two_numbers_of_one_name_are_reported(tmp_path, caplog):
+    mesh = MeshTri().refined(1).with_subdomains({"a": np.arange(4), "b": np.arange(4, 8)})
+    ka.write_mesh(tmp_path / "mesh.msh", mesh)
+    text = (tmp_path / "mesh.msh").read_text()
+    (tmp_path / "mesh.msh").write_text(text.replace('"b"', '"a"'))
+    ka.write_mesh(
+        tmp_path / "out.msh", ka.read_mesh(tmp_path / "mesh.msh"), groups=ka.read_groups(tmp_path / "mesh.msh")
+    )
+    assert f"groups 1 and 2 of '{tmp_path / 'mesh.msh'}' have the name 'a' in common and become one" in caplog.text
+    assert ka.read_groups(tmp_path / "out.msh").names == {(2, 1): "a"}
+
+
+@pytest.mark.parametrize("number", [0, -3, 2**31, 1.5, "7", True])
+def test_numbers_that_gmsh_has_not(tmp_path, number):
+    with pytest.raises(ValueError, match=r"numbers of groups must be integers from 1 to 2147483647; 'a' has "):
+        ka.write_mesh(tmp_path / "mesh.msh", MeshTri(), groups=Groups({(2, number): "a"}))
+
+
+def test_vtu_files_have_no_numbers(tmp_path):
+    ka.write_mesh(tmp_path / "mesh.vtu", two_rooms(), groups=Groups({(2, 5): "left"}))
+    assert ka.read_groups(tmp_path / "mesh.vtu") == Groups()
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match="read_groups expected a mesh file; there is none at"):
+        ka.read_groups(tmp_path / "none.msh")
+    shutil.copy(__file__, tmp_path / "mesh.msh")
+    with pytest.raises(ValueError, match="expected a Gmsh file"):
+        ka.read_groups(tmp_path / "mesh.msh")

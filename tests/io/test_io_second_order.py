@@ -1,0 +1,287 @@
+"""Second-order Gmsh files: the mesh of the corners, and curves through the mid-side nodes."""
+
+import logging
+import sys
+
+import numpy as np
+import pytest
+from helpers.curved_meshes import RADII, annulus, on_circles, write_second_order
+from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshTri
+
+from kohonen_adapt import Spline, read_curves, read_mesh, write_mesh
+
+COUNT = 24
+
+
+@pytest.fixture(params=["2.2", "4.1"])
+def hand_made(request, tmp_path):
+    """A file of the annulus with its middles on the circles, and the mesh."""
+    mesh = annulus(COUNT)
+    middles = on_circles(mesh, slice(None))
+    return write_second_order(tmp_path / "ring.msh", mesh, middles, version=request.param), mesh
+
+
+def around(radius, count=997):
+    angle = np.linspace(0.0, 2.0 * np.pi, count)
+    return radius * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def test_a_second_order_file_is_read_as_its_corners(hand_made):
+    path, mesh = hand_made
+    read = read_mesh(path)
+    assert_array_equal(read.p, mesh.p)
+    assert len(np.unique(read.t)) == read.p.shape[1]
+    triangle = {tuple(nodes): k for k, nodes in enumerate(mesh.t.T.tolist())}
+    number = np.array([triangle[tuple(sorted(nodes))] for nodes in read.t.T.tolist()])
+    assert_array_equal(np.sort(number), np.arange(mesh.t.shape[1]))
+    assert {name: set(number[items]) for name, items in read.subdomains.items()} == {
+        name: set(items) for name, items in mesh.subdomains.items()
+    }
+    assert_same(MeshTri(read.p, mesh.t, read.boundaries), MeshTri(mesh.p, mesh.t, mesh.boundaries))
+
+
+def test_curved_boundaries_have_a_spline_and_straight_ones_none(hand_made, caplog):
+    path, _ = hand_made
+    with caplog.at_level(logging.INFO):
+        curves = read_curves(path, read_mesh(path))
+    assert set(curves) == set(RADII)
+    assert all(spline.closed == (True,) and spline.pieces[0].shape == (2, 2 * COUNT) for spline in curves.values())
+    assert "'inner': <Spline of 1 piece through 48 points>" in caplog.text
+
+
+def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_the_ends_alone(hand_made):
+    path, mesh = hand_made
+    curves = read_curves(path, read_mesh(path))
+    for name, radius in RADII.items():
+        nodes = np.append(
+            mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries[name]])], on_circles(mesh, mesh.boundaries[name]), 1
+        )
+        assert np.abs(curves[name].project(nodes) - nodes).max() <= 1e-15 * 2 * radius
+        x = around(1.1 * radius)
+        error = [
+            np.abs(np.hypot(*curve.project(x)) - radius).max() for curve in (curves[name], Spline.through(mesh, name))
+        ]
+        assert error[0] < error[1] / 12.0
+
+
+@pytest.mark.parametrize("scale", [1e-3, 2.0**-20])
+def test_curves_have_the_scale_of_the_mesh(hand_made, scale):
+    path, _ = hand_made
+    x = around(1.3)
+    scaled = read_curves(path, read_mesh(path, scale=scale), scale=scale)["outer"].project(scale * x)
+    assert_allclose(scaled, scale * read_curves(path, read_mesh(path))["outer"].project(x), rtol=0, atol=1e-14 * scale)
+
+
+def test_names_given_after_reading_have_their_curves(hand_made):
+    """An arc of the rim, one inside, arcs and a spoke in one name, and a name without a facet."""
+    path, _ = hand_made
+    read = read_mesh(path).with_boundaries(
+        {
+            "right half": lambda x: (np.hypot(*x) > 1.4) & (x[0] > 0.0),
+            "upper interface": lambda x: (np.abs(np.hypot(*x) - 1.0) < 0.02) & (x[1] > 0.0),
+            "all": lambda x: (np.hypot(*x) > 1.45) | ((x[1] == 0.0) & (x[0] > 0.0)),
+            "none": lambda x: x[0] > 9.0,
+        },
+        boundaries_only=False,
+    )
+    curves = read_curves(path, read)
+    assert set(curves) == {*RADII, "right half", "upper interface", "all"}
+    assert curves["right half"].closed == curves["upper interface"].closed == (False,)
+    assert curves["upper interface"].pieces[0].shape == (2, COUNT + 1)
+    assert np.abs(np.hypot(*curves["upper interface"].project(around(0.97))) - 1.0).max() < 1e-5
+    rim, spoke = sorted(curves["all"].pieces, key=lambda points: -points.shape[1])
+    assert rim.shape == (2, 2 * COUNT + 1) and spoke.shape == (2, 5)
+    assert_allclose(curves["all"].project([[0.8], [0.1]]), [[0.8], [0.0]], rtol=0, atol=1e-15)
+
+
+def test_a_file_with_straight_sides_only_has_no_curves(tmp_path):
+    mesh = annulus(COUNT)
+    middles = mesh.p[:, mesh.facets].mean(axis=1)
+    path = write_second_order(tmp_path / "straight.msh", mesh, middles, version="4.1")
+    assert read_curves(path, read_mesh(path)) == {}
+
+
+def test_a_mesh_without_names_has_no_curves(hand_made):
+    path, _ = hand_made
+    read = read_mesh(path)
+    assert read_curves(path, MeshTri(read.p, read.t)) == {}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_numbers_of_nodes_and_the_order_of_lines_have_no_say(tmp_path, seed):
+    mesh = annulus(COUNT)
+    path = write_second_order(tmp_path / "ring.msh", mesh, on_circles(mesh, slice(None)), version="2.2", seed=seed)
+    found = read_curves(path, read_mesh(path))["outer"].project(around(1.3))
+    assert_allclose(found, read_curves_of_seed_9(tmp_path).project(around(1.3)), rtol=0, atol=1e-14)
+
+
+def read_curves_of_seed_9(folder):
+    mesh = annulus(COUNT)
+    path = write_second_order(folder / "other.msh", mesh, on_circles(mesh, slice(None)), version="4.1", seed=9)
+    return read_curves(path, read_mesh(path))["outer"]
+
+
+def test_corners_are_told_by_the_curves_and_not_by_their_chords(tmp_path):
+    """Eight facets turn by 45 degrees each; the circle through their middles does not."""
+    mesh = annulus(8)
+    path = write_second_order(tmp_path / "coarse.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
+    assert read_curves(path, read_mesh(path))["outer"].closed == (True,)
+    assert Spline.through(mesh, "outer").closed == (False,) * 8
+
+
+def test_a_first_order_file_is_refused_with_two_remedies(tmp_path):
+    mesh = annulus(COUNT)
+    write_mesh(tmp_path / "first.msh", mesh)
+    with pytest.raises(
+        ValueError,
+        match=r"read_curves expected triangles of second order only, .*; '.*first\.msh' has none\. "
+        r"Mesh with Mesh\.ElementOrder = 2, or take the nodes of the mesh: Spline\.through\(mesh, name\)",
+    ):
+        read_curves(tmp_path / "first.msh", mesh)
+
+
+def test_a_file_of_both_orders_is_refused(tmp_path):
+    mesh = annulus(COUNT)
+    path = write_second_order(tmp_path / "both.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
+    lines = path.read_text().split("\n")
+    last = lines.index("$EndElements") - 1
+    words = lines[last].split()
+    assert words[1] == "9"
+    lines[last] = " ".join([words[0], "2", *words[2:8]])
+    path.write_text("\n".join(lines))
+    assert read_mesh(path).t.shape == mesh.t.shape
+    with pytest.raises(ValueError, match=r"expected triangles of second order only, .* has others, too"):
+        read_curves(path, read_mesh(path))
+
+
+def flipped(mesh):
+    """The mesh with the one spoke facet between the first two circles turned into the other diagonal."""
+    t = mesh.t.copy()
+    facet = mesh.boundaries["spoke"][0]
+    pair, ends = mesh.f2t[:, facet], mesh.facets[:, facet]
+    others = [int(np.setdiff1d(t[:, element], ends)[0]) for element in pair]
+    for element, end in zip(pair, ends, strict=True):
+        t[:, element] = [*others, end]
+    bare = MeshTri(mesh.p, t)
+    return bare.with_boundaries({"new": np.flatnonzero(np.all(bare.facets == np.sort(others)[:, None], axis=0))})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda mesh: mesh.refined(1), r"gives, with 72 nodes; got one with \d+\. Read the curves before the mesh is"),
+        (lambda mesh: mesh.scaled(1e-3), r"gives at this scale; a node is 0\.499 sizes of the mesh off its place"),
+        (lambda mesh: mesh.translated((1e-9, 0.0)), r"gives at this scale; a node is 3\.33e-10 sizes of the mesh off"),
+        (flipped, r"gives; 1 facets in its boundaries are no side of a triangle of the file\. Read the curves before"),
+        (lambda mesh: MeshTri(), "gives, with 72 nodes; got one with 4"),
+        (lambda mesh: "mesh", r"mesh must be a skfem\.MeshTri; got str"),
+    ],
+)
+def test_another_mesh_is_refused(hand_made, change, message):
+    path, _ = hand_made
+    with pytest.raises(ValueError, match=message):
+        read_curves(path, change(read_mesh(path)))
+
+
+def test_rounding_is_no_other_mesh(hand_made):
+    path, _ = hand_made
+    read = read_mesh(path)
+    noise = np.random.default_rng(0).uniform(-1e-14, 1e-14, read.p.shape)
+    assert set(read_curves(path, MeshTri(read.p + noise, read.t, read.boundaries))) == set(RADII)
+
+
+def test_what_is_no_file_of_curves(tmp_path, hand_made):
+    path, mesh = hand_made
+    with pytest.raises(FileNotFoundError, match=r"read_curves expected a mesh file; there is none at '.*no\.msh'"):
+        read_curves(tmp_path / "no.msh", mesh)
+    write_mesh(tmp_path / "ring.vtu", mesh)
+    with pytest.raises(ValueError, match=r"expected a file name that ends in \.msh, \.msh2; got 'ring\.vtu'"):
+        read_curves(tmp_path / "ring.vtu", mesh)
+    for scale in (0.0, np.nan):
+        with pytest.raises(ValueError, match="scale must be a positive number"):
+            read_curves(path, mesh, scale=scale)
+    path.write_text(path.read_text()[:-300])
+    with pytest.raises(ValueError, match="is not a complete Gmsh file"):
+        read_curves(path, mesh)
+
+
+def test_a_middle_that_is_not_finite_is_refused(tmp_path):
+    mesh = annulus(COUNT)
+    middles = on_circles(mesh, slice(None))
+    middles[0, mesh.boundaries["outer"][3]] = np.nan
+    path = write_second_order(tmp_path / "ring.msh", mesh, middles, version="2.2")
+    with pytest.raises(
+        ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a mid-side node at \[ *nan"
+    ):
+        read_curves(path, read_mesh(path))
+
+
+def test_nodes_and_facets_pass_through_no_loop_of_python(tmp_path):
+    """Four times the mesh takes as many lines of Python."""
+    lines = []
+    for count in (32, 128):
+        mesh = annulus(count)
+        path = write_second_order(tmp_path / f"{count}.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
+        read = read_mesh(path)
+        lines.append(lines_run(lambda path=path, read=read: read_curves(path, read)))
+    assert lines[1] < 1.3 * lines[0]
+
+
+def lines_run(call):
+    """How many lines of the package a call executes."""
+    count = 0
+
+    def trace(frame, event, argument):
+        nonlocal count
+        if "kohonen_adapt" not in frame.f_code.co_filename:
+            return None
+        count += event == "line"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    finally:
+        sys.settrace(before)
+    return count
+
+
+DRAWING = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {2, 0, 0}; Point(4) = {0, 1, 0}; Point(5) = {0, 2, 0};
+Circle(1) = {2, 1, 4}; Circle(2) = {3, 1, 5}; Line(3) = {2, 3}; Line(4) = {4, 5}; Line(5) = {1, 2}; Line(6) = {4, 1};
+Curve Loop(1) = {5, 1, 6}; Plane Surface(1) = {1};
+Curve Loop(2) = {3, 2, -4, -1}; Plane Surface(2) = {2};
+Physical Surface("shaft", 1) = {1}; Physical Surface("gap", 2) = {2};
+Physical Curve("interface", 1) = {1}; Physical Curve("outer", 2) = {2, 3, 4, 5, 6}; Physical Curve("sides", 3) = {3, 4};
+Mesh.MeshSizeMin = 0.2; Mesh.MeshSizeMax = 0.2;
+"""
+
+
+@needs_gmsh
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize("binary", [0, 1])
+def test_a_quarter_of_a_machine_by_gmsh(tmp_path, version, binary):
+    (tmp_path / "machine.geo").write_text(DRAWING)
+    meshes = []
+    for order in (1, 2):
+        with gmsh_session() as model:
+            gmsh.open(str(tmp_path / "machine.geo"))
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.option.setNumber("Mesh.Binary", binary)
+            gmsh.option.setNumber("Mesh.ElementOrder", order)
+            model.mesh.generate(2)
+            gmsh.write(str(tmp_path / "machine.msh"))
+        meshes.append(read_mesh(tmp_path / "machine.msh", scale=1e-3))
+    straight, mesh = meshes
+    assert_same(mesh, straight)
+    curves = read_curves(tmp_path / "machine.msh", mesh, scale=1e-3)
+    assert set(curves) == {"interface", "outer"}
+    angle = np.linspace(0.0, np.pi / 2, 200)
+    x = 1e-3 * np.stack([np.cos(angle), np.sin(angle)])
+    # ten times the (h / R)^4 / 384 of a spline without ends, for points h / R = 0.1 apart
+    assert np.abs(curves["interface"].project(x) - x).max() < 3e-2 * 0.1**4 * 1e-3
+    assert np.abs(curves["outer"].project(2.0 * x) - 2.0 * x).max() < 3e-2 * 0.1**4 * 2e-3
+    assert len(curves["outer"].pieces) == 3  # the arc and two straight sides

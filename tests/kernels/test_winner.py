@@ -1,0 +1,148 @@
+"""The winner of a training point: the nearest node that it reaches within its own region."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers.alternatives import canonical_winner, nearest_node
+from helpers.meshes import comb, generic_square, holed, inset, junction, l_shape, perturbed, slit, square
+from skfem import MeshTri
+
+from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
+
+CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}
+CONCAVE = {
+    "slit": lambda seed: slit(8),
+    "bad slit": lambda seed: perturbed(slit(6), seed),
+    "comb": lambda seed: perturbed(comb(10), seed),
+    "hole": lambda seed: perturbed(holed(6), seed),
+    "inset": lambda seed: perturbed(inset(4), seed),
+    "junction": lambda seed: perturbed(junction(4), seed),
+    "l": lambda seed: perturbed(l_shape(3), seed),
+}
+
+
+def amid_an_epoch(mesh, seed):
+    """A map whose nodes went far since its elements were made, as in the middle of an epoch."""
+    som = KohonenMap(mesh, topology="fixed", min_quality=0.05)
+    rng = np.random.default_rng(seed)
+    element = rng.choice(mesh.t.shape[1], 150, p=(weights := rng.random(mesh.t.shape[1]) ** 6) / weights.sum())
+    som.train(points_in(mesh.p, mesh.t, element, rng), Schedule((Stage(2, 2, 0.8),)), seed=seed)
+    return som
+
+
+def points_in(p, t, element, rng):
+    return np.einsum("ke,dke->de", rng.dirichlet(np.ones(3), len(element)).T, p[:, t[:, element]])
+
+
+def search(som, start, x, region, alike=True):
+    """Winner and distance by the kernel for one point; the one for many finds them too."""
+    tri, limits, room = som.triangulation, som.outline.constraints, som._classroom.rooms[0]
+    winner, distance, _ = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, room)
+    winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
+    arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
+    find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, room)
+    if alike:
+        assert winners[0] == winner
+        assert distances[0] == pytest.approx(distance, rel=1e-14)
+    return winner, distance
+
+
+def searches(som, number, seed):
+    """Random points of a map with the element that holds each, and the node of their region to start from."""
+    rng = np.random.default_rng(seed)
+    tri = som.triangulation
+    node, region = tri.elements.node, tri.elements.region
+    for e in rng.integers(0, len(node), number):
+        x = rng.dirichlet(np.ones(3)) @ tri.position[node[e]]
+        yield x, int(e), rng.choice(node[region == region[e]].ravel()), region[e]
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("moved", [False, True])
+def test_in_a_convex_region_it_is_the_nearest_of_all_nodes(kind, moved):
+    mesh = CONVEX[kind]()
+    for seed in range(5):
+        som = amid_an_epoch(mesh, seed) if moved else KohonenMap(mesh, topology="fixed")
+        for x, _, start, region in searches(som, 80, seed):
+            winner, distance = search(som, start, x, region)
+            nearest, shortest = nearest_node(som.triangulation.position, x)
+            assert winner == nearest
+            assert distance == pytest.approx(shortest, rel=1e-14)
+
+
+def test_on_a_tangled_map_the_search_ends_at_a_node():
+    som = KohonenMap(square(6), topology="fixed", min_quality=None)
+    cluster = 0.4 + 0.1 * np.random.default_rng(0).random((2, 100))
+    som.train(cluster, Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)))
+    assert np.any(som.triangulation.areas() < 0)
+    for x, _, start, region in searches(som, 100, 1):
+        winner, distance = search(som, start, x, region, alike=False)
+        assert distance == pytest.approx(np.hypot(*(som.triangulation.position[winner] - x)), rel=1e-14)
+
+
+def test_ties_go_to_the_lowest_index():
+    som = KohonenMap(square(4), topology="fixed")
+    position = som.triangulation.position
+    ticks = np.arange(0, 9) / 8  # cell centres and midpoints of edges are as near to four or two nodes
+    for x in np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2):
+        for start in range(0, len(position), 5):
+            assert search(som, start, x, 0)[0] == nearest_node(position, x)[0]
+
+
+@pytest.mark.parametrize("kind", CONCAVE)
+@pytest.mark.parametrize("moved", [False, True])
+def test_it_is_the_nearest_node_that_the_flooded_disc_reaches(kind, moved):
+    hidden = 0
+    for seed in range(6):
+        mesh = CONCAVE[kind](seed)
+        som = amid_an_epoch(mesh, seed) if moved else KohonenMap(mesh, topology="fixed")
+        tri = som.triangulation
+        arrays = tri.position, tri.elements.node, tri.elements.neighbour, tri.elements.region
+        for x, holder, start, region in searches(som, 80, seed):
+            want, shortest = canonical_winner(*arrays, holder, x)
+            winner, distance = search(som, start, x, region)
+            assert winner == want
+            assert distance == pytest.approx(shortest, rel=1e-14)
+            hidden += shortest > nearest_node(tri.position, x)[1] * (1 + 1e-12)
+    if "slit" in kind and moved:
+        assert hidden > 0, "no nearer node was ever out of reach: the meshes show nothing"
+
+
+def test_a_nearer_node_behind_a_slit_does_not_count():
+    # the lower bank of the slit has its nodes at -1 and 0 (the tip), the upper one also at -0.2
+    p = np.array([[-1.0, 0, 1, -1, 1, 0, -1, -0.2, 0, 1, -1], [0.0, 0, 0, -1, -1, -1, 0, 0, 1, 1, 1]])
+    t = [[0, 3, 5], [0, 5, 1], [1, 5, 4], [1, 4, 2], [1, 2, 9], [1, 9, 8], [1, 8, 7], [7, 8, 10], [7, 10, 6]]
+    som = KohonenMap(MeshTri(p, np.array(t).T), topology="fixed")
+    x = np.array([-0.25, -0.01])
+    assert nearest_node(som.triangulation.position, x)[0] == 7
+    for start in range(11):
+        assert search(som, start, x, 0)[0] == 1
+
+
+def test_the_winner_does_not_depend_on_the_start():
+    som = amid_an_epoch(perturbed(slit(6), 2), 2)
+    rng = np.random.default_rng(0)
+    for x, _, _, region in searches(som, 20, 3):
+        starts = rng.permutation(som.triangulation.nnodes)[:20]
+        assert len({search(som, start, x, region)[0] for start in starts}) == 1
+
+
+def test_the_walk_gets_closer_with_every_step_and_ends_at_the_winner():
+    som = KohonenMap(generic_square(12, 4))
+    position = som.triangulation.position
+    for x, _, start, _ in searches(som, 50, 5):
+        path = som.search(x, int(start))
+        assert path[0] == start
+        assert path[-1] == nearest_node(position, x)[0]
+        assert np.all(np.diff(np.hypot(*(position[path] - x).T)) < 0)
+
+
+def test_on_a_delaunay_mesh_the_walk_alone_ends_at_the_winner():
+    som = KohonenMap(generic_square(12, 6), min_quality=0.0)
+    som.train(np.array([[0.5], [0.5]]), Schedule((Stage(0, 1, 1e-300),)))  # flips what is not Delaunay
+    pairs = {tuple(pair) for pair in som.mesh.facets.T}
+    for x, _, start, _ in searches(som, 50, 7):
+        path = som.search(x, int(start))
+        assert all(tuple(sorted(pair)) in pairs for pair in pairwise(path))

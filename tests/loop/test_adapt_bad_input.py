@@ -1,0 +1,224 @@
+"""What the loop refuses, and what it then says."""
+
+import importlib
+import re
+
+import numpy as np
+import pytest
+from helpers.stand_ins import trained
+from skfem import MeshTri
+
+from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.result import Status
+
+MESH = MeshTri().refined(2)
+ELEMENTS = MESH.t.shape[1]
+
+# The package gives the name `adapt` to the function; the module stands behind it.
+IMPROVEMENT = importlib.import_module("kohonen_adapt.loop.step")
+
+
+class Constant:
+    """A problem whose indicators are given, on every mesh or from a pass on."""
+
+    def __init__(self, values=None, from_pass=0):
+        self.values, self.from_pass = values, from_pass
+        self.solves = 0
+
+    def solve(self, mesh):
+        self.solves += 1
+        return self.solves - 1
+
+    def indicators(self, mesh, solution):
+        if self.values is None or solution < self.from_pass:
+            return np.ones(mesh.t.shape[1])
+        return self.values
+
+
+def refused(message, mesh=MESH, problem=None, **arguments):
+    problem = problem or Constant()
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        adapt(mesh, problem, **arguments)
+    return problem
+
+
+@pytest.mark.parametrize("passes", [-1, 1.5, 4.0, "4", None, True])
+def test_passes(passes):
+    problem = refused(f"passes must be an integer >= 0; got {passes!r}.", passes=passes)
+    assert problem.solves == 0
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, None, "a"])
+def test_seed(seed):
+    refused(f"seed must be an integer >= 0; got {seed!r}.", seed=seed)
+
+
+@pytest.mark.parametrize("value", [-1e-3, float("nan"), float("inf"), "1e-3"])
+@pytest.mark.parametrize("name", ["rtol", "atol"])
+def test_tolerances(name, value):
+    refused(f"{name} must be a finite number >= 0, or None; got {value!r}.", **{name: value})
+
+
+def test_numpy_numbers_are_numbers():
+    result = adapt(MESH, Constant(), passes=np.int64(0), atol=np.float32(1e9), seed=np.uint8(3))
+    assert result.status is Status.CONVERGED
+
+
+def test_callback():
+    refused("callback must be a function of the pass, or None; got 'print'.", callback="print")
+
+
+def test_a_problem_without_methods():
+    refused(
+        "problem must have the methods solve(mesh) and indicators(mesh, solution); "
+        "object has no solve and no indicators.",
+        problem=object(),
+    )
+
+
+def test_a_problem_without_indicators():
+    class Half:
+        indicators = None
+
+        def solve(self, mesh):
+            return None
+
+    refused(
+        "problem must have the methods solve(mesh) and indicators(mesh, solution); Half has no indicators.",
+        problem=Half(),
+    )
+
+
+def test_rtol_without_an_energy_norm():
+    problem = refused(
+        "rtol needs a problem with the method energy_norm(mesh, solution); Constant has none: add it, or use atol.",
+        rtol=0.01,
+    )
+    assert problem.solves == 0
+
+
+def test_an_unknown_norm():
+    problem = Constant()
+    problem.norm = "H1"
+    refused("norm of the problem must be 'energy' or 'L2'; got 'H1'.", problem=problem)
+
+
+@pytest.mark.parametrize("order", [0, 1.5, 5, "1", True])
+def test_an_impossible_order(order):
+    problem = Constant()
+    problem.order = order
+    refused(f"order of the problem must be the degree of its elements, 1 to 4; got {order!r}.", problem=problem)
+
+
+BROKEN = [
+    (np.ones(81), "indicators of the problem must have shape (nelements,) = (32,); got (81,)."),
+    (np.ones((1, ELEMENTS)), "indicators of the problem must have shape (nelements,) = (32,); got (1, 32)."),
+    (1.0, "indicators of the problem must have shape (nelements,) = (32,); got ()."),
+    (
+        np.r_[1.0, np.nan, np.inf, np.ones(ELEMENTS - 3)],
+        "indicators of the problem must be finite; check the solution: got nan at element 1, 2 such in all.",
+    ),
+    (
+        np.r_[np.ones(ELEMENTS - 1), -2.0],
+        "indicators of the problem must be >= 0; take their absolute values: got -2.0 at element 31, 1 such in all.",
+    ),
+    (np.full(ELEMENTS, 1j), "indicators of the problem must be real numbers; got complex128."),
+    (np.full(ELEMENTS, None), "indicators of the problem must be real numbers; got object."),
+]
+
+
+@pytest.mark.parametrize(("values", "message"), BROKEN)
+def test_broken_indicators_of_the_input(values, message):
+    refused(message, problem=Constant(values))
+
+
+@pytest.mark.parametrize(("values", "message"), BROKEN)
+def test_broken_indicators_later(values, message, monkeypatch):
+    def move(mesh, density, **_):
+        return trained(MeshTri(mesh.p * 1.01, mesh.t), way=0.01, moved=24)
+
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", move)
+    result = adapt(MESH, Constant(values, from_pass=1), polish=False)
+    assert result.status is Status.FAILED
+    assert result.mesh is MESH
+    assert isinstance(result.error, ValueError)
+    assert str(result.error) == message
+    assert result.message == (
+        f"Failed in pass 1, estimate: ValueError: {message.rstrip('.')}; "
+        f"the result is the input (estimate {np.sqrt(ELEMENTS):.4g}), the exception is in error."
+    )
+
+
+@pytest.mark.parametrize("values", [[1] * ELEMENTS, np.ones(ELEMENTS, dtype=bool), np.ones(ELEMENTS, dtype=np.float32)])
+def test_indicators_of_other_types_are_numbers_too(values):
+    result = adapt(MESH, Constant(values), passes=0)
+    assert result.indicators.dtype == np.float64
+    assert result.estimate == pytest.approx(np.sqrt(ELEMENTS))
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_a_broken_energy_norm(value):
+    problem = Constant()
+    problem.energy_norm = lambda mesh, solution: value
+    refused(f"energy_norm of the problem must be a finite number >= 0; got {value}.", problem=problem)
+
+
+OUTPUTS = [
+    ("force", "outputs must map names to functions of the solution, or be None; got 'force'."),
+    ({3: abs}, "the names of outputs must be strings; got 3."),
+    ({"force": 1.0}, "outputs['force'] must be a function of the solution; got 1.0."),
+]
+
+
+@pytest.mark.parametrize(("outputs", "message"), OUTPUTS)
+def test_outputs(outputs, message):
+    assert refused(message, outputs=outputs).solves == 0
+
+
+@pytest.mark.parametrize("value", [-1e-3, float("nan"), float("inf"), "1e-3", True])
+def test_output_rtol(value):
+    message = f"output_rtol must be a finite number >= 0, or None; got {value!r}."
+    assert refused(message, outputs={"force": abs}, output_rtol=value).solves == 0
+
+
+@pytest.mark.parametrize("outputs", [None, {}])
+def test_output_rtol_without_outputs(outputs):
+    refused(
+        "output_rtol needs outputs whose changes it limits; give outputs={name: function}.",
+        outputs=outputs,
+        output_rtol=0.01,
+    )
+
+
+VALUES = [
+    (np.nan, "outputs['force'] must return a finite number; got nan."),
+    (-np.inf, "outputs['force'] must return a finite number; got -inf."),
+    (None, "outputs['force'] must return a real number; got object."),
+    ("3.0", "outputs['force'] must return a real number; got <U3."),
+    (1j, "outputs['force'] must return a real number; got complex128."),
+    (True, "outputs['force'] must return a real number; got bool."),
+    (
+        np.zeros(2),
+        "outputs['force'] must return one number; got an array of shape (2,): "
+        "take a component, or give every component a name of its own.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("value", "message"), VALUES)
+def test_an_output_of_the_input_that_is_no_number(value, message):
+    refused(message, outputs={"force": lambda solution: value})
+
+
+@pytest.mark.parametrize(("value", "message"), VALUES)
+def test_an_output_that_later_is_no_number(value, message, monkeypatch):
+    def move(mesh, density, **_):
+        return trained(MeshTri(mesh.p * 1.01, mesh.t), way=0.01, moved=24)
+
+    monkeypatch.setattr(IMPROVEMENT, "trained_map", move)
+    outputs = {"force": lambda solution: value if solution else 1.0}
+    result = adapt(MESH, Constant(), polish=False, outputs=outputs)
+    assert result.status is Status.FAILED
+    assert result.mesh is MESH and result.history[0].outputs == {"force": 1.0}
+    assert str(result.error) == message
+    assert result.message.startswith(f"Failed in pass 1, output 'force': ValueError: {message.rstrip('.')}; ")

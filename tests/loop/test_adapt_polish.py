@@ -1,0 +1,265 @@
+"""The loop with recycling and the polish: what it gains, how it tells the best pass, and what it says."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers.meshes import area_of, inset, l_shape, length_of
+from skfem import Basis, ElementTriP1, MeshTri, condense, solve
+from skfem.models.poisson import laplace, unit_load
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.problem.ritz import functional_value
+
+
+class Load:
+    """-div grad u = 1 with u = 0 on the outer boundary."""
+
+    def solve(self, mesh):
+        basis = Basis(mesh, ElementTriP1())
+        return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+
+    def indicators(self, mesh, solution):
+        one = np.ones(mesh.t.shape[1])
+        return ka.estimators.residual(mesh, solution, one, source=one)
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, outer(mesh), 1.0, source=1.0)
+
+
+class Plain(Load):
+    """Without a functional."""
+
+    ritz = None
+
+
+class Saddle(Load):
+    """Laplace with values on the boundary that no straight line follows."""
+
+    def solve(self, mesh):
+        return solve(*condense(laplace.assemble(Basis(mesh, ElementTriP1())), x=cubic(mesh.p), D=mesh.boundary_nodes()))
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, outer(mesh), 1.0)
+
+
+class Striped(Load):
+    """A functional whose coefficient changes inside the one region."""
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, outer(mesh), (1.0, 2.0), region=np.arange(mesh.t.shape[1]) % 2)
+
+
+def cubic(x):
+    return x[0] ** 3 - 3 * x[0] * x[1] ** 2
+
+
+def outer(mesh):
+    return np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+
+
+@cache
+def adapted(topology, polish=True, passes=3):
+    return ka.adapt(l_shape(8), Load(), passes=passes, topology=topology, polish=polish)
+
+
+def functional_of(problem, mesh):
+    return functional_value(mesh, problem.ritz(mesh, problem.solve(mesh)))
+
+
+TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
+
+
+@TOPOLOGIES
+def test_the_polish_lowers_the_functional_below_that_of_the_map_alone(topology):
+    with_polish, without = adapted(topology), adapted(topology, polish=False)
+    assert with_polish.history[-1].functional < functional_of(Load(), without.history[-1].mesh)
+    assert all(step.polish_gain > 0.0 for step in with_polish.history[1:])
+    assert all(step.functional is None and step.polish_gain == 0.0 for step in without.history)
+
+
+@TOPOLOGIES
+def test_the_result_is_the_pass_of_the_lowest_functional(topology):
+    result = adapted(topology)
+    values = [functional_of(Load(), step.mesh) for step in result.history]
+    assert [step.functional for step in result.history] == pytest.approx(values, rel=1e-12)
+    assert result.mesh is result.history[int(np.argmin(values))].mesh
+
+
+def test_recycling_beats_moving_and_both_beat_the_uniform_mesh():
+    """At equal node count; the functional lies above its minimum by half the squared error."""
+    uniform, flip, recycled = (
+        functional_of(Load(), m) for m in (l_shape(8), adapted("flip").mesh, adapted("recycle").mesh)
+    )
+    finest = functional_of(Load(), adapted("recycle").mesh.refined(3))
+    assert recycled - finest < flip - finest < 0.5 * (uniform - finest)
+
+
+def test_the_default_recycles_and_counts():
+    result = adapted("recycle")
+    same = ka.adapt(l_shape(8), Load(), passes=3)
+    assert np.array_equal(same.mesh.p, result.mesh.p)
+    assert all(step.splits == step.collapses for step in result.history)
+    assert result.history[1].splits >= 5
+    assert [step.splits for step in adapted("flip").history] == [0, 0, 0, 0]
+
+
+def test_nodes_says_which_are_old():
+    result = ka.adapt(l_shape(8), Load(), passes=2, topology="recycle", pinned=[3, 7])
+    assert result.nodes.shape == (result.mesh.p.shape[1],)
+    old = result.nodes[result.nodes >= 0]
+    assert len(np.unique(old)) == len(old) < len(result.nodes)
+    assert np.array_equal(result.nodes[[3, 7]], [3, 7])
+    corners = l_shape(8).p
+    for corner in ((-1.0, -1.0), (0.0, 0.0), (1.0, 1.0)):
+        at = np.flatnonzero((result.mesh.p == np.array(corner)[:, None]).all(axis=0))
+        assert len(at) == 1 and (corners == np.array(corner)[:, None]).all(axis=0).any()
+    assert np.array_equal(adapted("flip").nodes, np.arange(adapted("flip").mesh.p.shape[1]))
+
+
+def test_magnetostatics_is_polished_and_keeps_its_materials():
+    mesh = inset(16).with_boundaries({"outer": lambda x: np.isclose(np.abs(x - 0.5).max(axis=0), 0.5)})
+    problem = Magnetostatics(
+        {"core": Material(permeability=1.05, remanence=(0.0, 1.0)), "air": Material()}, potential={"outer": 0.0}
+    )
+    result = ka.adapt(mesh, problem, passes=3)
+    assert result.history[-1].functional < result.history[1].functional < result.history[0].functional
+    assert area_of(result.mesh, result.mesh.subdomains["core"]) == pytest.approx(0.25, rel=1e-12)
+    assert length_of(result.mesh, result.mesh.boundaries["outer"]) == pytest.approx(4.0, rel=1e-12)
+    assert "polish" not in result.message
+
+
+@pytest.mark.parametrize(
+    ("problem", "remark"),
+    [
+        (Plain(), "there was no polish: Plain has no method ritz(mesh, solution)"),
+        (Striped(), "there was no polish: its coefficients vary inside a region of the mesh"),
+        (
+            Saddle(),
+            "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
+            "nodes were not polished, and passes were compared by the estimate",
+        ),
+    ],
+)
+def test_the_message_says_where_the_polish_ends(problem, remark):
+    result = ka.adapt(l_shape(4), problem, passes=1)
+    assert result.message.endswith(f"; {remark}.")
+    assert ka.adapt(l_shape(4), problem, passes=1, polish=False).message.count(";") == 1
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "remark"),
+    [
+        ("order", 2, "there was no polish: the order of its elements is 2, not 1"),
+        ("norm", "L2", "there was no polish: its norm is 'L2', not 'energy'"),
+    ],
+)
+def test_no_polish_for_other_elements_and_norms(attribute, value, remark):
+    problem = Load()
+    setattr(problem, attribute, value)
+    result = ka.adapt(l_shape(4), problem, passes=1)
+    assert result.message.endswith(f"; {remark}.")
+    assert result.history[1].functional is None
+
+
+def test_where_values_are_not_linear_the_best_is_that_of_the_estimate():
+    result = ka.adapt(l_shape(6), Saddle(), passes=4)
+    best = int(np.argmin([step.estimate for step in result.history]))
+    assert result.mesh is result.history[best].mesh
+    assert result.history[best].polish_gain > 0.0
+
+
+def test_growing_to_a_number_of_nodes():
+    mesh = l_shape(3)
+    result = ka.adapt(mesh, Load(), passes=3, target_nodes=400)
+    counts = [step.mesh.p.shape[1] for step in result.history]
+    assert counts[0] == mesh.p.shape[1] and counts[-1] == counts[-2] == 400
+    assert counts == sorted(counts)
+    assert result.mesh.p.shape[1] == 400
+    for topology in ("fixed", "flip"):
+        grown = ka.adapt(mesh, Load(), passes=3, target_nodes=400, topology=topology)
+        assert grown.mesh.p.shape[1] == 400
+        assert all(step.collapses == 0 for step in grown.history)
+        assert np.array_equal(np.sort(grown.nodes)[-mesh.p.shape[1] :], np.arange(mesh.p.shape[1]))
+
+
+def test_growth_keeps_names():
+    mesh = l_shape(3).with_boundaries({"left": lambda x: x[0] == -1.0}).with_subdomains({"low": lambda x: x[1] < 0})
+    result = ka.adapt(mesh, Load(), passes=2, target_nodes=300)
+    assert length_of(result.mesh, result.mesh.boundaries["left"]) == pytest.approx(2.0, rel=1e-12)
+    assert area_of(result.mesh, result.mesh.subdomains["low"]) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("target", [100.0, True, "many", -1])
+def test_targets_that_are_no_numbers_of_nodes(target):
+    with pytest.raises(ValueError, match=rf"^target_nodes must be an integer >= 0, or None; got {target!r}\.$"):
+        ka.adapt(l_shape(4), Load(), target_nodes=target)
+
+
+@pytest.mark.parametrize("target", [0, 64])
+def test_targets_below_the_input(target):
+    expected = (
+        rf"^target_nodes must be at least the number of nodes of the mesh, 65; got {target}\. Start from a coarser"
+    )
+    with pytest.raises(ValueError, match=expected):
+        ka.adapt(l_shape(4), Load(), target_nodes=target)
+
+
+def test_growth_from_a_mesh_in_which_nothing_can_move():
+    result = ka.adapt(MeshTri(), Load(), target_nodes=50, passes=4)
+    assert result.history[-1].mesh.p.shape[1] == 50
+
+
+def test_the_message_says_where_growth_ends():
+    thin = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.2, 13))
+    result = ka.adapt(thin, Load(), passes=1, target_nodes=208)
+    assert "the mesh has 52 of 208 nodes" in result.message
+    stopped = ka.adapt(l_shape(4), Load(), target_nodes=500, callback=lambda step: True)
+    assert stopped.message.startswith("Stopped by the callback") and "500" not in stopped.message
+
+
+def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
+    """The input has no node on the left side but its ends: only new ones see the bump there."""
+
+    class Bump(Load):
+        def solve(self, mesh):
+            basis, (x, y) = Basis(mesh, ElementTriP1()), mesh.p
+            given = np.where(x == 0.0, y * (1 - y), 0.0)
+            edge = mesh.boundary_nodes()
+            return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), x=given, D=edge))
+
+    result = ka.adapt(MeshTri(), Bump(), passes=4, target_nodes=300)
+    assert result.mesh.p.shape[1] == 300
+    assert result.message.endswith("compared by the estimate.")
+
+
+@pytest.mark.parametrize("polish", [None, 8, "yes"])
+def test_a_polish_that_is_neither_on_nor_off(polish):
+    with pytest.raises(ValueError, match=rf"^polish must be True or False; got {polish!r}\. Polish alone"):
+        ka.adapt(l_shape(4), Load(), polish=polish)
+
+
+def test_the_functional_is_asked_for_once_on_every_mesh_with_its_own_solution():
+    class Noted(Load):
+        asked = ()
+
+        def solve(self, mesh):
+            self.last = super().solve(mesh)
+            return self.last
+
+        def ritz(self, mesh, solution):
+            assert solution is self.last
+            self.asked = (*self.asked, mesh)
+            return super().ritz(mesh, solution)
+
+    problem = Noted()
+    result = ka.adapt(l_shape(4), problem, passes=2)
+    assert [mesh is step.mesh for mesh, step in zip(problem.asked, result.history, strict=True)] == [True] * 3
+
+
+def test_the_table_shows_what_map_and_polish_gained():
+    result = adapted("recycle")
+    _head, *rows = str(result).splitlines()
+    assert rows[len(result.history)].endswith("gain of map  gain of polish  splits  collapses")
+    assert "gain" not in str(adapted("recycle", polish=False))

@@ -1,0 +1,410 @@
+"""A loop that was cut short goes on from its last finished pass, and ends as if nothing had happened."""
+
+import errno
+import json
+import os
+from dataclasses import fields
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers.meshes import inset, ring
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
+
+PROBLEM = Magnetostatics(
+    {"core": Material(permeability=100.0, remanence=(0.0, 1.0)), "air": Material()}, potential={"outer": 0.0}
+)
+
+
+def start():
+    """A mesh with every kind of name: overlapping, empty, oriented."""
+    mesh = inset(8)
+    core = np.zeros(mesh.t.shape[1], dtype=bool)
+    core[mesh.subdomains["core"]] = True
+    seam = np.flatnonzero((mesh.f2t[1] >= 0) & (core[mesh.f2t[0]] != core[mesh.f2t[1]]))
+    return mesh.with_boundaries(
+        {
+            "outer": mesh.boundary_facets(),
+            "seam": OrientedBoundary(seam, (~core[mesh.f2t[0, seam]]).astype(np.int64)),
+            "no/where": np.array([], dtype=np.int32),
+        }
+    ).with_subdomains({"all": np.arange(mesh.t.shape[1]), "nothing": np.array([], dtype=np.int64)})
+
+
+MESH = start()
+
+OPTIONS = {"passes": 3, "outputs": {"energy": lambda field: field.energy}, "seed": 5}
+
+
+@cache
+def uninterrupted():
+    return ka.adapt(MESH, PROBLEM, **OPTIONS)
+
+
+class Killed(BaseException):
+    """The end of the process, as far as the loop can tell."""
+
+
+def killed_at(number, step, folder, **options):
+    """Run until a step begins."""
+
+    def progress(*now):
+        if now == (number, step):
+            raise Killed
+
+    with pytest.raises(Killed):
+        ka.adapt(MESH, PROBLEM, **{**OPTIONS, **options}, checkpoint=folder, progress=progress)
+
+
+def assert_same_mesh(one, other):
+    assert one.p.tobytes() == other.p.tobytes() and one.t.tobytes() == other.t.tobytes()
+    for a, b in ((one.boundaries, other.boundaries), (one.subdomains, other.subdomains)):
+        assert list(a) == list(b)
+        for name in a:
+            assert a[name].dtype == b[name].dtype
+            assert_array_equal(np.asarray(a[name]), np.asarray(b[name]))
+            assert_array_equal(getattr(a[name], "ori", None), getattr(b[name], "ori", None))
+
+
+def assert_same(one, other):
+    """Bit for bit, but for the time it took."""
+    assert_same_mesh(one.mesh, other.mesh)
+    assert_array_equal(one.indicators, other.indicators)
+    assert_array_equal(one.nodes, other.nodes)
+    assert (one.status, one.message, one.estimate) == (other.status, other.message, other.estimate)
+    assert len(one.history) == len(other.history)
+    for a, b in zip(one.history, other.history, strict=True):
+        assert_same_mesh(a.mesh, b.mesh)
+        numbers = [each.name for each in fields(ka.Pass) if each.name not in ("mesh", "seconds")]
+        assert [getattr(a, name) for name in numbers] == [getattr(b, name) for name in numbers]
+
+
+@pytest.mark.parametrize(
+    ("number", "step"),
+    [
+        (0, "solve"),
+        (0, "estimate"),
+        (0, "checkpoint"),
+        (1, "checkpoint"),
+        (1, "relocate"),
+        (2, "polish"),
+        (3, "solve"),
+        (3, "estimate"),
+    ],
+)
+def test_killed_and_resumed_is_as_if_nothing_had_happened(number, step, tmp_path):
+    killed_at(number, step, tmp_path)
+    resumed = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
+    assert_same(resumed, uninterrupted())
+    assert_array_equal(resumed.solution.potential, uninterrupted().solution.potential)
+
+
+def test_killed_again_and_again(tmp_path):
+    for number in (1, 2, 3):
+        killed_at(number, "polish", tmp_path)
+    assert_same(ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path), uninterrupted())
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"target_nodes": 200}, {"topology": "flip"}, {"topology": "fixed", "polish": False}, {"pinned": ["core"]}],
+    ids=["growing", "flip", "fixed", "pinned"],
+)
+def test_whatever_the_options(options, tmp_path):
+    killed_at(2, "polish", tmp_path, **options)
+    straight = ka.adapt(MESH, PROBLEM, **{**OPTIONS, **options})
+    assert_same(ka.adapt(MESH, PROBLEM, **{**OPTIONS, **options}, checkpoint=tmp_path), straight)
+
+
+def test_curves_come_back(tmp_path):
+    mesh = ring(24, 4)
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    problem = Magnetostatics({"all": Material(current_density=1e6)}, potential={"outer": 0.0})
+    options = {"passes": 2, "curves": {"inner": ka.Arc((0.0, 0.0), 0.5)}}
+    straight = ka.adapt(mesh, problem, **options)
+    ka.adapt(mesh, problem, **options, checkpoint=tmp_path, callback=lambda step: step.number == 1)
+    assert_same(ka.adapt(mesh, problem, **options, checkpoint=tmp_path), straight)
+    options["curves"] = {"inner": ka.Arc((0.0, 0.0), 0.5001)}
+    with pytest.raises(ValueError, match=r"of another run: its curves is another one\."):
+        ka.adapt(mesh, problem, **options, checkpoint=tmp_path)
+
+
+def test_a_nonlinear_problem_goes_on_to_the_accuracy_of_its_solver(tmp_path):
+    steel = Material(bh=Brauer(50.0, 10.0, 1.5))
+    problem = Magnetostatics({"core": steel, "air": Material(current_density=1e6)}, potential={"outer": 0.0})
+    straight = ka.adapt(MESH, problem, passes=2)
+    ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path, callback=lambda step: step.number == 1)
+    resumed = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path)
+    assert [step.estimate for step in resumed.history] == pytest.approx(
+        [step.estimate for step in straight.history], rel=1e-3
+    )
+
+
+class Counting:
+    """The problem, and how often it was solved."""
+
+    def __init__(self):
+        self.solves = 0
+
+    def solve(self, mesh):
+        self.solves += 1
+        return PROBLEM.solve(mesh)
+
+    def indicators(self, mesh, solution):
+        return PROBLEM.indicators(mesh, solution)
+
+
+def test_only_the_last_pass_is_solved_again(tmp_path):
+    ka.adapt(MESH, Counting(), passes=2, checkpoint=tmp_path)
+    problem = Counting()
+    result = ka.adapt(MESH, problem, passes=4, checkpoint=tmp_path)
+    assert problem.solves == 1 + 2  # pass 2 again, then 3 and 4
+    assert len(result.history) == 5
+
+
+def test_a_loop_that_has_ended_ends_again_with_one_solve(tmp_path):
+    first = ka.adapt(MESH, Counting(), passes=2, checkpoint=tmp_path)
+    problem = Counting()
+    assert_same(ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path), first)
+    assert problem.solves == 1
+
+
+def test_the_best_pass_is_solved_again_where_it_is_not_the_last(tmp_path):
+    class Worse(Counting):
+        def indicators(self, mesh, solution):
+            return PROBLEM.indicators(mesh, solution) * (1.0 if np.array_equal(mesh.p, MESH.p) else 10.0)
+
+    ka.adapt(MESH, Worse(), passes=1, checkpoint=tmp_path)
+    problem = Worse()
+    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path)
+    assert result.mesh is MESH
+    assert_array_equal(result.solution.potential, PROBLEM.solve(MESH).potential)
+    assert problem.solves == 3  # pass 1 again, pass 2, and the input again
+
+
+def test_the_callback_hears_of_the_passes_from_before_and_may_end_there(tmp_path):
+    ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
+    heard = []
+    result = ka.adapt(
+        MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path, callback=lambda step: heard.append(step.number) or len(heard) > 1
+    )
+    assert heard == [0, 1]
+    assert result.status is ka.Status.STOPPED and len(result.history) == 2
+
+
+def test_the_times_of_a_pass_are_those_it_took(tmp_path):
+    first = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
+    again = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
+    assert_same(again, first)
+    assert [step.seconds for step in again.history] == [step.seconds for step in first.history]
+
+
+# ---- hooks ----
+
+
+def test_progress_hears_of_every_step_when_it_begins(tmp_path):
+    steps = []
+    ka.adapt(MESH, PROBLEM, passes=1, progress=lambda *now: steps.append(now), checkpoint=tmp_path)
+    ends = [(1, "relocate"), (1, "polish"), (1, "relocate"), (1, "solve"), (1, "estimate"), (1, "checkpoint")]
+    assert steps == [(0, "solve"), (0, "estimate"), (0, "checkpoint"), *ends]
+
+
+def test_interim_is_the_result_so_far():
+    seen = []
+    result = ka.adapt(MESH, PROBLEM, **OPTIONS, interim=seen.append)
+    assert [len(each.history) for each in seen] == [1, 2, 3, 4]
+    assert all(each.status is ka.Status.STOPPED for each in seen)
+    assert seen[0].mesh is MESH and seen[0].message.startswith("Under way: pass 0 is done; the result is the input")
+    for each in seen:
+        assert any(each.mesh is step.mesh for step in each.history)
+        assert_array_equal(PROBLEM.solve(each.mesh).potential, each.solution.potential)
+    assert seen[-1].mesh is result.mesh
+
+
+def test_an_input_node_that_was_recycled_never_comes_back():
+    kept = []
+    ka.adapt(MESH, PROBLEM, **OPTIONS, interim=lambda result: kept.append(set(result.nodes[result.nodes >= 0])))
+    assert kept[0] == set(range(MESH.p.shape[1]))
+    assert all(after < before for before, after in pairwise(kept))
+
+
+def test_interim_comes_before_the_pass_counts_as_finished(tmp_path):
+    there = []
+    ka.adapt(
+        MESH, PROBLEM, passes=1, checkpoint=tmp_path, interim=lambda _: there.append(len(list(tmp_path.iterdir())))
+    )
+    assert there == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("hook", "of"), [("callback", "the pass"), ("interim", "the result so far"), ("progress", "number and step")]
+)
+def test_a_hook_is_a_function(hook, of):
+    with pytest.raises(ValueError, match=f"^{hook} must be a function of {of}, or None; got 3"):
+        ka.adapt(MESH, PROBLEM, **{hook: 3})
+
+
+# ---- what is refused ----
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Of two passes."""
+    killed_at(2, "polish", tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"seed": 6}, "its seed was 5, not 6"),
+        ({"min_quality": 0.2}, "its min_quality was 0.3, not 0.2"),
+        ({"topology": "flip"}, "its topology was recycle, not flip"),
+        ({"polish": False}, "its polish was True, not False"),
+        ({"pinned": ["core"]}, r"its pinned was \[\], not \['core'\]"),
+        ({"target_nodes": 100}, "its target_nodes was none, not 100 in 2 passes"),
+        ({"schedule": ka.Schedule(())}, r"its schedule was None, not Schedule\(stages"),
+        ({"outputs": {}}, r"its outputs was \['energy'\], not \[\]"),
+    ],
+)
+def test_another_run(folder, changed, said):
+    message = rf"^the checkpoint in '{folder}' is of another run: {said}.*\. Go on with what it was begun with, or "
+    with pytest.raises(ValueError, match=message):
+        ka.adapt(MESH, PROBLEM, **{**OPTIONS, **changed}, checkpoint=folder)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        MeshTri(np.nextafter(MESH.p, 2.0), MESH.t, MESH.boundaries, MESH.subdomains),
+        MeshTri(MESH.p, MESH.t, {**MESH.boundaries, "seam": np.asarray(MESH.boundaries["seam"])}, MESH.subdomains),
+        MeshTri(MESH.p, MESH.t, MESH.boundaries, {**MESH.subdomains, "more": np.array([0])}),
+    ],
+    ids=["moved by a bit", "without orientation", "with another name"],
+)
+def test_another_mesh(folder, other):
+    with pytest.raises(ValueError, match="is of another run: its mesh is another one"):
+        ka.adapt(other, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def test_another_problem(folder):
+    other = Magnetostatics(
+        {"core": Material(permeability=101.0, remanence=(0.0, 1.0)), "air": Material()}, potential={"outer": 0.0}
+    )
+    with pytest.raises(ValueError, match="the problem is not the one of the checkpoint: on the same mesh its indicat"):
+        ka.adapt(MESH, other, **OPTIONS, checkpoint=folder)
+
+
+def test_what_says_when_to_end_may_differ(folder):
+    result = ka.adapt(MESH, PROBLEM, **{**OPTIONS, "passes": 2, "atol": 1e6}, checkpoint=folder)
+    assert result.status is ka.Status.CONVERGED and len(result.history) == 1
+
+
+def test_a_missing_pass(folder):
+    (folder / "pass-0000.npz").unlink()
+    with pytest.raises(
+        ValueError, match=r"the checkpoint has 'pass-0001.npz' but no 'pass-0000.npz': delete the passes"
+    ):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def test_a_pass_under_the_name_of_another(folder):
+    (folder / "pass-0000.npz").replace(folder / "pass-0001.npz")
+    (folder / "pass-0000.npz").write_bytes((folder / "pass-0001.npz").read_bytes())
+    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*it says format 1 and pass 0"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def rewritten(file, change):
+    """The file with other contents."""
+    with np.load(file) as content:
+        arrays = {name: content[name] for name in content.files}
+    change(arrays)
+    np.savez(file, **arrays)
+
+
+def test_a_pass_that_lacks_something(folder):
+    rewritten(folder / "pass-0001.npz", lambda arrays: arrays.pop("old"))
+    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*KeyError"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def test_no_pickle_is_read(folder, tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (os.mkdir, (str(tmp_path / "sprung"),))
+
+    rewritten(folder / "pass-0000.npz", lambda arrays: arrays.update(about=np.array([Trap()], dtype=object)))
+    with pytest.raises(ValueError, match=r"is damaged .*allow_pickle"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    ka.adapt(MESH, PROBLEM, passes=0, checkpoint=folder)
+    return folder / "pass-0000.npz", (folder / "pass-0000.npz").read_bytes()
+
+
+@given(place=st.floats(0.0, 1.0, exclude_max=True), cut=st.booleans(), bit=st.integers(0, 7))
+@settings(max_examples=60, deadline=None)
+def test_a_damaged_file_is_refused_or_not_damaged_where_it_counts(whole, place, cut, bit):
+    file, content = whole
+    at = int(place * len(content))
+    broken = content[:at] if cut else content[:at] + bytes([content[at] ^ (1 << bit)]) + content[at + 1 :]
+    file.write_bytes(broken)
+    try:
+        result = ka.adapt(MESH, PROBLEM, passes=0, checkpoint=file.parent)
+    except ValueError as error:
+        assert "is damaged (" in str(error) or "of another run" in str(error)
+    else:
+        assert not cut
+        assert_array_equal(result.indicators, PROBLEM.indicators(MESH, PROBLEM.solve(MESH)))
+
+
+@pytest.mark.parametrize("bad", [3, True, ["folder"], b"folder"])
+def test_what_is_no_folder(bad):
+    with pytest.raises(ValueError, match=r"^checkpoint must be the path of a folder, or None; got"):
+        ka.adapt(MESH, PROBLEM, checkpoint=bad)
+
+
+def test_a_disk_that_is_full_ends_the_loop_with_what_there_is(tmp_path, monkeypatch):
+    replace = os.replace
+
+    def full(source, target):
+        if "0001" in str(target):
+            raise OSError(errno.ENOSPC, "No space left on device", str(source))
+        replace(source, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", full)
+        result = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
+    assert result.status is ka.Status.FAILED and len(result.history) == 2
+    assert "checkpoint of pass 1: OSError: [Errno 28] No space left on device" in result.message
+    assert [file.name for file in tmp_path.iterdir()] == ["pass-0000.npz"]  # no draft
+    assert_same(ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path), uninterrupted())
+
+
+def test_what_fails_before_a_mesh_is_solved_again_is_raised(folder, monkeypatch):
+    def solve(self, mesh):
+        raise RuntimeError("not this time")
+
+    monkeypatch.setattr(Magnetostatics, "solve", solve)
+    with pytest.raises(RuntimeError, match="not this time"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def test_the_files_are_plain(folder):
+    with np.load(folder / "pass-0001.npz", allow_pickle=False) as content:
+        about = json.loads(content["about"].tobytes())
+        assert content["p"].shape[0] == 2
+    assert about["boundaries"] == ["outer", "seam", "no/where"]

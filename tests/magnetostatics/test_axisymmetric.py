@@ -1,0 +1,210 @@
+"""Axisymmetric magnetostatics against known inductances and exact fields."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
+from helpers.meshes import square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
+from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
+
+MU0 = 4e-7 * np.pi
+INCH = 0.0254
+
+
+def graded(step, growth, end, *knots):
+    """Places from the first knot on, `step` apart up to the last, then farther and farther."""
+    near = [np.linspace(a, b, round((b - a) / step) + 1)[:-1] for a, b in pairwise(knots)]
+    far = [0.0]
+    while far[-1] < end - knots[-1]:
+        far.append(far[-1] + step * growth ** len(far))
+    return np.concatenate([*near, knots[-1] + np.array(far) * (end - knots[-1]) / far[-1]])
+
+
+def coil_mesh(fineness, end):
+    """FEMM's tutorial: a coil of 1 and 3 inches in diameter and 2 inches in length; air to `end` in metres."""
+    step, growth = INCH / (8 * fineness), 1.25 ** (1 / fineness)
+    z = graded(step, growth, end, 0.0, INCH)
+    mesh = MeshTri.init_tensor(graded(step, growth, end, 0.0, 0.5 * INCH, 1.5 * INCH), np.append(-z[:0:-1], z))
+
+    def in_coil(x):
+        return (x[0] > 0.5 * INCH) & (x[0] < 1.5 * INCH) & (np.abs(x[1]) < INCH)
+
+    mesh = mesh.with_boundaries({"far": lambda x: (x[0] > 0.999 * end) | (np.abs(x[1]) > 0.999 * end)})
+    return mesh.with_subdomains({"coil": in_coil, "air": lambda x: ~in_coil(x)})
+
+
+def coil(estimator="residual"):
+    return Magnetostatics(
+        {"coil": Material(), "air": Material()},
+        potential={"far": 0.0},
+        ampere_turns={"coil": 1000.0},  # 1 A
+        axisymmetric=True,
+        estimator=estimator,
+    )
+
+
+def test_a_coil_has_its_inductance():
+    """22.945 mH in free space."""
+    found = [2.0 * coil().solve(coil_mesh(fineness, 3.0)).energy for fineness in (1, 2)]
+    assert found[1] == pytest.approx(22.945e-3, rel=0.003)
+    assert (4 * found[1] - found[0]) / 3 == pytest.approx(22.945e-3, rel=0.0005)
+
+
+@needs_gmsh
+def test_an_open_boundary_removes_the_error_of_a_wall(tmp_path):
+    """A = 0 at 0.15 m gives 22.66 mH, the open boundary there the inductance in free space, by the flux linkage."""
+    conditions = {"walled": {"potential": {"rim": 0.0}}, "open": {"open_boundary": "rim"}}
+    wanted = {"walled": 22.66e-3, "open": 22.945e-3}
+    found = {name: [] for name in conditions}
+    for size in (INCH / 4, INCH / 8):
+        mesh = drawn_half_disk(tmp_path, 0.15, size)
+        for name, given in conditions.items():
+            problem = Magnetostatics(coil().materials, ampere_turns={"coil": 1000.0}, axisymmetric=True, **given)
+            found[name].append(linkage(mesh, problem.solve(mesh)))
+    for name, (coarse, fine) in found.items():
+        assert (4 * fine - coarse) / 3 == pytest.approx(wanted[name], rel=0.002)
+
+
+def linkage(mesh, field):
+    """Flux through the turns of the coil at 1 A: int 2 pi r A J over its section."""
+    moment = field.volume / mesh.p[0, mesh.t].mean(axis=0) * field.current_density
+    return np.sum(moment * field.unknown[mesh.t].mean(axis=0))
+
+
+def drawn_half_disk(folder, radius, size):
+    """The coil in a half disk of air, by Gmsh."""
+    with gmsh_session() as model:
+        disk = [(2, model.occ.addDisk(0, 0, 0, radius, radius))]
+        half = [(2, model.occ.addRectangle(0, -2 * radius, 0, 2 * radius, 4 * radius))]
+        section = [(2, model.occ.addRectangle(0.5 * INCH, -INCH, 0, INCH, 2 * INCH))]
+        _, parts = model.occ.fragment(model.occ.intersect(disk, half)[0], section)
+        model.occ.synchronize()
+        (_, inside), surfaces = parts[1][0], [tag for _, tag in model.getEntities(2)]
+        model.addPhysicalGroup(2, [inside], name="coil")
+        model.addPhysicalGroup(2, [tag for tag in surfaces if tag != inside], name="air")
+        arcs = [tag for _, tag in model.getEntities(1) if model.getType(1, tag) != "Line"]
+        model.addPhysicalGroup(1, arcs, name="rim")
+        for bound in ("Mesh.MeshSizeMin", "Mesh.MeshSizeMax"):
+            gmsh.option.setNumber(bound, size)
+        model.mesh.generate(2)
+        gmsh.write(str(folder / "half.msh"))
+    return ka.read_mesh(folder / "half.msh")
+
+
+@pytest.mark.parametrize("estimator", ["residual", "recovery"])
+def test_the_estimate_of_the_coil_is_near_its_error(estimator):
+    """The energy norm squared is twice the energy, which falls short of the exact one by half the error squared."""
+    problem, mesh = coil(estimator), coil_mesh(2, 3.0)
+    field = problem.solve(mesh)
+    error = np.sqrt(22.945e-3 - 2 * field.energy)
+    assert problem.energy_norm(mesh, field) == pytest.approx(np.sqrt(2 * field.energy))
+    assert 0.85 < np.linalg.norm(problem.indicators(mesh, field)) / error < 1.25
+
+
+def test_flux_linkage_and_energy_agree():
+    mesh = coil_mesh(1, 0.15)
+    field = coil().solve(mesh)
+    assert field.axisymmetric
+    assert 0.5 * linkage(mesh, field) == pytest.approx(field.energy, rel=1e-9)
+    inside = field.flux_density_at(np.array([[0.003], [0.0]]))[:, 0]
+    assert inside[1] > 0.0 and abs(inside[0]) < 0.2 * inside[1]  # current along phi, flux along z
+    axis = mesh.p[0] == 0
+    assert not field.potential[axis].any() and np.all(field.potential[~axis & (np.hypot(*mesh.p) < 0.1)] > 0.0)
+
+
+def half_disk(n, radius):
+    """The half x > 0 of a disk, 2 n x n squares bent to circles; the ball within half of the radius."""
+    quarter = square(n, 0.0, radius)
+    whole = quarter + quarter.mirrored((0.0, -1.0))
+    x, y = whole.p
+    bent = whole.p * np.maximum(np.abs(x), np.abs(y)) / np.maximum(np.hypot(x, y), 1e-30)
+    mesh = MeshTri(bent, whole.t).with_boundaries({"rim": lambda x: np.hypot(*x) > (1 - 0.25 / n) * radius})
+    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < radius / 2
+    return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+
+
+def test_a_ball_magnet_sees_no_open_boundary():
+    """B = 2/3 Br inside, the field of a dipole outside; the energy in the ball is Br^2 / 18 mu0 of its volume."""
+    counts, errors = (8, 16, 32), []
+    for n in counts:
+        mesh = half_disk(n, 0.02)
+        problem = Magnetostatics(
+            {"ball": Material(remanence=(0.0, 1.2)), "air": Material()}, open_boundary="rim", axisymmetric=True
+        )
+        field = problem.solve(mesh)
+        ball = mesh.subdomains["ball"]
+        volume = field.volume[ball]
+        along = np.sum(volume * field.flux_density[1, ball]) / volume.sum()
+        stored = np.sum((field.volume * field.energy_density)[ball]) / volume.sum()
+        rim = np.flatnonzero((np.hypot(*mesh.p) > 0.0199) & (mesh.p[0] > 0.005))
+        dipole = 1.2 * 0.01**3 / 3 * mesh.p[0, rim] / 0.02**3
+        off = np.linalg.norm(field.potential[rim] - dipole) / np.linalg.norm(dipole)
+        errors.append([abs(along / 0.8 - 1), abs(stored / (1.2**2 / 18 / MU0) - 1), off])
+    assert np.all(np.array(errors[-1]) < [0.003, 0.015, 0.003])
+    assert np.all(-np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.5)
+
+
+def test_a_long_solenoid_with_an_iron_core():
+    """Between two planes that flux crosses at a right angle H is uniform inside, and 0 outside, whatever the iron."""
+    law, height, turns = Brauer(100.0, 10.0, 1.8), 0.01, 100.0
+    counts, errors = (8, 16, 32), []
+    for n in counts:
+        mesh = MeshTri.init_tensor(np.linspace(0, 0.02, 2 * n + 1), np.linspace(0, height, n // 2 + 1))
+        parts = {"core": lambda x: x[0] < 0.01, "coil": lambda x: (x[0] > 0.01) & (x[0] < 0.015)}
+        mesh = mesh.with_subdomains(parts | {"air": lambda x: x[0] > 0.015})
+        materials = {"core": Material(bh=law), "coil": Material(), "air": Material()}
+        field = Magnetostatics(materials, ampere_turns={"coil": turns}, axisymmetric=True).solve(mesh)
+        strength = turns / height
+        density = flux_density_of(law, np.array([strength]))[0]
+        core = mesh.subdomains["core"]
+        errors.append(
+            abs(np.sum((field.volume * field.flux_density[1])[core]) / (np.pi * 0.01**2 * height * density) - 1)
+        )
+        flux = 2 * np.pi * 0.01 * field.potential_at([[0.01], [0.005]])[0]
+    assert flux == pytest.approx(np.pi * 0.01**2 * density, rel=0.002)
+    assert errors[-1] < 0.002 and field.newton[-1].converged
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.5
+
+
+def test_a_uniform_field_by_given_potentials():
+    """A_phi = B r / 2 all round: the mean of B_z is right on any mesh, and A converges quadratically off the axis."""
+    counts, errors = (6, 12, 24), []
+    for n in counts:
+        mesh = square(n).with_subdomains({"air": lambda x: x[0] < 2}).with_boundaries({"all": lambda x: x[0] > -1})
+        field = Magnetostatics({"air": Material()}, {"all": lambda x: 0.4 * x[0]}, axisymmetric=True).solve(mesh)
+        along = np.sum(field.volume * field.flux_density[1]) / field.volume.sum()
+        assert along == pytest.approx(0.8, rel=1e-9)
+        away = mesh.p[0] > 0.45
+        errors.append(np.abs(field.potential[away] / (0.4 * mesh.p[0, away]) - 1).max())
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.4 and errors[-1] < 2e-3
+
+
+def test_adapting_a_coil():
+    mesh = coil_mesh(1, 0.5)
+    problem = coil()
+    result = ka.adapt(mesh, problem, passes=2)
+    assert result.estimate < 0.8 * np.linalg.norm(problem.indicators(mesh, problem.solve(mesh)))
+    assert "there was no polish: it is axisymmetric, so its coefficients vary inside a region" in result.message
+    assert 2 * problem.solve(mesh).energy < 2 * result.solution.energy < 22.945e-3
+    assert np.sum(result.mesh.p[0] == 0.0) > 0 and result.mesh.p[0].min() == 0.0
+
+
+def test_wrong_axisymmetric_problems_are_named():
+    mesh = coil_mesh(1, 0.1)
+    shifted = MeshTri(mesh.p - np.array([[0.01], [0.0]]), mesh.t).with_subdomains(mesh.subdomains)
+    shifted = shifted.with_boundaries({"far": lambda x: x[0] > 0.08})
+    message = r"an axisymmetric mesh must lie at r = x >= 0; \d+ nodes do not, first node 0 at r = -0\.01 m\."
+    with pytest.raises(ValueError, match=message):
+        coil().solve(shifted)
+    with pytest.raises(
+        ValueError, match=r"an axisymmetric problem has no depth, its results are totals; got depth 0\.1"
+    ):
+        Magnetostatics({"air": Material()}, {"far": 0.0}, axisymmetric=True, depth=0.1)
+    apart = MeshTri(mesh.p + np.array([[0.01], [0.0]]), mesh.t).with_subdomains(mesh.subdomains)
+    with pytest.raises(ValueError, match="the potential is fixed nowhere on 1 of the 1 connected parts"):
+        Magnetostatics(coil().materials, axisymmetric=True).solve(apart)

@@ -1,0 +1,244 @@
+"""Open, periodic and antiperiodic boundaries of magnetostatics against exact fields and larger meshes."""
+
+import numpy as np
+import pytest
+from helpers.meshes import disk, square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
+
+MU0 = 4e-7 * np.pi
+STEEL = Brauer(100.0, 10.0, 1.8)
+
+# --- the open boundary -------------------------------------------------------------------------------------------
+
+
+def cylinder(rings, rim=0.04):
+    """A magnet of 10 mm radius in a disk, `rim` a multiple of 10 mm."""
+    mesh = disk(rings, rim).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.99 * rim})
+    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < 0.01
+    return mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+
+
+def test_a_dipole_sees_no_open_boundary():
+    """In free space a transverse cylinder has B = mu0 M / 2 inside and the field of a dipole outside."""
+    errors = []
+    for rings in (8, 16, 32):
+        mesh = cylinder(rings)
+        magnet = Material(remanence=(MU0 * 1e6, 0.0))
+        field = Magnetostatics({"magnet": magnet, "air": Material()}, open_boundary="outer").solve(mesh)
+        rim = np.unique(mesh.facets[:, mesh.boundaries["outer"]])
+        wanted = MU0 * 1e6 / 2 * 0.01**2 * mesh.p[1] / 0.04**2
+        errors.append(
+            [
+                abs(field.flux_density[0, mesh.subdomains["magnet"]].mean() / (MU0 * 1e6 / 2) - 1),
+                np.abs(field.potential - wanted)[rim].max() / wanted[rim].max(),
+            ]
+        )
+    assert np.all(np.array(errors[2]) < 0.005)
+    rates = -np.polyfit(np.log([8, 16, 32]), np.log(errors), 1)[0]
+    assert np.all((rates > 1.6) & (rates < 2.4))
+
+
+def test_an_open_boundary_removes_the_error_of_a_near_wall():
+    materials = {"magnet": Material(remanence=(MU0 * 1e6, 0.0)), "air": Material()}
+    mesh = cylinder(24)
+    walled, opened = (
+        Magnetostatics(materials, **condition).solve(mesh).flux_density[0, mesh.subdomains["magnet"]].mean()
+        for condition in ({"potential": {"outer": 0.0}}, {"open_boundary": "outer"})
+    )
+    exact = MU0 * 1e6 / 2
+    assert abs(opened / exact - 1) < 0.01 and abs(walled / exact - 1) > 0.05
+
+
+def test_an_open_boundary_around_iron_with_a_curve():
+    """Linear and saturated, the field is that of an open boundary three times as far away."""
+    law = Brauer(800.0, 10.0, 1.8)
+    mesh, far = cylinder(16), cylinder(48, 0.12)
+    for bh, permeability in ((None, 500.0), (law, 1.0)):
+        iron = Material(permeability, bh=bh, remanence=(1.5, 0.0))
+        materials = {"magnet": iron, "air": Material()}
+        opened = Magnetostatics(materials, open_boundary="outer").solve(mesh)
+        distant = Magnetostatics(materials, open_boundary="outer").solve(far)
+        inside, there = (np.hypot(*each.mesh.p) < 0.0401 for each in (opened, distant))
+        x = mesh.p[:, inside & (np.hypot(*mesh.p) > 0.011)]
+        np.testing.assert_allclose(
+            opened.potential_at(x), distant.potential_at(x), atol=0.002 * np.abs(distant.potential[there]).max()
+        )
+
+
+def test_an_open_boundary_beside_given_values():
+    """A quarter of the cylinder: A = 0 by symmetry on y = 0, natural on x = 0, open on the arc."""
+    mesh = quarter_disk(24, 0.04)
+    materials = {"magnet": Material(remanence=(MU0 * 1e6, 0.0)), "air": Material()}
+    field = Magnetostatics(materials, potential={"floor": 0.0}, open_boundary="rim").solve(mesh)
+    assert field.flux_density[0, mesh.subdomains["magnet"]].mean() == pytest.approx(MU0 * 1e6 / 2, rel=0.01)
+
+
+def quarter_disk(n, radius):
+    """The quarter x, y > 0 of a disk, n x n squares bent to circles, its magnet within a quarter of the radius."""
+    x, y = square(n, 0.0, radius).p
+    bent = np.stack((x, y)) * np.maximum(x, y) / np.maximum(np.hypot(x, y), 1e-30)
+    mesh = MeshTri(bent, square(n).t)
+    sides = {"floor": lambda x: x[1] < 1e-12, "wall": lambda x: x[0] < 1e-12}
+    mesh = mesh.with_boundaries(sides | {"rim": lambda x: np.hypot(*x) > (1 - 0.5 / n) * radius})
+    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < radius / 4
+    return mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+
+
+def test_an_open_boundary_is_a_circle_of_the_outer_boundary():
+    mesh = square(4).with_subdomains({"air": lambda x: x[0] < 2})
+    mesh = mesh.with_boundaries({"all": lambda x: x[0] > -1, "left": lambda x: x[0] == 0.0})
+    problem = {"materials": {"air": Material(current_density=1.0)}}
+    with pytest.raises(ValueError, match=r"'all' must be a circle, or an arc; its nodes are 0\.5 to 0\.707107 m from"):
+        Magnetostatics(**problem, open_boundary="all").solve(mesh)
+    with pytest.raises(ValueError, match=r"'left' must be a circle, or an arc"):
+        Magnetostatics(**problem, open_boundary="left").solve(mesh)
+    with pytest.raises(ValueError, match=r"boundary 'rim' is not in the mesh; it has 'all', 'left'\."):
+        Magnetostatics(**problem, open_boundary="rim").solve(mesh)
+    inner = mesh.with_boundaries({"inner": lambda x: x[0] == 0.5}, boundaries_only=False)
+    with pytest.raises(ValueError, match="the open boundary 'inner' must lie on the outer boundary of the mesh"):
+        Magnetostatics(**problem, open_boundary="inner").solve(inner)
+    with pytest.raises(AttributeError, match="its open boundary adds to the energy, which the polish does not see"):
+        Magnetostatics(**problem, open_boundary="all").ritz  # noqa: B018
+
+
+# --- periodic and antiperiodic pairs -------------------------------------------------------------------------------
+
+SIDES = {
+    "left": lambda x: x[0] == x[0].min(),
+    "right": lambda x: x[0] == x[0].max(),
+    "bottom": lambda x: x[1] == x[1].min(),
+    "top": lambda x: x[1] == x[1].max(),
+}
+
+
+def row(*signs, n=8):
+    """Unit cells side by side, each with iron, a coil and a magnet of that sign, and the materials."""
+    count = len(signs)
+    mesh = MeshTri.init_tensor(np.linspace(0, count, n * count + 1), np.linspace(0, 1, n + 1))
+    cell, (x, y) = np.floor(mesh.p[0, mesh.t].mean(axis=0)), mesh.p[:, mesh.t].mean(axis=1) % 1.0
+    places = {"coil": (x < 0.25) & (y < 0.5), "magnet": (abs(x - 0.5) < 0.125) & (y > 0.5), "iron": x > 0.625}
+    places["air"] = ~(places["coil"] | places["magnet"] | places["iron"])
+    parts = {f"{name} {k}": np.flatnonzero(at & (cell == k)) for name, at in places.items() for k in range(count)}
+    materials = {}
+    for k, sign in enumerate(signs):
+        materials[f"coil {k}"] = Material(current_density=sign * 1e6)
+        materials[f"magnet {k}"] = Material(1.05, remanence=(0.3 * sign, 1.1 * sign))
+        materials |= {f"iron {k}": Material(bh=STEEL), f"air {k}": Material()}
+    return mesh.with_subdomains(parts).with_boundaries(SIDES), materials
+
+
+def at(mesh, field, x):
+    return field.potential_at(np.asarray(x))
+
+
+POINTS = np.random.default_rng(0).uniform(0.01, 0.99, (2, 50))
+NEXT = POINTS + np.array([[1.0], [0.0]])
+
+
+def test_a_periodic_cell_stands_for_all():
+    (one, of_one), (two, of_two) = row(1), row(1, 1)
+    walls = {"potential": {"bottom": 0.0, "top": 0.0}, "periodic": [("left", "right")]}
+    field, double = Magnetostatics(of_one, **walls).solve(one), Magnetostatics(of_two, **walls).solve(two)
+    largest = np.abs(field.potential).max()
+    for points in (POINTS, NEXT):
+        np.testing.assert_allclose(double.potential_at(points), field.potential_at(POINTS), atol=1e-7 * largest)
+    assert double.energy == pytest.approx(2 * field.energy, rel=1e-7)
+    warm = Magnetostatics(of_one, **walls).solve_from(one, one, field)
+    assert len(warm.newton) == 1 and len(field.newton) > 3
+    joined = Magnetostatics(of_one, **walls).indicators(one, field)
+    np.testing.assert_allclose(
+        np.linalg.norm(Magnetostatics(of_two, **walls).indicators(two, double)),
+        np.sqrt(2) * np.linalg.norm(joined),
+        rtol=1e-6,
+    )
+
+
+def test_an_antiperiodic_cell_stands_for_two():
+    (one, of_one), (two, of_two) = row(1), row(1, -1)
+    half = Magnetostatics(of_one, {"bottom": 0.0, "top": 0.0}, antiperiodic=[("left", "right")])
+    whole = Magnetostatics(of_two, {"bottom": 0.0, "top": 0.0}, periodic=[("left", "right")])
+    field, double = half.solve(one), whole.solve(two)
+    largest = np.abs(field.potential).max()
+    for points, sign in ((POINTS, 1.0), (NEXT, -1.0)):
+        np.testing.assert_allclose(double.potential_at(points), sign * field.potential_at(POINTS), atol=1e-7 * largest)
+    # The jump across the sides is seen: each half has the indicators of the whole, the sides included.
+    ours, theirs = half.indicators(one, field), whole.indicators(two, double)
+    np.testing.assert_allclose(np.sort(np.tile(ours, 2)), np.sort(theirs), rtol=1e-5, atol=1e-7 * theirs.max())
+
+
+def test_a_cell_antiperiodic_both_ways_needs_no_given_value():
+    (one, of_one), (two, of_two) = row(1), row(1, -1)
+    single = Magnetostatics(of_one, antiperiodic=[("left", "right"), ("bottom", "top")]).solve(one)
+    double = Magnetostatics(of_two, periodic=[("left", "right")], antiperiodic=[("bottom", "top")]).solve(two)
+    corner = [one.p[0].round(9), one.p[1].round(9)]
+    values = {(x, y): a for x, y, a in zip(*corner, single.potential, strict=True)}
+    assert values[0, 0] == -values[1, 0] == -values[0, 1] == values[1, 1] != 0.0
+    largest = np.abs(single.potential).max()
+    np.testing.assert_allclose(double.potential_at(POINTS), single.potential_at(POINTS), atol=1e-7 * largest)
+
+
+def test_the_centre_of_an_antiperiodic_rotation_is_zero():
+    """A half plane turned by 180 degrees: left and right halves of the bottom side are one, its middle is its own."""
+    mesh = square(8).with_subdomains({"air": lambda x: x[0] < 2})
+    mesh = mesh.with_boundaries(
+        {
+            "one": lambda x: (x[1] == 0) & (x[0] < 0.5),
+            "other": lambda x: (x[1] == 0) & (x[0] > 0.5),
+            "rest": lambda x: x[1] > 0,
+        }
+    )
+    problem = Magnetostatics({"air": Material(current_density=1e6)}, antiperiodic=[("one", "other")])
+    field = problem.solve(mesh)
+    middle = np.flatnonzero((mesh.p[0] == 0.5) & (mesh.p[1] == 0.0))[0]
+    assert field.potential[middle] == 0.0
+    bottom = np.flatnonzero(mesh.p[1] == 0)
+    order = bottom[np.argsort(mesh.p[0, bottom])]
+    np.testing.assert_array_equal(field.potential[order], -field.potential[order[::-1]])
+
+
+def test_a_value_given_on_one_side_holds_on_the_other():
+    mesh, materials = row(1)
+    field = Magnetostatics(materials, {"left": 0.25}, antiperiodic=[("right", "left")]).solve(mesh)
+    right = np.unique(mesh.facets[:, mesh.boundaries["right"]])
+    np.testing.assert_array_equal(field.potential[right], -0.25)
+    message = (
+        r"the potential 1 fixed at node \d+, .* contradicts its periodic or antiperiodic partner, which makes it -1"
+    )
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics(materials, {"top": 1.0}, antiperiodic=[("left", "right")]).solve(mesh)
+
+
+def test_a_periodic_mesh_alone_leaves_the_constant():
+    mesh, materials = row(1)
+    with pytest.raises(ValueError, match=r"potential must fix A on at least one boundary"):
+        Magnetostatics(materials, periodic=[("left", "right")])
+    with pytest.raises(ValueError, match=r"periodic must hold pairs of names of boundaries, as .*; got 'left'\."):
+        Magnetostatics(materials, {"top": 0.0}, periodic="left")
+    sheared = MeshTri(mesh.p * np.where(mesh.p[0] == 0, [[1.0], [1.0 - 1e-3]], 1.0), mesh.t)
+    sheared = sheared.with_subdomains(mesh.subdomains).with_boundaries(SIDES)
+    message = (
+        r"must carry the nodes of boundary 'left' .* In kohonen_adapt\.adapt: name the pair as periodic, too, or pin"
+    )
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "right")]).solve(sheared)
+    with pytest.raises(ValueError, match=r"periodic has 'side', which is no boundary of the mesh"):
+        Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "side")]).solve(mesh)
+
+
+def test_sides_count_as_given_for_the_polish_and_stay_pairs():
+    mesh, materials = row(1)
+    linear = {
+        name: Material(each.permeability, each.remanence, each.current_density) for name, each in materials.items()
+    }
+    problem = Magnetostatics(linear, {"bottom": 0.0, "top": 0.0}, antiperiodic=[("left", "right")])
+    field = problem.solve(mesh)
+    ritz = problem.ritz(mesh, field)
+    assert np.array_equal(np.flatnonzero(ritz.fixed), np.flatnonzero(np.any((mesh.p == 0) | (mesh.p == 1), axis=0)))
+    result = ka.adapt(mesh, problem, passes=2, periodic=[("left", "right")])
+    assert result.estimate < 0.9 * np.linalg.norm(problem.indicators(mesh, field))
+    sides = [np.unique(result.mesh.facets[:, result.mesh.boundaries[name]]) for name in ("left", "right")]
+    left, right = (side[np.argsort(result.mesh.p[1, side])] for side in sides)
+    np.testing.assert_array_equal(result.solution.potential[left], -result.solution.potential[right])

@@ -1,0 +1,413 @@
+"""Forces and torques: exact answers, agreement of the methods, symmetries, and what has none."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.sheets import MU0, line_potential, rectangle_force, rectangle_potential
+from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_force, lorentz_torque
+from kohonen_adapt.mesh.measures import area
+
+AIR, IRON = Material(), Material(1000.0)
+
+
+def uniform(degrees):
+    """A of 1 T in that direction."""
+    a = np.deg2rad(degrees)
+    return lambda x: x[1] * np.cos(a) - x[0] * np.sin(a)
+
+
+def area_of(mesh, name):
+    return area(mesh)[mesh.subdomains[name]].sum()
+
+
+# --- exact ----------------------------------------------------------------------------------------------------------
+
+
+def rate(sizes, errors):
+    """Exponent of the fit errors ~ sizes^rate."""
+    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+
+
+def turned_magnet(cells, degrees):
+    """A magnet of 10 x 5 mm, 1e6 A/m, in 1 T in that direction. Its image in the square box is along it."""
+    ticks = np.linspace(-0.02, 0.02, cells + 1)
+    mesh = box(ticks, ticks, {"magnet": (-0.005, 0.005, -0.0025, 0.0025)})
+    magnet = Material(remanence=(MU0 * 1e6, 0.0))
+    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": uniform(degrees)})
+
+
+def test_torque_on_nested_meshes():
+    """Of second order, though B is infinite at the corners of the magnet: the weight is constant there."""
+    cells, errors = (32, 64, 128), []
+    for number in cells:
+        mesh, problem = turned_magnet(number, 90)
+        errors.append(abs(0.02 * problem.solve(mesh).torque("magnet") - 1.0))
+    assert errors[0] < 3e-4
+    assert 1.9 < -rate(cells, errors) < 2.3
+
+
+@pytest.mark.parametrize("degrees", [90, 30])
+def test_torque_on_a_magnet_in_a_uniform_field(degrees):
+    """20 mm deep: sin(angle) N m."""
+    mesh, problem = turned_magnet(64, degrees)
+    result = ka.adapt(mesh, problem)
+    wanted = np.sin(np.deg2rad(degrees))
+    assert result.mesh.p.shape[1] == 4225
+    assert 0.02 * result.solution.torque("magnet") == pytest.approx(wanted, rel=1e-3)
+    np.testing.assert_allclose(result.solution.force("magnet"), 0.0, atol=0.01 * 50)  # its sides of 10 mm feel 10^4 N/m
+
+
+def test_force_on_a_wire_in_a_uniform_field():
+    """25 A, 40 mm deep, in 1 T: 1.000 N; the total current follows the area that is meshed."""
+    mesh = disk(equal_rings(36, 0.0225), {"wire": 4, "air": 36})
+    wire = Material(current_density=25.0 / area_of(mesh, "wire"))
+    result = ka.adapt(mesh, Magnetostatics({"wire": wire, "air": AIR}, potential={"outer": uniform(90)}))
+    newtons = 0.04 * result.solution.force("wire") / area_of(result.mesh, "wire") * area_of(mesh, "wire")
+    assert result.mesh.p.shape[1] == 3997
+    np.testing.assert_allclose(newtons, [-1.0, 0.0], atol=1e-5)
+
+
+def two_wires(k, current=1000.0):
+    """Two square wires of 2 mm, 20 mm apart, k squares to 1 mm; far squares are line currents but for (a / d)^4."""
+    sides = {"a": (-0.011, -0.009, -0.001, 0.001), "b": (0.009, 0.011, -0.001, 0.001)}
+    mesh = box(np.linspace(-0.036, 0.036, 36 * k + 1), np.linspace(-0.026, 0.026, 26 * k + 1), sides)
+    wire = Material(current_density=current / 0.002**2)
+    potential = {"outer": lambda x: sum(line_potential(x, (at, 0.0), current) for at in (-0.01, 0.01))}
+    return mesh, Magnetostatics({"a": wire, "b": wire, "air": AIR}, potential=potential)
+
+
+def test_two_wires_attract():
+    mesh, problem = two_wires(2)
+    result = ka.adapt(mesh, problem)
+    wanted = MU0 * 1000.0**2 / (2 * np.pi * 0.02)
+    assert result.mesh.p.shape[1] == 3869
+    for name, sign in (("a", 1.0), ("b", -1.0)):
+        np.testing.assert_allclose(result.solution.force(name), [sign * wanted, 0.0], atol=0.001 * wanted)
+        np.testing.assert_allclose(lorentz_force(result.solution, name), [sign * wanted, 0.0], atol=0.002 * wanted)
+
+
+def test_force_on_a_wire_by_one_beyond_the_mesh():
+    """Of second order on nested meshes, to the force between line currents."""
+    wanted, errors, rings = MU0 * 1000.0**2 / (2 * np.pi * 0.03), [], (9, 18, 36)
+    for number in rings:
+        mesh = disk(equal_rings(number, 0.0225), {"wire": number // 9, "air": number})
+        wire = Material(current_density=1000.0 / area_of(mesh, "wire"))
+        far = {"outer": lambda x: line_potential(x, (0.03, 0.0), 1000.0)}
+        force = Magnetostatics({"wire": wire, "air": AIR}, potential=far).solve(mesh).force("wire")
+        errors.append(abs(force[0] / wanted - 1.0))
+        assert abs(force[1]) < 1e-9 * wanted
+    assert errors[2] < 1e-4
+    assert 1.8 < -rate(rings, errors) < 2.5
+
+
+HALF = (0.005, 0.0025)
+PLACES = {"a": (-0.0075, -0.0025), "b": (0.0075, 0.0025)}
+
+
+def two_magnets(k):
+    """Two magnets of 10 x 5 mm side by side, the second 5 mm higher, both along y."""
+    sides = {n: (x - HALF[0], x + HALF[0], y - HALF[1], y + HALF[1]) for n, (x, y) in PLACES.items()}
+    mesh = box(np.linspace(-0.025, 0.025, 20 * k + 1), np.linspace(-0.02, 0.02, 16 * k + 1), sides)
+    magnet = Material(remanence=(0.0, MU0 * 1e6))
+    potential = {"outer": lambda x: sum(rectangle_potential(x, place, HALF) for place in PLACES.values())}
+    return mesh, Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential)
+
+
+def test_force_between_two_magnets_on_nested_meshes():
+    """Of second order, as the torque."""
+    wanted, fineness, errors = rectangle_force(PLACES["b"], PLACES["a"], HALF), (2, 4, 8), []
+    for k in fineness:
+        mesh, problem = two_magnets(k)
+        errors.append(np.hypot(*(problem.solve(mesh).force("b") - wanted)) / np.hypot(*wanted))
+    assert 1.9 < -rate(fineness, errors) < 2.2
+
+
+def test_force_between_two_magnets():
+    """Within 0.5 % at 5265 nodes, and by the number of nodes as the square of the error in the energy norm."""
+    wanted, errors, nodes = rectangle_force(PLACES["b"], PLACES["a"], HALF), [], []
+    for k in (2, 4):
+        mesh, problem = two_magnets(k)
+        field = ka.adapt(mesh, problem).solution
+        errors.append(np.hypot(*(field.force("b") - wanted)) / np.hypot(*wanted))
+        nodes.append(mesh.p.shape[1])
+        np.testing.assert_allclose(field.force("a"), -wanted, rtol=0.02)
+    assert nodes == [1353, 5265]
+    assert errors[1] < 0.005
+    assert -rate(nodes, errors) > 0.8
+
+
+def test_the_loop_stops_when_the_force_has_settled():
+    mesh, problem = two_magnets(2)
+    outputs = {"pull": lambda field: field.force("b")[0], "turn": lambda field: field.torque("b", PLACES["b"])}
+    result = ka.adapt(mesh, problem, passes=9, outputs=outputs, output_rtol=0.01)
+    assert result.status is ka.Status.CONVERGED
+    before, last = result.history[-2:]
+    assert 1 < last.number < 9
+    assert all(abs(last.outputs[name] / before.outputs[name] - 1.0) <= 0.01 for name in outputs)
+    assert last.outputs["pull"] == pytest.approx(rectangle_force(PLACES["b"], PLACES["a"], HALF)[0], rel=0.03)
+
+
+def test_arkkio_agrees_with_the_eggshell():
+    """On a round magnet in a uniform field, where both have the exact torque M x B times the area."""
+    mesh = disk(equal_rings(32, 0.02), {"magnet": 8, "near": 10, "gap": 14, "air": 32})
+    names = dict.fromkeys(("near", "gap", "air"), AIR)
+    magnet = Material(remanence=(MU0 * 1e6, 0.0))
+    problem = Magnetostatics({"magnet": magnet, **names}, potential={"outer": uniform(90)})
+    wanted = 1e6 * area_of(mesh, "magnet")
+    field = problem.solve(mesh)
+    assert arkkio_torque(field, "gap") == pytest.approx(wanted, rel=2e-3)
+    assert arkkio_torque(field, ["near", "gap"]) == pytest.approx(wanted, rel=2e-3)
+    assert field.torque("magnet") == pytest.approx(wanted, rel=2e-3)
+
+
+def test_lorentz_agrees_with_the_eggshell_beside_iron():
+    """A coil pulled and turned by an iron block: no exact answer, but two ways to one."""
+    sides = {"coil": (-0.004, 0.004, 0.002, 0.006), "iron": (-0.001, 0.011, -0.007, -0.001)}
+    mesh = box(np.linspace(-0.03, 0.03, 61), np.linspace(-0.025, 0.025, 51), sides)
+    coil = Material(current_density=5e6)
+    problem = Magnetostatics({"coil": coil, "iron": IRON, "air": AIR}, potential={"outer": 0.0})
+    field = ka.adapt(mesh, problem).solution
+    np.testing.assert_allclose(lorentz_force(field, "coil"), field.force("coil"), rtol=0.01)
+    assert lorentz_torque(field, "coil") == pytest.approx(field.torque("coil"), rel=0.01)
+    assert field.force("coil")[1] < 0.0 < field.force("iron")[1]
+
+
+# --- theorems -------------------------------------------------------------------------------------------------------
+
+
+def test_a_constant_field_has_no_force_and_no_torque_on_air():
+    ticks = np.linspace(-0.02, 0.02, 17)
+    mesh = box(ticks, ticks, {"body": (-0.005, 0.005, -0.0025, 0.0075)})
+    field = Magnetostatics({"body": AIR, "air": AIR}, potential={"outer": uniform(30)}).solve(mesh)
+    scale = 0.01 / (2 * MU0)  # the pressure of 1 T on 10 mm
+    np.testing.assert_allclose(field.force("body"), 0.0, atol=1e-10 * scale)
+    assert abs(field.torque("body", centre=(0.1, 0.2))) < 1e-10 * scale
+
+
+MAGNETS = two_magnets(1)
+MAGNETS_FIELD = MAGNETS[1].solve(MAGNETS[0])
+
+
+@given(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
+@settings(max_examples=20, deadline=None)
+def test_torque_about_another_centre(centre):
+    """T(c) = T(0) - c x F."""
+    force, torque = MAGNETS_FIELD.force("b"), MAGNETS_FIELD.torque("b")
+    wanted = torque - (centre[0] * force[1] - centre[1] * force[0])
+    assert MAGNETS_FIELD.torque("b", centre=centre) == pytest.approx(wanted, rel=1e-9, abs=1e-9 * abs(torque))
+
+
+@given(st.integers(1, 3))
+@settings(max_examples=3, deadline=None)
+def test_force_turns_with_the_body(quarters):
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarters)
+    mesh, problem = MAGNETS
+    turned = MeshTri(turn @ mesh.p, mesh.t).with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
+    magnet = Material(remanence=tuple(turn @ np.array([0.0, MU0 * 1e6])))
+    potential = {"outer": lambda x: problem.potential["outer"](turn.T @ x)}
+    field = Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential).solve(turned)
+    np.testing.assert_allclose(field.force("b"), turn @ MAGNETS_FIELD.force("b"), rtol=1e-9)
+    assert field.torque("b") == pytest.approx(MAGNETS_FIELD.torque("b"), rel=1e-9)
+
+
+def test_force_goes_with_the_square_of_the_source():
+    mesh, problem = two_wires(1)
+    _, stronger = two_wires(1, current=3000.0)
+    np.testing.assert_allclose(stronger.solve(mesh).force("a"), 9.0 * problem.solve(mesh).force("a"), rtol=1e-9)
+
+
+def test_several_names_are_one_body():
+    sides = {"left": (-0.004, 0.0, 0.0, 0.004), "right": (0.0, 0.004, 0.0, 0.004), "bar": (-0.01, 0.01, -0.01, -0.004)}
+    ticks = np.linspace(-0.02, 0.02, 41)
+    mesh = box(ticks, ticks, sides)
+    whole = mesh.with_subdomains({"both": np.r_[mesh.subdomains["left"], mesh.subdomains["right"]]})
+    magnet = Material(remanence=(0.1, 1.0))
+    parts = {"left": magnet, "right": magnet, "bar": IRON, "air": AIR}
+    field = Magnetostatics(parts, potential={"outer": 0.0}).solve(whole)
+    assert np.array_equal(field.force(["left", "right"]), field.force("both"))
+    assert np.array_equal(field.force(("right", "left")), field.force("both"))
+    assert field.force("both")[1] < -50.0
+
+
+# --- symmetries -----------------------------------------------------------------------------------------------------
+
+
+def lifted(mesh):
+    """A magnet over an iron bar."""
+    magnet = Material(remanence=(0.0, 1.0))
+    return Magnetostatics({"magnet": magnet, "bar": IRON, "air": AIR}, potential={"outer": 0.0}).solve(mesh)
+
+
+def test_half_of_a_body_on_a_mirror_plane_has_half_of_its_force():
+    sides = {"magnet": (0.0, 0.005, 0.001, 0.006), "bar": (0.0, 0.01, -0.006, -0.001)}
+    half = box(np.linspace(0.0, 0.02, 21), np.linspace(-0.02, 0.02, 41), sides)
+    there = {name: np.r_[rows, rows + half.t.shape[1]] for name, rows in half.subdomains.items()}
+    mirrored = half.p * np.array([[-1.0], [1.0]])
+    whole = sewn(np.hstack((half.p, mirrored)), np.hstack((half.t, half.t + half.p.shape[1])), there)
+    # A = 0 on the plane x = 0 is what the symmetry of the magnet makes it.
+    parts, entire = lifted(half), lifted(whole)
+    for body in ("magnet", "bar"):
+        np.testing.assert_allclose(2.0 * parts.force(body)[1], entire.force(body)[1], rtol=1e-8)
+        assert parts.force(body)[0] == 0.0
+        assert abs(entire.force(body)[0]) < 1e-8 * abs(entire.force(body)[1])
+
+
+PITCH = np.pi / 2
+RADII, ANGLES = np.linspace(0.01, 0.05, 41), np.linspace(0.0, PITCH, 31)
+MACHINE = {
+    "coil": (0.02, 0.03, 0.35, 0.85),
+    "hub": (0.01, 0.02, 0.0, PITCH),
+    "tooth": (0.035, 0.045, 0.1, 0.5),
+    "yoke": (0.045, 0.05, 0.0, PITCH),
+}
+MACHINE_PARTS = {"coil": Material(current_density=1e7), "hub": IRON, "tooth": IRON, "yoke": IRON, "air": AIR}
+
+
+def test_a_sector_has_its_share_of_the_torque():
+    """A field that repeats after every quarter, cut out of the whole: body, air and iron are all cut by its sides."""
+    apart = sector(RADII, np.linspace(0.0, 2 * np.pi, 121), MACHINE, PITCH)
+    whole = sewn(apart.p, apart.t, apart.subdomains)
+    field = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0}).solve(whole)
+    quarter = sector(RADII, ANGLES, MACHINE)
+    _, place = cKDTree(whole.p.T).query(quarter.p.T)
+    part = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0, "bore": 0.0}).solve(quarter)
+    part = replace(part, potential=field.potential[place])
+    body = ["coil", "hub"]
+    assert field.torque(body) < -0.1  # towards the tooth
+    assert part.torque(body) == pytest.approx(field.torque(body) / 4, rel=1e-8)
+    with pytest.raises(ValueError, match=r"along lines of several directions; .* Model what is beyond the boundary\."):
+        part.force(body)
+
+
+# --- refused --------------------------------------------------------------------------------------------------------
+
+
+def refused(message, function, *arguments, **options):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        function(*arguments, **options)
+
+
+TOUCHING = box(
+    np.linspace(-0.02, 0.02, 41),
+    np.linspace(-0.02, 0.02, 41),
+    {"core": (-0.005, 0.0, -0.005, 0.005), "iron": (0.0, 0.005, 0.005, 0.01), "edge": (-0.02, -0.015, -0.02, -0.015)},
+)
+
+
+@pytest.mark.parametrize(
+    "neighbour", [IRON, Material(current_density=1.0), Material(remanence=(0.0, 0.1)), Material(permeability=1.001)]
+)
+def test_a_body_that_touches_something_at_a_corner_is_refused(neighbour):
+    parts = {"core": IRON, "iron": neighbour, "edge": IRON, "air": AIR}
+    field = Magnetostatics(parts, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
+    message = (
+        "subdomain 'core' touches 'iron', which is not air (permeability 1, no current, no remanence), and the force "
+        "is told by the field in the air around: leave air between them, or ask for the force on both together."
+    )
+    refused(message, field.force, "core")
+    refused(message, field.torque, "core")
+    assert np.all(np.isfinite(field.force(["core", "iron"])))
+
+
+def test_real_air_is_air():
+    parts = {"core": IRON, "iron": IRON, "edge": IRON, "air": Material(1.0000004)}
+    field = Magnetostatics(parts, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
+    assert np.all(np.isfinite(field.force(["core", "iron"])))
+
+
+PARTS = {"core": Material(current_density=1e6), "iron": IRON, "edge": IRON, "air": AIR}
+FIELD = Magnetostatics(PARTS, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
+
+
+@pytest.mark.parametrize("body", [None, 3, [], ["core", 3], {"core"}])
+def test_what_is_no_name(body):
+    refused(f"a body is the name of a subdomain or a sequence of names; got {body!r}.", FIELD.force, body)
+
+
+def test_unknown_and_empty_names():
+    has = "'air', 'core', 'edge', 'iron'"
+    refused(f"subdomain 'rotor' is not in the mesh; it has {has}.", FIELD.force, "rotor")
+    refused(f"subdomain 'rotor' is not in the mesh; it has {has}.", FIELD.torque, ["core", "rotor"])
+    empty = TOUCHING.with_subdomains({"none": np.array([], dtype=int)})
+    field = Magnetostatics(PARTS, potential={"outer": 0.0}).solve(empty)
+    refused("subdomain 'none' has no elements; name one that has.", field.force, "none")
+
+
+def test_a_body_that_fills_the_mesh():
+    message = (
+        "subdomain 'air' + 'core' + 'iron' + 'edge' has nothing around it; a force needs air between it and the rest."
+    )
+    refused(message, FIELD.force, ["air", "core", "iron", "edge"])
+
+
+def test_a_body_in_the_corner_of_the_mesh():
+    refused(
+        "the body lies on the outer boundary along lines of several directions; the force on a part of it can only be "
+        "told where it is cut by a mirror plane. Model what is beyond the boundary.",
+        FIELD.force,
+        "edge",
+    )
+    refused(
+        "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
+        "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond.",
+        FIELD.torque,
+        "edge",
+    )
+
+
+def test_a_sector_whose_sides_differ():
+    shifted = np.array(TOUCHING.p)
+    shifted[0, (shifted[0] > -0.0199) & (shifted[0] < -0.0101) & (shifted[1] < -0.0199)] += 1e-4
+    mesh = MeshTri(shifted, TOUCHING.t).with_subdomains(TOUCHING.subdomains).with_boundaries(TOUCHING.boundaries)
+    field = Magnetostatics(PARTS, potential={"outer": 0.0}).solve(mesh)
+    refused(
+        "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part of "
+        "it can only be told of a periodic sector, whose sides are one another's image.",
+        field.torque,
+        "edge",
+        centre=(-0.02, -0.02),
+    )
+
+
+@pytest.mark.parametrize("centre", [0.0, (0.0, 0.0, 0.0), (np.nan, 0.0), "ab", ("a", "b"), (1j, 0.0)])
+def test_what_is_no_centre(centre):
+    refused(f"centre must be a point (x, y) in m; got {centre!r}.", FIELD.torque, ["core", "iron"], centre)
+
+
+def test_lorentz_needs_plain_currents():
+    refused(
+        "the coil 'air' carries no current; the force on its material is field.force's.", lorentz_force, FIELD, "air"
+    )
+    refused(
+        "the coil ['core', 'iron'] is magnetic, so Lorentz's force is not all; ask for field.force instead.",
+        lorentz_torque,
+        FIELD,
+        ["core", "iron"],
+    )
+
+
+def test_arkkio_needs_a_ring_of_air():
+    refused(
+        "the ring 'core' must be air (permeability 1, no current, no remanence) in every element; it is not in "
+        "100 of 3200. Name a ring of air around the rotor.",
+        arkkio_torque,
+        FIELD,
+        "core",
+    )
+    mesh = disk(equal_rings(8, 0.02), {"rotor": 2, "gap": 4, "air": 8})
+    field = Magnetostatics(dict.fromkeys(("rotor", "gap", "air"), AIR), potential={"outer": 0.0}).solve(mesh)
+    with pytest.raises(ValueError, match=r"the ring 'gap' must be bounded by two circles about the centre \(0\.001, 0"):
+        arkkio_torque(field, "gap", centre=(0.001, 0.0))
+    with pytest.raises(
+        ValueError, match=r"radii between 0\.005 and 0\.005 m\. Give its centre, or a subdomain that is a r"
+    ):
+        arkkio_torque(field, "rotor")

@@ -1,0 +1,333 @@
+"""Goals of magnetic problems: their derivatives, their dual problems, and meshes on which their errors fall faster."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.sheets import rectangle_force
+from helpers.tensor_meshes import box, disk, equal_rings, sector
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_axisymmetric_forces import rings_mesh
+from test_forces import HALF, PLACES, turned_magnet, two_magnets
+
+import kohonen_adapt as ka
+from kohonen_adapt.estimators import equilibrated
+from kohonen_adapt.estimators.gradients import gradient
+from kohonen_adapt.magnetostatics import (
+    Brauer,
+    FluxLinkage,
+    Force,
+    Goal,
+    Magnetostatics,
+    Material,
+    StoredEnergy,
+    Torque,
+)
+from kohonen_adapt.magnetostatics.equations.system import loads
+from kohonen_adapt.magnetostatics.solution import tangent_solution
+from kohonen_adapt.mesh.measures import area
+
+AIR, STEEL = Material(), Material(bh=Brauer(100.0, 10.0, 1.8))
+TURNS = 5e4  # A in a coil side of the actuator
+
+
+def actuator(cells=20, **more):
+    """A coil of two sides over a bar of steel that it saturates."""
+    parts = {"go": (-0.008, -0.004, 0.002, 0.006), "back": (0.002, 0.006, 0.002, 0.006), "bar": (-0.01, 0.01, -8e-3, 0)}
+    mesh = box(np.linspace(-0.02, 0.02, cells + 1), np.linspace(-0.02, 0.02, cells + 1), parts)
+    given = {"potential": {"outer": 0.0}, "ampere_turns": {"go": TURNS, "back": -TURNS}, "depth": 0.03} | more
+    return mesh, Magnetostatics({"go": AIR, "back": AIR, "bar": STEEL, "air": AIR}, **given)
+
+
+def plunger():
+    """The same around an axis: a coil and a plunger of steel."""
+    mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)})
+    parts = {"coil": AIR, "plunger": STEEL, "air": AIR}
+    return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True)
+
+
+PITCH = np.pi / 2
+
+
+def machine():
+    """A pole of a machine, its sides antiperiodic."""
+    parts = {"coil": (0.02, 0.03, 0.35, 0.85), "hub": (0.01, 0.02, 0, PITCH), "tooth": (0.035, 0.045, 0.1, 0.5)}
+    mesh = sector(np.linspace(0.01, 0.05, 41), np.linspace(0.0, PITCH, 31), parts)
+    materials = {"coil": Material(current_density=6e8), "hub": STEEL, "tooth": STEEL, "air": AIR}
+    return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")])
+
+
+def shielded():
+    """Two wires beside one another in a tube of steel, with an open boundary."""
+    mesh = disk(equal_rings(20, 0.04), {"inside": 8, "tube": 12, "air": 20})
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    places = {name: np.hypot(x - at, y) < 0.005 for name, at in (("go", -0.008), ("back", 0.008))}
+    rest = np.setdiff1d(mesh.subdomains["inside"], np.flatnonzero(places["go"] | places["back"]))
+    parts = {name: np.flatnonzero(there) for name, there in places.items()} | {"inside": rest}
+    mesh = mesh.with_subdomains(mesh.subdomains | parts)
+    materials = dict.fromkeys(("go", "back", "inside", "air"), AIR) | {"tube": STEEL}
+    return mesh, Magnetostatics(materials, ampere_turns={"go": TURNS, "back": -TURNS}, open_boundary="outer")
+
+
+CIRCUIT = {"go": 50, "back": -50}
+CASES = {
+    "force": (actuator, Force("bar", (3.0, 4.0))),
+    "torque": (actuator, Torque(["bar"], (0.01, 0.02))),
+    "linkage": (actuator, FluxLinkage(CIRCUIT)),
+    "energy": (actuator, StoredEnergy(("bar", "go"))),
+    "force along an axis": (plunger, Force("plunger", (0, 1))),
+    "linkage around an axis": (plunger, FluxLinkage({"coil": 100})),
+    "energy around an axis": (plunger, StoredEnergy("plunger")),
+    "torque on a pole": (machine, Torque(("coil", "hub"))),
+    "force with an open boundary": (shielded, Force("go", (1, 0))),
+    "energy with an open boundary": (shielded, StoredEnergy("tube")),
+}
+FIELDS = {make: make()[1].solve(make()[0]) for make in (actuator, plunger, machine, shielded)}
+
+
+# --- theorems ----------------------------------------------------------------------------------------------------
+
+
+def test_goals_have_the_values_of_the_field():
+    field, around = FIELDS[actuator], FIELDS[plunger]
+    assert Force("bar", (3.0, 4.0))(field) == pytest.approx(field.force("bar") @ (0.6, 0.8), rel=1e-9)
+    assert Torque("bar", (0.01, 0.02))(field) == pytest.approx(field.torque("bar", (0.01, 0.02)), rel=1e-9)
+    linked = field.flux_linkage("go", turns=50) + field.flux_linkage("back", turns=-50)
+    assert FluxLinkage(CIRCUIT)(field) == pytest.approx(linked, rel=1e-12)
+    assert StoredEnergy(("go", "back", "bar", "air"))(field) == pytest.approx(field.energy, rel=1e-12)
+    assert Force("plunger", (0, 2))(around) == pytest.approx(around.force("plunger")[1], rel=1e-9)
+    assert StoredEnergy(["coil", "plunger", "air"])(around) == pytest.approx(around.energy, rel=1e-12)
+
+
+def shifted(field, change):
+    """The field with another potential; `change` (nnodes,) is of u."""
+    potential = field.symmetry.potential(field.mesh, field.unknown + change)
+    return replace(field, potential=potential)
+
+
+@pytest.mark.parametrize("case", CASES)
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=5, deadline=None)
+def test_derivatives_are_those_of_the_values(case, seed):
+    make, goal = CASES[case]
+    field = FIELDS[make]
+    change = 1e-6 * np.random.default_rng(seed).normal(size=field.potential.size) * np.abs(field.unknown).max()
+    change[field.symmetry.on_axis(field.mesh)] = 0.0
+    wanted = 0.5 * (goal(shifted(field, change)) - goal(shifted(field, -change)))
+    source, flux = goal.derivative(field)
+    mean = change[field.mesh.t].mean(axis=0)
+    parts = area(field.mesh) * (source * mean + np.sum(flux * gradient(field.mesh, change), axis=0))
+    assert parts.sum() == pytest.approx(wanted, abs=1e-5 * np.abs(parts).sum())
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_dual_tells_what_a_current_does_to_the_goal(case):
+    """dJ = int dJ_current z: of nonlinear material, around an axis and with antiperiodic sides."""
+    make, goal = CASES[case]
+    (mesh, problem), field = make(), FIELDS[make]
+    dual = tangent_solution(field, problem._boundaries, *goal.derivative(field))
+    name = next(name for name in ("go", "coil") if name in mesh.subdomains)
+    density = np.where(np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains[name]), 1e4, 0.0)
+    load = loads(mesh, field.symmetry.source(density), np.zeros((2, density.size)))
+
+    def value(sign):
+        materials, size = dict(problem.materials), float(np.sum(area(mesh)[density > 0]))
+        now = problem.ampere_turns.get(name, size * materials[name].current_density)
+        materials[name] = replace(materials[name], current_density=(now / size) + sign * 1e4)
+        turns = {other: total for other, total in problem.ampere_turns.items() if other != name}
+        return goal(replace(problem, materials=materials, ampere_turns=turns).solve(mesh))
+
+    assert load @ dual == pytest.approx(0.5 * (value(1.0) - value(-1.0)), rel=1e-4)
+
+
+def test_the_goal_of_a_linear_problem_is_the_dual_times_its_source():
+    """J(A) = int J_current z: reciprocity, where A = 0 around."""
+    mesh, problem = actuator()
+    problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
+    field, goal = problem.solve(mesh), FluxLinkage(CIRCUIT)
+    dual = tangent_solution(field, problem._boundaries, *goal.derivative(field))
+    load = loads(mesh, field.current_density, np.zeros((2, mesh.t.shape[1])))
+    assert load @ dual == pytest.approx(goal(field), rel=1e-9)
+
+
+def test_where_the_goal_is_the_load_the_indicators_are_those_of_the_energy():
+    """The linkage of the coil that makes the field: the dual is the field, and the error of one sign."""
+    mesh, problem = actuator(depth=None)
+    problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)}, goal=FluxLinkage(CIRCUIT))
+    field = problem.solve(mesh)
+    fixed = np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    bound = equilibrated(mesh, field.potential, field.reluctivity, source=field.current_density, fixed=fixed)
+    np.testing.assert_allclose(TURNS / 50 * problem.indicators(mesh, field) ** 2, bound**2, rtol=1e-6)
+    assert problem.goal_error(field) == pytest.approx(np.sum(problem.indicators(mesh, field) ** 2), rel=1e-9)
+    finer = problem.goal(problem.solve(mesh.refined(3)))
+    assert problem.goal_error(field) > finer - problem.goal(field) > 0.5 * problem.goal_error(field)
+
+
+@pytest.mark.parametrize("make", [actuator, plunger, machine])
+def test_a_goal_of_ones_own(make):
+    """The square of a goal has twice its value for a factor of the derivative, and so of the error."""
+
+    class Squared:
+        def __init__(self, goal):
+            self.goal = goal
+
+        def __call__(self, field):
+            return self.goal(field) ** 2
+
+        def derivative(self, field):
+            return tuple(2.0 * self.goal(field) * part for part in self.goal.derivative(field))
+
+    (mesh, problem), field = make(), FIELDS[make]
+    goal = next(goal for other, goal in CASES.values() if other is make)
+    assert isinstance(Squared(goal), Goal)
+    plain, square = (replace(problem, goal=each) for each in (goal, Squared(goal)))
+    factor = 2.0 * goal(field)
+    assert square.goal_error(field) == pytest.approx(factor * plain.goal_error(field), rel=1e-6)
+    wanted = np.sqrt(abs(factor)) * plain.indicators(mesh, field)
+    np.testing.assert_allclose(square.indicators(mesh, field), wanted, rtol=1e-5, atol=1e-7 * wanted.max())
+
+
+# --- adapted meshes: the error of a goal falls faster than with the energy's indicators ---------------------------
+
+
+def lifted(cells=50):
+    """A magnet over a bar of saturated steel."""
+    sides = {"magnet": (-0.005, 0.005, 0.001, 0.006), "bar": (-0.01, 0.01, -0.004, -0.001)}
+    mesh = box(np.linspace(-0.025, 0.025, cells + 1), np.linspace(-0.02, 0.02, cells * 4 // 5 + 1), sides)
+    parts = {"magnet": Material(remanence=(0.0, 1.2)), "bar": STEEL, "air": AIR}
+    return mesh, Magnetostatics(parts, {"outer": 0.0})
+
+
+def errors(mesh, problem, goal, exact):
+    """Medians over five seeds of the goal's relative error on meshes adapted for the energy, and for the goal."""
+    found = []
+    for each in (problem, replace(problem, goal=goal)):
+        results = [ka.adapt(mesh, each, seed=seed) for seed in range(5)]
+        found.append(np.median([abs(goal(result.solution) / exact - 1.0) for result in results]))
+    return found
+
+
+PULL = Force("b", (1, 0))
+PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], HALF)[0]
+
+
+def test_the_force_converges_faster_with_the_goal():
+    """Two magnets: 8 and 17 times less error at 357 and 1353 nodes, so also the greater rate."""
+    nodes, found = [], []
+    for k in (1, 2):
+        mesh, problem = two_magnets(k)
+        nodes.append(mesh.p.shape[1])
+        found.append(errors(mesh, problem, PULL, PULL_EXACT))
+    energy, goal = np.array(found).T
+    assert np.all(goal < energy / 4)
+    rates = [-np.polyfit(np.log(nodes), np.log(each), 1)[0] for each in (energy, goal)]
+    assert rates[1] > rates[0] + 0.2
+
+
+@pytest.mark.parametrize(
+    ("case", "goal", "exact"),
+    [
+        (lambda: turned_magnet(16, 90), Torque("magnet"), 50.0),
+        # From 18 271 nodes adapted for the goal and refined once: 535.0755, and 0.0048 more by the goal's error.
+        (lifted, Force("bar", (0, 1)), 535.079),
+    ],
+    ids=["torque on a magnet", "force on saturated steel"],
+)
+def test_the_goal_is_nearer_at_the_same_number_of_nodes(case, goal, exact):
+    """289 nodes, 7 times, and 2091 nodes, 26 times."""
+    energy, wanted = errors(*case(), goal, exact)
+    assert wanted < energy / 3
+
+
+def test_the_error_of_the_goal_is_told_with_its_sign():
+    mesh, problem = two_magnets(2)
+    problem = replace(problem, goal=Force("b", (0, 1)))
+    result = ka.adapt(mesh, problem)
+    missing = rectangle_force(PLACES["b"], PLACES["a"], HALF)[1] - problem.goal(result.solution)
+    assert problem.goal_error(result.solution) == pytest.approx(missing, rel=0.25)
+
+
+def test_goals_around_an_axis_with_pairs_and_with_an_open_boundary_are_adapted():
+    for make, pairs in ((plunger, ()), (machine, [("right", "left")]), (shielded, ())):
+        mesh, problem = make()
+        problem = replace(problem, goal=next(goal for other, goal in CASES.values() if other is make))
+        result = ka.adapt(mesh, problem, periodic=pairs, passes=2)
+        assert result.history[-1].estimate < 0.8 * result.history[0].estimate
+
+
+def test_the_loop_with_a_goal_says_what_it_leaves_out():
+    mesh, problem = two_magnets(1)
+    problem = replace(problem, goal=PULL)
+    result = ka.adapt(mesh, problem, outputs={"pull": PULL}, passes=1)
+    assert "there was no polish: it is adapted for a goal, and the polish lowers the energy" in result.message
+    assert "Energy" not in str(result) and "pull" in str(result)
+    assert result.history[0].energy_norm is None
+    message = (
+        "rtol needs a problem with the method energy_norm(mesh, solution); Magnetostatics has none: its indicators are "
+        "those of a goal, of which the energy is no measure, or use atol."
+    )
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        ka.adapt(mesh, problem, rtol=0.01)
+
+
+# --- refused -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Force("bar", (0.0, 0.0)), "direction of Force must not be zero; got (0.0, 0.0)."),
+        (lambda: Force("bar", 1.0), "direction of Force must be a vector (x, y); got 1.0."),
+        (lambda: Torque("bar", (np.nan, 0.0)), "centre of Torque must be a point (x, y) in m; got (nan, 0.0)."),
+        (lambda: FluxLinkage("go"), "circuit must map subdomains to turns, for instance {'coil': 100}; got 'go'."),
+        (lambda: FluxLinkage({"go": 0}), "turns of 'go' must be a finite number other than 0; got 0."),
+        (
+            lambda: actuator(goal="force"),
+            "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
+            "goal.derivative(field), or None; got 'force'.",
+        ),
+        (lambda: actuator(goal=Torque("bar"), order=2), "a goal needs elements of order 1; got order 2."),
+        (
+            lambda: actuator(goal=Torque("bar"), estimator="recovery"),
+            "a goal has its own indicators; leave the estimator out, got 'recovery'.",
+        ),
+        (
+            lambda: actuator()[1].goal_error(FIELDS[actuator]),
+            "goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').",
+        ),
+        (
+            lambda: Force("plunger", (1, 0))(FIELDS[plunger]),
+            "the force on 'plunger' has no component along (1.0, 0.0): an axisymmetric one is along z, that on a body "
+            "cut by a mirror plane along the plane. Give another direction.",
+        ),
+        (
+            lambda: Torque("plunger")(FIELDS[plunger]),
+            "an axisymmetric field has no torque: it is the same at every angle.",
+        ),
+        (
+            lambda: StoredEnergy(["go", "back", "bar", "air"]).derivative(FIELDS[actuator]),
+            "StoredEnergy needs a part of the mesh; ['go', 'back', 'bar', 'air'] is all of it. For the energy of all "
+            "leave the goal out: what a problem has then are indicators of that.",
+        ),
+        (
+            lambda: StoredEnergy("rotor")(FIELDS[actuator]),
+            "subdomain 'rotor' is not in the mesh; it has 'air', 'back', 'bar', 'go'.",
+        ),
+    ],
+)
+def test_wrong_goals_are_named(make, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        make()
+
+
+@pytest.mark.parametrize("goal", [Force("go", (0, 1)), Torque("go")])
+def test_a_body_that_touches_iron_is_refused_before_anything_moves(goal):
+    mesh, problem = actuator(goal=goal)
+    height = mesh.p[1, mesh.t].mean(axis=0)
+    bar = np.union1d(mesh.subdomains["bar"], np.flatnonzero((height > 0.0) & (height < 0.002)))
+    parts = mesh.subdomains | {"bar": bar, "air": np.setdiff1d(mesh.subdomains["air"], bar)}
+    touching = mesh.with_subdomains(parts)
+    with pytest.raises(ValueError, match=r"^subdomain 'go' touches 'bar', which is not air .* leave air between them"):
+        ka.adapt(touching, problem)

@@ -1,0 +1,458 @@
+"""Magnetostatics against exact fields, energy identities and wrong input."""
+
+import numpy as np
+import pytest
+from helpers.meshes import disk
+from helpers.sheets import MU0, rectangle_field, rectangle_potential
+from helpers.tensor_meshes import box, everywhere
+from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
+
+from kohonen_adapt import estimators
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
+from kohonen_adapt.mesh.measures import area
+
+MAGNETISATION = 1e6  # A/m, of the magnets with exact fields
+
+
+def true_error(mesh, field, exact):
+    """sqrt(int nu |B_h - B|^2) by a quadrature that copes with the logarithm at a magnet's corner."""
+    basis = Basis(mesh, ElementTriP1(), intorder=12)
+    difference = field.flux_density[:, :, None] - exact(np.asarray(basis.global_coordinates()))
+    return np.sqrt(np.sum(field.reluctivity[:, None] * np.sum(difference**2, axis=0) * basis.dx))
+
+
+def rate(sizes, errors):
+    """Exponent of the fit errors ~ sizes^rate."""
+    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+
+
+def overrating(problem, mesh, field, error):
+    """What the estimate of a problem is of the true error."""
+    return np.linalg.norm(problem.indicators(mesh, field)) / error
+
+
+def with_estimator(problem, name):
+    return Magnetostatics(problem.materials, potential=problem.potential, estimator=name)
+
+
+# --- exact: a transverse cylinder in a finite disk --------------------------------------------------------------
+
+INNER, OUTER = 0.01, 0.04
+
+
+def ring_mesh(rings):
+    """A disk of `rings` rings of 6 k nodes, the magnet's circle one of them."""
+    mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
+    return mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
+
+
+def cylinder_field(mesh):
+    """A = c y in the magnet, d y (1 / r^2 - 1 / R^2) around it; each element of the polygons by its own formula."""
+    d = 0.5 * MU0 * MAGNETISATION * INNER**2
+    magnet = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["magnet"])[:, None]
+
+    def exact(x):
+        square = np.maximum(np.sum(x**2, axis=0), 1e-12)
+        along_y = np.where(
+            magnet, d * (1 / INNER**2 - 1 / OUTER**2), d * (1 / square - 1 / OUTER**2 - 2 * x[1] ** 2 / square**2)
+        )
+        along_x = np.where(magnet, 0.0, -2 * d * x[0] * x[1] / square**2)
+        return np.stack((along_y, -along_x))
+
+    return exact
+
+
+CYLINDER = Magnetostatics(
+    {"magnet": Material(remanence=(MU0 * MAGNETISATION, 0.0)), "air": Material()}, potential={"outer": 0.0}
+)
+
+
+def energy_in(mesh, field, name):
+    density = 0.5 * np.sum(field.field_strength * (field.flux_density - field.remanence), axis=0)
+    return np.sum((area(mesh) * density)[mesh.subdomains[name]])
+
+
+def test_cylinder_in_a_disk_converges_to_its_exact_field_and_energies():
+    rings, errors, totals = (8, 16, 32), [], []
+    for number in rings:
+        mesh = ring_mesh(number)
+        field = CYLINDER.solve(mesh)
+        errors.append(true_error(mesh, field, cylinder_field(mesh)))
+        inside = field.flux_density[:, mesh.subdomains["magnet"]].mean(axis=1)
+        half_norm = 0.5 * CYLINDER.energy_norm(mesh, field) ** 2
+        totals.append([inside[0], half_norm, field.energy, energy_in(mesh, field, "air")])
+        assert abs(inside[1]) < 1e-12
+    assert 0.96 < -rate(rings, errors) < 1.04
+    exact = np.array([0.5890486225, 92.5275412602, 104.8645, 49.1552])
+    distance = np.abs(np.array(totals) - exact) / exact
+    assert np.all(distance[2] < [0.004, 0.007, 0.0003, 0.004])
+    assert all(1.7 < -rate(rings, column) < 2.3 for column in distance[:, [0, 1, 3]].T)
+    # The totals are quadratic in 1 / rings (the circles are polygons, too): extrapolated, they meet the exact ones.
+    np.testing.assert_allclose((4 * np.array(totals[2]) - totals[1]) / 3, exact, rtol=5e-4)
+
+
+@pytest.mark.parametrize("rings", [16, 32])
+def test_estimates_of_the_cylinder_are_near_its_error(rings):
+    mesh = ring_mesh(rings)
+    field = CYLINDER.solve(mesh)
+    error = true_error(mesh, field, cylinder_field(mesh))
+    assert 0.9 < overrating(CYLINDER, mesh, field, error) < 1.1
+    assert 0.95 < overrating(with_estimator(CYLINDER, "recovery"), mesh, field, error) < 1.05
+    assert 1.0 < overrating(with_estimator(CYLINDER, "equilibrated"), mesh, field, error) < 1.1
+
+
+# --- exact: a rectangle magnet in free space ---------------------------------------------------------------------
+
+HALF = np.array([0.01, 0.005])
+
+
+def sheet_field(x):
+    return rectangle_field(x, (0.0, 0.0), HALF)
+
+
+def sheet_potential(x):
+    return rectangle_potential(x, (0.0, 0.0), HALF)
+
+
+RECTANGLE = Magnetostatics(
+    {"magnet": Material(remanence=(0.0, MU0 * MAGNETISATION)), "air": Material()}, potential={"outer": sheet_potential}
+)
+
+
+def rectangle_mesh(n):
+    """60 x 40 mm around the magnet of 20 x 10 mm, 2 n squares to 10 mm."""
+    sides = {"magnet": (-HALF[0], HALF[0], -HALF[1], HALF[1])}
+    return box(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1), sides)
+
+
+def test_the_sheets_have_the_tabulated_field():
+    points = np.array([[0.0, 0.0, 0.015, 0.009], [0.0, 0.01, 0.0, 0.002]])
+    wanted = [0.3709180872, 0.2076584457, -0.2352010414, 0.6375074619]
+    np.testing.assert_allclose(sheet_field(points)[1], wanted, atol=5e-11)
+    np.testing.assert_allclose(sheet_field(points)[0], [0, 0, 0, 0.1506783758], atol=5e-11)
+    x, step = np.array([[0.013, 0.004, -0.02], [0.003, -0.011, 0.001]]), 1e-6
+    right, up = np.array([[step], [0.0]]), np.array([[0.0], [step]])
+    curl = [sheet_potential(x + up) - sheet_potential(x - up), sheet_potential(x - right) - sheet_potential(x + right)]
+    np.testing.assert_allclose(np.array(curl) / (2 * step), sheet_field(x), rtol=1e-6)
+
+
+def test_rectangle_magnet_converges_to_its_exact_field():
+    """Of first order but for a logarithm: B is infinite at the corners of the magnet."""
+    fineness, errors = (2, 4, 8), []
+    points = np.array([[0.0, 0.0, 0.015, 0.009], [0.0, 0.01, 0.0, 0.002]])
+    for n in fineness:
+        mesh = rectangle_mesh(n)
+        field = RECTANGLE.solve(mesh)
+        errors.append(true_error(mesh, field, sheet_field))
+        here, there = field.flux_density_at(points), field.potential_at(points)
+        assert np.max(np.abs(here - sheet_field(points))) < 0.2 / n
+        assert np.max(np.abs(there - sheet_potential(points))) < 6e-4 / n**2
+        assert 0.9 < overrating(RECTANGLE, mesh, field, errors[-1]) < 1.1
+        assert 0.95 < overrating(with_estimator(RECTANGLE, "recovery"), mesh, field, errors[-1]) < 1.05
+        assert 1.0 < overrating(with_estimator(RECTANGLE, "equilibrated"), mesh, field, errors[-1]) < 1.1
+    assert 0.8 < -rate(fineness, errors) < 1.0
+
+
+# --- exact in every mesh: what P1 holds without error ------------------------------------------------------------
+
+
+def random_mesh(seed=0, cells=6):
+    """The square (0, 3)^2 with nodes moved at random but on the lines x = 1 and x = 2, and its four sides by name."""
+    mesh = MeshTri.init_tensor(np.linspace(0, 3, 3 * cells + 1), np.linspace(0, 3, 3 * cells + 1))
+    shift = np.random.default_rng(seed).uniform(-0.25, 0.25, mesh.p.shape) / cells
+    shift[:, mesh.boundary_nodes()] = 0.0
+    shift[0, np.isin(mesh.p[0].round(9), (1.0, 2.0))] = 0.0
+    sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 3 - 1e-9}
+    sides |= {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 3 - 1e-9}
+    layers = {"iron": lambda x: x[0] < 1, "magnet": lambda x: (x[0] > 1) & (x[0] < 2), "air": lambda x: x[0] > 2}
+    return MeshTri(mesh.p + shift, mesh.t).with_boundaries(sides).with_subdomains(layers)
+
+
+LAYERS = {"iron": Material(1000.0), "magnet": Material(1.05, remanence=(0.0, 1.2)), "air": Material()}
+
+
+@pytest.mark.parametrize("estimator", ["residual", "recovery"])
+def test_layers_side_by_side_share_one_field_strength(estimator):
+    """Flux along y between two fixed potentials: H_y is the same in every layer, whatever the mesh."""
+    mesh = random_mesh()
+    problem = Magnetostatics(LAYERS, potential={"left": 0.0, "right": -2.5}, estimator=estimator)
+    field = problem.solve(mesh)
+    # 2.5 Wb/m = the sum of By over three layers of 1 m each, By = Br + mu0 mu H.
+    strength = (2.5 - 1.2) / (MU0 * (1000.0 + 1.05 + 1.0))
+    np.testing.assert_allclose(field.field_strength[1], strength, rtol=1e-9)
+    np.testing.assert_allclose(field.field_strength[0], 0.0, atol=1e-9 * strength)
+    for name, material in LAYERS.items():
+        wanted = material.remanence[1] + MU0 * material.permeability * strength
+        np.testing.assert_allclose(field.flux_density[1, mesh.subdomains[name]], wanted, rtol=1e-9)
+    assert field.energy == pytest.approx(0.5 * 3 * strength * (2.5 - 1.2), rel=1e-9)
+    assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-7 * problem.energy_norm(mesh, field)
+
+
+def test_layers_in_a_row_share_one_flux_density():
+    """Flux along x through one layer after the other, its potential a callable of x: B_x is the same in each."""
+    mesh = random_mesh()
+    row = LAYERS | {"magnet": Material(1.05, remanence=(0.5, 0.0))}
+    field = Magnetostatics(row, dict.fromkeys(mesh.boundaries, lambda x: 0.8 * x[1])).solve(mesh)
+    np.testing.assert_allclose(field.flux_density, np.array([[0.8], [0.0]]) * np.ones(mesh.t.shape[1]), atol=1e-12)
+    for name, strength in {"iron": 0.8 / (1000 * MU0), "magnet": 0.3 / (1.05 * MU0), "air": 0.8 / MU0}.items():
+        np.testing.assert_allclose(field.field_strength[0, mesh.subdomains[name]], strength, rtol=1e-9)
+    points = np.random.default_rng(1).uniform(0, 3, (2, 50))
+    np.testing.assert_allclose(field.potential_at(points), 0.8 * points[1], atol=1e-12)
+    np.testing.assert_allclose(field.flux_density_at(points)[0], 0.8, atol=1e-12)
+
+
+def test_natural_boundaries_let_flux_cross_at_a_right_angle():
+    mesh = random_mesh()
+    air = dict.fromkeys(LAYERS, Material())
+    field = Magnetostatics(air, potential={"left": 1.0, "right": 0.0}).solve(mesh)
+    np.testing.assert_allclose(field.flux_density[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(field.flux_density[1], 1 / 3, atol=1e-12)
+
+
+def test_outside_the_mesh_is_nan():
+    field = Magnetostatics(LAYERS, potential={"left": 0.0}).solve(random_mesh())
+    outside = [[-1.0, 1.0], [1.0, 4.0]]
+    assert np.all(np.isnan(field.potential_at(outside)))
+    assert field.flux_density_at(outside).shape == (2, 2) and np.all(np.isnan(field.flux_density_at(outside)))
+    with pytest.raises(ValueError, match=r"x must have shape \(2, n\); got \(3,\)"):
+        field.flux_density_at([1.0, 2.0, 3.0])
+
+
+# --- identities --------------------------------------------------------------------------------------------------
+
+
+def loaded():
+    """Iron, a magnet and a coil, A = 0 around: everything the linear problem has."""
+    materials = LAYERS | {"air": Material(current_density=2e6)}
+    return Magnetostatics(materials, potential=dict.fromkeys(("left", "right", "bottom", "top"), 0.0))
+
+
+def test_energy_identities():
+    """Galerkin: int nu |B|^2 = int J A + int nu Br . B; so the stored energy follows from it as well."""
+    mesh, problem = random_mesh(), loaded()
+    field = problem.solve(mesh)
+    size = area(mesh)
+    current = 2e6 * np.sum((size * field.potential[mesh.t].mean(axis=0))[mesh.subdomains["air"]])
+    magnet = np.sum(size * field.reluctivity * field.remanence * field.flux_density)
+    norm = problem.energy_norm(mesh, field) ** 2
+    assert norm == pytest.approx(current + magnet, rel=1e-10)
+    remanent = np.sum(size * field.reluctivity * field.remanence**2)
+    assert field.energy == pytest.approx(0.5 * norm - magnet + 0.5 * remanent, rel=1e-10)
+    assert field.energy > 0.0
+    np.testing.assert_allclose(field.field_strength, field.reluctivity * (field.flux_density - field.remanence))
+
+
+def test_sources_superpose():
+    mesh, problem = random_mesh(), loaded()
+    coil = problem.materials | {"magnet": Material(1.05)}
+    magnet = problem.materials | {"air": Material()}
+    parts = [Magnetostatics(each, potential=problem.potential).solve(mesh).potential for each in (coil, magnet)]
+    whole = problem.solve(mesh).potential
+    np.testing.assert_allclose(sum(parts), whole, atol=1e-11 * np.max(np.abs(whole)))
+
+
+def test_signs_follow_the_right_hand():
+    """A current out of the page has A > 0 and B counter-clockwise; a magnet along y has B along y inside."""
+    mesh = ring_mesh(16)
+    wire = Magnetostatics({"magnet": Material(current_density=1e6), "air": Material()}, potential={"outer": 0.0})
+    field = wire.solve(mesh)
+    assert np.all(field.potential[mesh.interior_nodes()] > 0.0)
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    assert np.all(x[0] * field.flux_density[1] - x[1] * field.flux_density[0] > 0.0)
+    # Ampere: A(0) - A(R) = mu0 I / (4 pi) (1 + 2 ln(R / a)) for the wire of radius a.
+    current = 1e6 * np.pi * INNER**2
+    assert field.potential_at([[0.0], [0.0]])[0] == pytest.approx(1e-7 * current * (1 + 2 * np.log(4)), rel=0.01)
+    field = Magnetostatics(LAYERS, potential={"left": 0.0, "right": 0.0}).solve(random_mesh())
+    assert np.all(field.flux_density[1, random_mesh().subdomains["magnet"]] > 0.0)
+
+
+SQUARE_REFERENCE = {1.0: 0.090837036, 1000.0: 0.113491130}
+
+
+@pytest.mark.parametrize(
+    ("permeability", "n", "percent"), [(1.0, 20, 21.94), (1.0, 40, 12.29), (1000.0, 20, 16.88), (1000.0, 40, 9.67)]
+)
+def test_square_magnet_falls_short_of_its_energy_as_known(permeability, n, percent):
+    """A magnet of Br = mu0 in a box, over iron: int nu |B|^2 / mu0 against a reference by P2 on very fine meshes."""
+    mesh = MeshTri.init_tensor(*2 * [np.linspace(-1, 1, n + 1)])
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    in_magnet, in_iron = (abs(x) < 0.3) & (abs(y) < 0.2), (abs(x) < 0.5) & (abs(y + 0.4) < 0.2)
+    parts = {"magnet": in_magnet, "iron": in_iron, "air": ~in_magnet & ~in_iron}
+    mesh = mesh.with_subdomains({name: np.flatnonzero(inside) for name, inside in parts.items()})
+    mesh = mesh.with_boundaries({"outer": everywhere}, boundaries_only=True)
+    materials = {"magnet": Material(remanence=(0.0, MU0)), "iron": Material(permeability), "air": Material()}
+    problem = Magnetostatics(materials, potential={"outer": 0.0})
+    field = problem.solve(mesh)
+    norm, reference = problem.energy_norm(mesh, field), SQUARE_REFERENCE[permeability]
+    error = np.sqrt(reference * MU0 - norm**2)
+    assert 100 * error / np.sqrt(reference * MU0) == pytest.approx(percent, abs=0.006)
+    assert 0.95 < overrating(problem, mesh, field, error) < 1.05
+    assert 0.95 < overrating(with_estimator(problem, "recovery"), mesh, field, error) < 1.05
+
+
+def test_indicators_are_those_of_the_estimators_package():
+    mesh, problem = random_mesh(), loaded()
+    field = problem.solve(mesh)
+    nu, (right, up) = field.reluctivity, field.remanence
+    source = np.where(np.isin(np.arange(nu.size), mesh.subdomains["air"]), 2e6, 0.0)
+    arguments = {"source": source, "flux": nu * np.stack((-up, right))}
+    bare = estimators.residual(mesh, field.potential, nu, **arguments)
+    np.testing.assert_allclose(problem.indicators(mesh, field), RESIDUAL_SCALE * bare, rtol=1e-12)
+    recovered = estimators.recovery(mesh, field.potential, nu, **arguments)
+    np.testing.assert_allclose(with_estimator(problem, "recovery").indicators(mesh, field), recovered, rtol=1e-12)
+
+
+def test_solving_changes_nothing_and_repeats_bit_for_bit():
+    mesh, problem = random_mesh(), loaded()
+    arrays = [mesh.p, mesh.t, *mesh.subdomains.values(), *mesh.boundaries.values()]
+    before = [array.copy() for array in arrays]
+    for array in arrays:
+        array.setflags(write=False)
+    first, second = problem.solve(mesh), problem.solve(mesh)
+    assert np.array_equal(first.potential, second.potential)
+    assert np.array_equal(problem.indicators(mesh, first), problem.indicators(mesh, second))
+    assert all(np.array_equal(old, new) for old, new in zip(before, arrays, strict=True))
+
+
+def test_a_problem_keeps_its_own_copy_of_what_it_was_given():
+    materials, potential = dict(LAYERS), {"left": 0.0, "right": 1.0}
+    problem = Magnetostatics(materials, potential=potential)
+    before = problem.solve(random_mesh()).potential
+    materials["iron"] = Material()
+    potential.clear()
+    assert np.array_equal(problem.solve(random_mesh()).potential, before)
+
+
+# --- names, materials, boundaries --------------------------------------------------------------------------------
+
+
+def test_further_subdomains_have_no_say():
+    mesh, problem = random_mesh(), loaded()
+    more = mesh.with_subdomains({"all": lambda x: x[0] > -1, "corner": lambda x: x[0] + x[1] < 1})
+    assert np.array_equal(problem.solve(more).potential, problem.solve(mesh).potential)
+
+
+def test_where_boundaries_meet_the_last_counts():
+    mesh = random_mesh()
+    corner = np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.0))[0]
+    for potential in ({"left": 1.0, "bottom": 2.0}, {"bottom": 2.0, "left": 1.0}):
+        field = Magnetostatics(LAYERS, potential=potential).solve(mesh)
+        assert field.potential[corner] == list(potential.values())[-1]
+
+
+def test_a_mesh_without_free_nodes_has_the_given_potential():
+    mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
+    mesh = mesh.with_subdomains({"air": everywhere}).with_boundaries({"outer": everywhere})
+    field = Magnetostatics({"air": Material()}, potential={"outer": lambda x: 3 * x[0] - x[1]}).solve(mesh)
+    np.testing.assert_allclose(field.flux_density, [[-1.0], [-3.0]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"permeability": 0.0}, r"permeability must be positive \(relative to vacuum, air 1\.0\); got 0\.0\."),
+        ({"permeability": -5}, "permeability must be positive"),
+        ({"permeability": np.inf}, r"permeability must be finite; got inf\."),
+        ({"permeability": "iron"}, r"permeability must be a number; got 'iron'\."),
+        ({"remanence": 1.2}, r"remanence must have two components \(x, y\); got 1\.2\."),
+        ({"remanence": (0.0, 1.2, 0.0)}, r"remanence must have two components \(x, y\); got \(0\.0, 1\.2, 0\.0\)\."),
+        ({"remanence": (0.0, np.nan)}, r"remanence must be finite; got nan\."),
+        ({"current_density": np.nan}, r"current_density must be finite; got nan\."),
+        ({"current_density": None}, r"current_density must be a number; got None\."),
+    ],
+)
+def test_wrong_materials_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Material(**arguments)
+
+
+def test_materials_are_values():
+    given = Material(np.float32(2.0), remanence=np.array([0.0, 1.0]), current_density=3)
+    assert given == Material(2, (0, 1), 3.0) and hash(given) == hash(Material(2, (0, 1), 3.0))
+    assert given.reluctivity == pytest.approx(1 / (2 * MU0), rel=1e-15)
+    with pytest.raises(AttributeError):
+        given.permeability = 3.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"potential": None}, r"potential must fix A on at least one boundary, .* up to a constant; got None\."),
+        ({"potential": {}}, r"potential must fix A on at least one boundary, .* up to a constant; got {}\."),
+        ({"potential": 0.0}, r"potential must fix A on at least one boundary, .* got 0\.0\."),
+        ({"estimator": "jump"}, r"estimator must be one of 'residual', 'recovery', 'equilibrated'; got 'jump'\."),
+        ({"materials": {"iron": 1000.0}}, r"materials\['iron'\] must be a Material; got 1000\.0\."),
+        ({"materials": ["iron"]}, r"materials must map subdomain names to Materials; got \['iron'\]\."),
+    ],
+)
+def test_wrong_problems_are_named(arguments, message):
+    given = {"materials": LAYERS, "potential": {"left": 0.0}, "estimator": "residual"} | arguments
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics(given["materials"], potential=given["potential"], estimator=given["estimator"])
+
+
+AIR = Material()
+
+
+@pytest.mark.parametrize(
+    ("materials", "potential", "message"),
+    [
+        (LAYERS | {"coil": AIR}, 0.0, r"subdomain 'coil' is not in the mesh; it has 'air', 'iron', 'magnet'\."),
+        (
+            {"iron": AIR, "air": AIR},
+            0.0,
+            r"every element needs a material; 216 of 648 have none, first element \d+ \(in subdomain 'magnet'\)\. Add",
+        ),
+        (LAYERS, {"rim": 0.0}, r"boundary 'rim' is not in the mesh; it has 'bottom', 'left', 'right', 'top'\."),
+        (LAYERS, np.nan, r"potential of 'left' must be finite; it is not at 19 of its 19 nodes\."),
+        (LAYERS, lambda x: x, r"potential of 'left' must be a float or have shape \(n,\) = \(19,\); got \(2, 19\)\."),
+        (LAYERS, lambda x: x[0] / 0.0, r"potential of 'left' must be finite; it is not at 19 of its 19 nodes\."),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_what_does_not_fit_the_mesh_is_named(materials, potential, message):
+    potential = potential if isinstance(potential, dict) else {"left": potential}
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics(materials, potential=potential).solve(random_mesh())
+
+
+def test_an_element_with_two_materials_is_named():
+    mesh = random_mesh().with_subdomains({"gap": lambda x: x[0] > 2.5})
+    problem = Magnetostatics(LAYERS | {"gap": AIR}, potential={"left": 0.0})
+    with pytest.raises(ValueError, match=r"element \d+ has two materials, 'air' and 'gap'; give it exactly one\."):
+        problem.solve(mesh)
+
+
+def test_a_mesh_without_names_is_told_so():
+    mesh = MeshTri().refined(1)
+    with pytest.raises(ValueError, match=r"subdomain 'air' is not in the mesh; it has none\."):
+        Magnetostatics({"air": AIR}, potential={"outer": 0.0}).solve(mesh)
+    with pytest.raises(ValueError, match=r"boundary 'outer' is not in the mesh; it has none\."):
+        Magnetostatics({"air": AIR}, potential={"outer": 0.0}).solve(mesh.with_subdomains({"air": everywhere}))
+    with pytest.raises(ValueError, match=r"8 of 8 have none, first element 0 \(in no subdomain\)\."):
+        Magnetostatics({}, potential={"outer": 0.0}).solve(mesh)
+
+
+def test_a_part_without_a_fixed_value_is_named():
+    square = MeshTri().refined(1)
+    apart = MeshTri(np.hstack((square.p, square.p + 5)), np.hstack((square.t, square.t + square.p.shape[1])))
+    mesh = apart.with_subdomains({"air": everywhere}).with_boundaries({"left": lambda x: x[0] < 1e-9})
+    message = r"fixed nowhere on 1 of the 2 connected parts of the mesh, first the one of node 9\."
+    with pytest.raises(ValueError, match=message):
+        Magnetostatics({"air": AIR}, potential={"left": 0.0}).solve(mesh)
+
+
+def test_extreme_numbers_have_no_finite_solution():
+    with pytest.raises(np.linalg.LinAlgError, match="the potential came out infinite or not a number"):
+        Magnetostatics(LAYERS, potential={"left": 1e308, "right": -1e308}).solve(random_mesh())
+
+
+def test_other_meshes_and_fields_are_refused():
+    problem = Magnetostatics({"air": AIR}, potential={"outer": 0.0})
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad1"):
+        problem.solve(MeshQuad().with_subdomains({"air": everywhere}).with_boundaries({"outer": everywhere}))
+    mesh, other = random_mesh(), random_mesh(cells=4)
+    field = loaded().solve(other)
+    with pytest.raises(ValueError, match=r"potential must have shape \(nnodes,\) = \(361,\); got \(169,\)\."):
+        loaded().indicators(mesh, field)

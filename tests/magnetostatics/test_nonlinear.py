@@ -1,0 +1,456 @@
+"""Nonlinear magnetostatics: exact fields and energies, Newton's method, warm starts, what has no solution."""
+
+import logging
+import warnings
+
+import numpy as np
+import pytest
+from helpers.meshes import disk, square
+from helpers.steel import STEEL
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from skfem import Basis, ElementTriP1, MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import (
+    Arctan,
+    Brauer,
+    Froehlich,
+    Magnetostatics,
+    Material,
+    NotConverged,
+    Table,
+    halbach,
+    radial,
+)
+from kohonen_adapt.magnetostatics.equations import newton
+from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
+
+MU0 = 4e-7 * np.pi
+
+# --- exact: a wire in an iron tube, H = I / (2 pi r) whatever the material --------------------------------------
+
+BRAUER = Brauer(100.0, 10.0, 1.8)
+WIRE, BORE, RIM, OUTER, CURRENT = 0.005, 0.01, 0.03, 0.05, 2000.0
+
+
+def wire_mesh(rings):
+    """`rings` a multiple of 10, so that the circles of the wire and the iron are among them."""
+    mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.99 * OUTER})
+    radius = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    wire, iron = radius < WIRE, (radius > BORE) & (radius < RIM)
+    parts = {"wire": wire, "iron": iron, "air": ~wire & ~iron}
+    return mesh.with_subdomains({name: np.flatnonzero(inside) for name, inside in parts.items()})
+
+
+def tube(**more):
+    materials = {"wire": Material(), "iron": Material(bh=BRAUER), "air": Material()}
+    given = {"potential": {"outer": 0.0}, "ampere_turns": {"wire": CURRENT}} | more
+    return Magnetostatics(materials, **given)
+
+
+def tube_error(mesh, field):
+    """sqrt(int (H - H_h) . (B - B_h)): the energy norm of the error, where the material is linear."""
+    basis = Basis(mesh, ElementTriP1(), intorder=6)
+    x = np.asarray(basis.global_coordinates())
+    radius = np.maximum(np.hypot(*x), 1e-9)
+    inside = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["wire"])[:, None]
+    strength = CURRENT / (2 * np.pi) * np.where(inside, radius / WIRE**2, 1 / radius)
+    iron = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["iron"])[:, None]
+    density = np.where(iron, flux_density_of(BRAUER, strength), MU0 * strength)
+    around = np.stack((-x[1], x[0])) / radius
+    gap = (strength * around - field.field_strength[:, :, None]) * (density * around - field.flux_density[:, :, None])
+    return np.sqrt(np.sum(gap.sum(axis=0) * basis.dx))
+
+
+def test_a_wire_in_an_iron_tube_converges_to_its_exact_field_and_energies():
+    rings, errors, totals = (10, 20, 40), [], []
+    for number in rings:
+        mesh = wire_mesh(number)
+        field = tube().solve(mesh)
+        errors.append(tube_error(mesh, field))
+        stored, spare = (field.volume * each for each in (field.energy_density, field.coenergy_density))
+        parts = [stored[mesh.subdomains[name]].sum() for name in ("iron", "air", "wire")]
+        totals.append([*parts, field.energy, spare[mesh.subdomains["iron"]].sum(), field.potential[0]])
+    assert 0.95 < -np.polyfit(np.log(rings), np.log(errors), 1)[0] < 1.05
+    exact = np.array([6.1319620363, 0.4815891217, 0.1, 6.7135511580, 71.2838172511, 0.0393894788])
+    distance = np.abs(np.array(totals) - exact) / exact
+    assert np.all(distance[2] < [0.001, 0.0001, 0.02, 0.001, 0.0003, 0.0003])
+    rates = -np.polyfit(np.log(rings), np.log(distance[:, [0, 2, 3, 4, 5]]), 1)[0]
+    assert np.all((rates > 1.8) & (rates < 2.2))
+
+
+def test_the_flux_density_in_the_iron():
+    mesh = wire_mesh(40)
+    field = tube().solve(mesh)
+    for radius, wanted in ((BORE, 2.0214701158), (RIM, 1.8739624592)):
+        assert flux_density_of(BRAUER, np.array([CURRENT / (2 * np.pi * radius)]))[0] == pytest.approx(wanted, abs=1e-9)
+    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    iron = mesh.subdomains["iron"]
+    wanted = flux_density_of(BRAUER, CURRENT / (2 * np.pi * middle[iron]))
+    np.testing.assert_allclose(np.hypot(*field.flux_density[:, iron]), wanted, rtol=0.02)
+    secant = np.hypot(*field.field_strength[:, iron]) / np.hypot(*field.flux_density[:, iron])
+    np.testing.assert_allclose(field.reluctivity[iron], secant, rtol=1e-12)
+    assert np.all(field.differential_reluctivity[iron] > 10 * field.reluctivity[iron])
+
+
+@pytest.mark.parametrize(
+    ("estimator", "low", "high"), [("residual", 0.9, 1.3), ("recovery", 0.84, 0.9), ("equilibrated", 1.0, 1.2)]
+)
+def test_estimates_of_the_tube_are_near_its_error(estimator, low, high):
+    for rings in (10, 20):
+        mesh, problem = wire_mesh(rings), tube(estimator=estimator)
+        field = problem.solve(mesh)
+        assert low < np.linalg.norm(problem.indicators(mesh, field)) / tube_error(mesh, field) < high
+
+
+def test_the_bound_is_never_below_the_energy_above_its_minimum():
+    """Nested meshes of one polygon: half the square of the bound covers what refinement takes off the functional."""
+    problem, functional, height = tube(estimator="equilibrated"), [], []
+    for mesh in (wire_mesh(10), wire_mesh(10).refined(2)):
+        mesh = MeshTri(mesh.p, mesh.t, {"outer": mesh.boundary_facets()}, mesh.subdomains)
+        field = problem.solve(mesh)
+        work = np.sum(field.volume * field.current_density * field.potential[mesh.t].mean(axis=0))
+        functional.append(field.energy - work)
+        height.append(0.5 * np.sum(problem.indicators(mesh, field) ** 2))
+    gained = functional[0] - functional[1]
+    assert gained <= height[0] <= 2.0 * gained
+
+
+def test_the_bound_is_for_plane_problems_with_potentials():
+    message = "estimator 'equilibrated' bounds .* this one has an open boundary and antiperiodic sides: take 'residual'"
+    with pytest.raises(ValueError, match=message):
+        tube(estimator="equilibrated", open_boundary="outer", potential=None, antiperiodic=[("left", "right")])
+
+
+def test_adapting_the_tube_lowers_its_error():
+    mesh = wire_mesh(10)
+    result = ka.adapt(mesh, tube(), passes=3)
+    before, after = (tube_error(step.mesh, tube().solve(step.mesh)) for step in (result.history[0], result.history[-1]))
+    assert after < 0.85 * before
+    assert "outlines are curved, so their nodes were not polished" in result.message
+    assert result.history[1].polish_gain > 0.0
+    assert result.solution.newton and len(result.solution.newton) < len(tube().solve(result.mesh).newton)
+
+
+# --- Newton's method ---------------------------------------------------------------------------------------------
+
+
+def test_newton_ends_quadratically_and_tells_every_step(caplog):
+    with caplog.at_level(logging.DEBUG, logger="kohonen_adapt"):
+        steps = tube().solve(wire_mesh(10)).newton
+    last = steps[-1]
+    assert last.residual < 1e-8 and last.update < 1e-8 and last.converged
+    assert [step.damping for step in steps[-3:]] == [1.0, 1.0, 1.0]
+    assert steps[-2].update < 10 * steps[-3].update ** 1.5
+    values = [step.functional for step in steps]
+    assert np.all(np.diff(values) < 1e-12 * abs(values[-1]))
+    assert sum("Newton step" in record.message for record in caplog.records) == len(steps)
+
+
+def test_whole_steps_alone_would_not_come_back():
+    """The first step saturates the iron by far; without backtracking the law overflows (without its continuation)."""
+    steps = tube().solve(wire_mesh(10)).newton
+    assert steps[0].damping < 0.1 and len(steps) < 15
+
+
+@pytest.mark.parametrize("law", [BRAUER, Froehlich(4000.0, 2.1), Arctan(2000.0, 1.9), Table(STEEL)], ids=str)
+@pytest.mark.parametrize("current", [1.0, 100.0, 1e4, 1e6])
+def test_newton_converges_for_any_current(law, current):
+    mesh = wire_mesh(10)
+    materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
+    field = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": current}).solve(mesh)
+    assert field.newton[-1].converged and len(field.newton) < 30
+    # Ampere's law along a ring of elements in the iron
+    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    iron = mesh.subdomains["iron"]
+    around = 2 * np.pi * middle[iron] * np.hypot(*field.field_strength[:, iron])
+    assert around.mean() == pytest.approx(current, rel=0.03)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.02, 0.5), st.floats(1e-4, 1.0)), min_size=2, max_size=10),
+    st.floats(-1e5, 1e5),
+)
+@settings(max_examples=40, deadline=None)
+def test_newton_converges_for_any_rising_table(steps, current):
+    """Kinks, plateaus and S-shapes: the energy stays convex."""
+    points = np.cumsum([(rise, share * rise / MU0) for rise, share in steps], axis=0)
+    assume(points[-1, 0] - MU0 * points[-1, 1] < 3.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            law = Table(points)
+        except ValueError:
+            assume(False)
+    materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
+    field = Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": current}).solve(wire_mesh(10))
+    assert not field.newton or field.newton[-1].converged
+    assert field.energy >= 0.0 and field.coenergy >= 0.0
+
+
+def test_given_potentials_drive_flux_through_iron():
+    """Flux along y between two potentials: B is uniform, so P1 holds it exactly."""
+    mesh = (
+        square(6)
+        .with_subdomains({"iron": lambda x: x[0] < 2})
+        .with_boundaries({"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1})
+    )
+    for flux in (0.3, 1.2, 2.6):
+        problem = Magnetostatics({"iron": Material(bh=STEEL)}, potential={"left": 0.0, "right": -flux})
+        field = problem.solve(mesh)
+        np.testing.assert_allclose(field.flux_density, np.array([[0.0], [flux]]) * np.ones(72), atol=1e-9)
+        law = problem.materials["iron"].bh
+        assert field.energy == pytest.approx(float(law.energy(np.float64(flux))), rel=1e-9)
+        strength = float(law.field_strength(np.float64(flux)))
+        assert field.coenergy == pytest.approx(flux * strength - field.energy, rel=1e-9)
+
+
+def test_a_straight_curve_is_linear_material():
+    mesh = wire_mesh(10)
+    with pytest.warns(UserWarning, match="far from saturation"):
+        curve = Material(bh=[(b, b / (500 * MU0)) for b in (1.0, 1.5)] + [(2.0, 2.0 / (500 * MU0))])
+    with_curve = Magnetostatics(
+        {"wire": Material(), "iron": curve, "air": Material()}, {"outer": 0.0}, ampere_turns={"wire": 10.0}
+    )
+    linear = Magnetostatics(
+        {"wire": Material(), "iron": Material(500.0), "air": Material()}, {"outer": 0.0}, ampere_turns={"wire": 10.0}
+    )
+    field, plain = with_curve.solve(mesh), linear.solve(mesh)
+    np.testing.assert_allclose(field.potential, plain.potential, atol=1e-9 * plain.potential.max())
+    assert field.energy == pytest.approx(plain.energy, rel=1e-8) and plain.newton == ()
+    for estimator in ("residual", "recovery"):
+        one, other = (
+            Magnetostatics(each.materials, {"outer": 0.0}, estimator, {"wire": 10.0}).indicators(mesh, found)
+            for each, found in ((with_curve, field), (linear, plain))
+        )
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-8 * other.max())
+
+
+def test_a_warm_start_saves_steps_and_ends_in_the_same_place():
+    coarse, fine = wire_mesh(10), wire_mesh(20)
+    old = tube().solve(coarse)
+    cold, warm = tube().solve(fine), tube().solve_from(fine, coarse, old)
+    assert len(warm.newton) < len(cold.newton)
+    np.testing.assert_allclose(warm.potential, cold.potential, atol=1e-9 * cold.potential.max())
+    again = tube().solve_from(coarse, coarse, old)
+    assert len(again.newton) == 1
+    small = disk(10, 0.8 * OUTER)
+    elsewhere = Magnetostatics({"air": Material(current_density=1.0)}, {"outer": 0.0}).solve(
+        small.with_subdomains({"air": lambda x: x[0] < 1}).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.03})
+    )
+    outside = tube().solve_from(fine, elsewhere.mesh, elsewhere)  # nodes outside the old mesh have its nearest value
+    np.testing.assert_allclose(outside.potential, cold.potential, atol=1e-9 * cold.potential.max())
+
+
+def test_linear_problems_do_not_use_the_old_solution():
+    mesh = wire_mesh(10)
+    linear = Magnetostatics(dict.fromkeys(("wire", "iron", "air"), Material(current_density=1e6)), {"outer": 0.0})
+    assert np.array_equal(linear.solve(mesh).potential, linear.solve_from(mesh, mesh, None).potential)
+
+
+class Falling:
+    """No law: H falls again beyond 1 T."""
+
+    def field_strength(self, b):
+        return 1000.0 * np.sin(np.pi / 2 * b)
+
+    def slope(self, b):
+        return 500.0 * np.pi * np.cos(np.pi / 2 * b)
+
+    def energy(self, b):
+        return 2000.0 / np.pi * (1 - np.cos(np.pi / 2 * b))
+
+
+class Broken:
+    """No law: its slope is no number beyond 1 T."""
+
+    def field_strength(self, b):
+        return 1000.0 * b
+
+    def slope(self, b):
+        return np.where(b < 1.0, 1000.0, np.nan)
+
+    def energy(self, b):
+        return 500.0 * b**2
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("law", [Falling(), Broken()])
+def test_what_does_not_converge_says_so_and_hands_over_the_last_iterate(law, order):
+    materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
+    problem = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": CURRENT}, order=order)
+    message = r"Newton's method has not converged in \d+ steps: the last relative residuals are .*, wanted 1e-08\."
+    with pytest.raises(NotConverged, match=message) as caught:
+        problem.solve(wire_mesh(10))
+    assert isinstance(caught.value, ValueError)
+    assert np.all(np.isfinite(caught.value.field.potential)) and caught.value.field.potential.any()
+    assert caught.value.steps == caught.value.field.newton and not caught.value.steps[-1].converged
+
+
+def test_a_pass_that_does_not_converge_loses_nothing(monkeypatch):
+    """The loop ends with the passes before it, and the error has the iterate on the mesh of the next."""
+
+    def no_more_steps(_):
+        monkeypatch.setattr(newton, "MOST_STEPS", 1)
+
+    mesh = wire_mesh(10)
+    result = ka.adapt(mesh, tube(), passes=2, callback=no_more_steps)
+    assert result.status is ka.Status.FAILED
+    assert "NotConverged: Newton's method has not converged in 1 steps" in result.message
+    assert result.mesh is mesh and len(result.history) == 1 and result.solution.newton[-1].converged
+    assert isinstance(result.error, NotConverged)
+    assert result.error.field.mesh is not mesh and result.error.field.potential.shape == mesh.p.shape[1:]
+
+
+# --- magnets by coercivity, by curves, by direction ---------------------------------------------------------------
+
+
+def magnet_problem(magnet):
+    mesh = wire_mesh(10)
+    return mesh, Magnetostatics({"wire": magnet, "iron": Material(1000.0), "air": Material()}, {"outer": 0.0})
+
+
+def test_coercivity_and_remanence_say_the_same():
+    mesh, by_remanence = magnet_problem(Material(1.05, remanence=(0.3, 1.1)))
+    strength = np.array([0.3, 1.1]) / (1.05 * MU0)
+    _, by_coercivity = magnet_problem(Material(1.05, coercivity=tuple(strength)))
+    _, by_callable = magnet_problem(Material(1.05, remanence=lambda x: np.array([[0.3], [1.1]]) * np.ones(x.shape[1])))
+    fields = [problem.solve(mesh) for problem in (by_remanence, by_coercivity, by_callable)]
+    for field in fields[1:]:
+        np.testing.assert_allclose(field.potential, fields[0].potential, atol=1e-12)
+        np.testing.assert_allclose(field.remanence, fields[0].remanence, atol=1e-12)
+        assert field.energy == pytest.approx(fields[0].energy, rel=1e-10)
+    for problem in (by_coercivity, by_callable):
+        difference = problem.ritz(mesh, fields[0]).values - by_remanence.ritz(mesh, fields[0]).values
+        assert not difference.any()
+
+
+def test_a_magnet_with_a_curve_stores_no_energy_at_its_remanence():
+    """Around it iron without end: the magnet is shorted, B = Br, and H = 0."""
+    mesh = (
+        square(6)
+        .with_subdomains({"magnet": lambda x: x[0] < 2})
+        .with_boundaries({"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1})
+    )
+    law = Table([(0.5, 0.45 / MU0), (1.0, 0.93 / MU0), (1.4, 1.32 / MU0)])
+    by_remanence = Material(bh=law, remanence=(0.0, 1.2))
+    by_coercivity = Material(bh=law, coercivity=(0.0, float(law.field_strength(np.float64(1.2)))))
+    for magnet in (by_remanence, by_coercivity):
+        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -1.2}).solve(mesh)
+        assert np.abs(field.field_strength).max() < 1e-3 and abs(field.energy) < 1e-6
+        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -0.7}).solve(mesh)
+        assert field.energy > 0.0 and np.all(field.field_strength[1] < -0.3 / MU0)
+        wanted = law.energy(np.float64(0.7)) - law.energy(np.float64(1.2))
+        wanted += law.field_strength(np.float64(1.2)) * 0.5
+        assert field.energy == pytest.approx(float(wanted), rel=1e-9)
+
+
+def test_radial_and_halbach_directions():
+    x = np.array([[1.0, 0.0, -2.0], [0.0, 3.0, 0.0]])
+    np.testing.assert_allclose(radial(1.2)(x), [[1.2, 0, -1.2], [0, 1.2, 0]], atol=1e-15)
+    np.testing.assert_allclose(radial(-1.0, centre=(1.0, 1.0))(x)[:, 0], [0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(halbach(1.0, 1)(x), [[1, -1, 1], [0, 0, 0]], atol=1e-15)
+
+
+def test_a_halbach_ring_has_a_uniform_field_inside():
+    """B = Br ln(outer / inner) for one pole pair, in free space; and none outside."""
+    mesh = disk(40, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.99 * OUTER})
+    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    ring = (middle > 0.02) & (middle < 0.04)
+    mesh = mesh.with_subdomains({"ring": np.flatnonzero(ring), "air": np.flatnonzero(~ring)})
+    problem = Magnetostatics(
+        {"ring": Material(remanence=halbach(1.0, 1)), "air": Material()}, {"outer": 0.0}, "recovery"
+    )
+    field = problem.solve(mesh)
+    np.testing.assert_allclose(field.flux_density[0, middle < 0.015], np.log(2), rtol=0.01)
+    assert np.abs(field.flux_density[:, middle > 0.042]).max() < 0.03
+    assert np.linalg.norm(problem.indicators(mesh, field)) < 0.05 * problem.energy_norm(mesh, field)
+    result = ka.adapt(mesh, problem, passes=1)
+    assert "there was no polish: its coefficients vary inside a region of the mesh" in result.message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"bh": STEEL, "permeability": 100.0}, r"a bh curve or a permeability; got both, permeability 100\."),
+        ({"remanence": (0.0, 1.0), "coercivity": (0.0, 1e6)}, "a remanence or a coercivity, .*; got both"),
+        ({"coercivity": 1e6}, r"coercivity must have two components \(x, y\); got 1000000\.0\."),
+        ({"coercivity": (0.0, np.inf)}, r"coercivity must be finite; got inf\."),
+        ({"bh": Brauer}, r"bh must be a law with its parameters, or points; got the class Brauer\."),
+        ({"bh": [(1.0, 100.0)]}, "bh must have at least two points"),
+    ],
+)
+def test_wrong_materials_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Material(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("direction", "message"),
+    [
+        (lambda x: x[0], r"remanence of 'wire' must have shape \(2, n\) = \(2, 6\); got \(6,\)\."),
+        (lambda x: x * np.nan, r"remanence of 'wire' must be finite; it is not in 6 of its 6 elements\."),
+    ],
+)
+def test_wrong_directions_are_named(direction, message):
+    mesh, problem = magnet_problem(Material(remanence=direction))
+    with pytest.raises(ValueError, match=message):
+        problem.solve(mesh)
+
+
+def test_materials_with_curves_are_values():
+    assert Material(bh=STEEL) == Material(bh=Table(STEEL)) and hash(Material(bh=STEEL)) == hash(Material(bh=STEEL))
+    assert Material(bh=BRAUER).reluctivity == pytest.approx(110.0)
+
+
+# --- coils ---------------------------------------------------------------------------------------------------------
+
+
+def test_ampere_turns_are_kept_wherever_the_nodes_are():
+    for rings in (10, 20):
+        mesh = wire_mesh(rings)
+        field = tube().solve(mesh)
+        assert np.sum(field.volume * field.current_density) == pytest.approx(CURRENT, rel=1e-12)
+
+
+def test_what_adds_to_the_energy_is_not_polished():
+    message = "polish needs the functional of the problem, which offers none: its open boundary adds to the energy"
+    with pytest.raises(ValueError, match=message):
+        ka.polish(wire_mesh(10), tube(open_boundary="outer", potential=None))
+
+
+@pytest.mark.parametrize(
+    ("turns", "message"),
+    [
+        ({"coil": 10.0}, r"ampere_turns has 'coil', which is not among the materials: 'air', 'iron', 'wire'\."),
+        ({"wire": np.nan}, r"ampere_turns of 'wire' must be a finite number in A; got nan\."),
+        ({"wire": "much"}, r"ampere_turns of 'wire' must be a finite number in A; got 'much'\."),
+        (10.0, r"ampere_turns must map subdomain names to amperes; got 10\.0\."),
+    ],
+)
+def test_wrong_ampere_turns_are_named(turns, message):
+    with pytest.raises(ValueError, match=message):
+        tube(ampere_turns=turns)
+
+
+def test_a_coil_of_two_currents_or_no_area_is_refused():
+    materials = {"wire": Material(current_density=1.0), "rest": Material()}
+    with pytest.raises(ValueError, match=r"the coil 'wire' has ampere_turns or a current density; got both, 1 A/m\^2"):
+        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": 1.0})
+    mesh = wire_mesh(10).with_subdomains({"coil": np.array([], dtype=int)})
+    materials = dict.fromkeys(("wire", "iron", "air", "coil"), Material())
+    with pytest.raises(ValueError, match="the coil 'coil' has no area in the mesh, so its ampere_turns have no place"):
+        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"coil": 1.0}).solve(mesh)
+
+
+def test_depth_makes_energies_totals():
+    mesh = wire_mesh(10)
+    per_metre, total = tube().solve(mesh), tube(depth=0.02).solve(mesh)
+    assert np.array_equal(total.potential, per_metre.potential)
+    assert total.energy == pytest.approx(0.02 * per_metre.energy, rel=1e-12)
+    assert total.coenergy == pytest.approx(0.02 * per_metre.coenergy, rel=1e-12)
+    np.testing.assert_array_equal(tube(depth=0.02).indicators(mesh, total), tube().indicators(mesh, per_metre))
+    for depth in (0.0, -1.0, np.inf, "deep"):
+        with pytest.raises(ValueError, match=r"depth must be a finite number > 0 in metres, or None; got"):
+            tube(depth=depth)

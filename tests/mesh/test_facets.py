@@ -1,0 +1,62 @@
+"""Facets are numbered exactly as scikit-fem numbers them, and are kept with the mesh."""
+
+import numpy as np
+import pytest
+from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
+from skfem import MeshTri
+
+from kohonen_adapt import density_from_sizes, relocate
+from kohonen_adapt.mesh.host import number_facets
+
+MESHES = {
+    "one triangle": MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]])),
+    "square": square(5),
+    "random": perturbed(generic_square(9), 3),
+    "holed": holed(6),
+    "comb": comb(10),
+    "slit": slit(6),
+}
+
+
+def turned(mesh, seed):
+    """The same mesh with other numbers, its elements starting at any corner and running either way round."""
+    rng = np.random.default_rng(seed)
+    number = rng.permutation(mesh.p.shape[1])
+    position = np.empty_like(mesh.p)
+    position[:, number] = mesh.p
+    return MeshTri(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)
+
+
+def assert_numbered_as_scikit_fem_does(mesh):
+    facets, t2f = mesh.build_entities(mesh.t, mesh.elem.refdom.facets)
+    for mine, theirs in ((mesh.facets, facets), (mesh.t2f, t2f), (mesh.f2t, mesh.build_inverse(mesh.t, t2f))):
+        np.testing.assert_array_equal(mine, theirs)
+        assert mine.dtype == theirs.dtype
+        assert mine.flags.c_contiguous
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_facets_are_those_of_scikit_fem(name, seed):
+    mesh = MESHES[name] if seed is None else turned(MESHES[name], seed)
+    fresh = MeshTri(mesh.p, mesh.t, sort_t=False)
+    number_facets(fresh)
+    assert_numbered_as_scikit_fem_does(fresh)
+
+
+def test_what_is_known_is_not_worked_out_again():
+    mesh = l_shape(3)
+    known = mesh.facets, mesh.t2f, mesh.f2t
+    number_facets(mesh)
+    assert all(mine is before for mine, before in zip((mesh.facets, mesh.t2f, mesh.f2t), known, strict=True))
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_a_relocated_mesh_knows_its_own_facets(topology):
+    mesh = inset(8).with_boundaries({"left": lambda x: x[0] == 0.0})
+    size = 0.05 + 0.2 * np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    moved = relocate(mesh, density_from_sizes(mesh, size), topology=topology)
+    assert np.any(moved.t != mesh.t) == (topology == "flip")
+    assert hasattr(moved, "_facets")
+    assert_numbered_as_scikit_fem_does(moved)
+    np.testing.assert_array_equal(moved.p[0, moved.facets[:, moved.boundaries["left"]]], 0.0)

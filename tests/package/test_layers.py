@@ -1,0 +1,110 @@
+"""The chapters of the package and their direction: a file imports from its own chapter and from those below it."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / "kohonen_adapt"
+
+# From the bottom up; chapters that stand side by side do not know each other. The README's table is this list.
+LAYERS = [
+    ("arrays", "checks", "files", "display"),
+    ("kernels",),
+    ("mesh",),
+    ("outline", "problem", "estimators"),
+    ("som", "polish", "magnetostatics", "io"),
+    ("loop",),
+    ("warmup",),
+    ("__init__",),
+    ("plotting", "cases"),
+    ("report",),
+    ("commands",),
+    ("__main__",),
+]
+# Where a package other than the everyday ones (numpy, scipy, skfem) may be imported.
+GUESTS = {
+    "numba": {"kernels"},
+    "meshio": {"io"},
+    "matplotlib": {"plotting"},
+    "pyamg": {"magnetostatics"},
+    "gmsh": set(),
+    "tqdm": {"commands"},
+}
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+LEVEL = {chapter: level for level, chapters in enumerate(LAYERS) for chapter in chapters}
+
+
+def chapter_of(path):
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported_modules(path):
+    """Absolute names of the modules that a file imports anywhere, in functions too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.relative_to(PACKAGE)}:{node.lineno} imports by dots; write kohonen_adapt.…"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def imported_chapters(path):
+    names = [name.split(".") for name in imported_modules(path)]
+    found = {name[1] if name[1] in LEVEL else "__init__" for name in names if name[0] == "kohonen_adapt"}
+    return found - {chapter_of(path)}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_down(path):
+    chapter = chapter_of(path)
+    assert chapter in LEVEL, f"{chapter} has no place: give it one in LAYERS and in kohonen_adapt/README.md"
+    wrong = {other for other in imported_chapters(path) if LEVEL[other] >= LEVEL[chapter]}
+    assert not wrong, f"{path.name} imports {sorted(wrong)}, which do not stand below {chapter}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_guests_stay_in_their_chapters(path):
+    guests = {name.split(".")[0] for name in imported_modules(path)} & set(GUESTS)
+    wrong = {guest for guest in guests if chapter_of(path) not in GUESTS[guest]}
+    assert not wrong, f"{path.name} imports {sorted(wrong)}"
+
+
+def test_the_top_level_has_no_other_modules():
+    modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "__main__"}
+    assert modules <= {"arrays", "checks", "files", "display", "warmup"}
+
+
+def in_a_fresh_process(code, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path)}
+    return subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, timeout=120
+    ).stdout.split()
+
+
+def test_import_compiles_nothing_and_brings_no_optional_package(tmp_path):
+    code = """
+import sys
+from numba.core import event
+with event.install_recorder("numba:compile") as recorder:
+    import kohonen_adapt
+print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg"} & set(sys.modules)))
+"""
+    assert in_a_fresh_process(code, tmp_path) == ["0"]
+    assert not list(tmp_path.rglob("*.nb[ic]"))
+
+
+def test_import_takes_less_than_a_second_beyond_skfem_and_numba(tmp_path):
+    # Processor time, so that a busy machine does not decide.
+    code = """
+import numba, skfem, time
+start = time.process_time()
+import kohonen_adapt
+print(time.process_time() - start)
+"""
+    (seconds,) = in_a_fresh_process(code, tmp_path)
+    assert float(seconds) < 1.0

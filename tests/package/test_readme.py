@@ -1,0 +1,112 @@
+"""The READMEs do what they say: examples run, cases fit their meshes, names are there, and one page is one page."""
+
+import importlib
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import kohonen_adapt as ka
+from kohonen_adapt import magnetostatics
+from kohonen_adapt.cases import case_of
+from kohonen_adapt.cases.materials import LAWS
+from kohonen_adapt.cases.quantities import QUANTITIES
+from kohonen_adapt.cases.settings import ADAPT, PROBLEM
+
+ROOT = Path(__file__).parents[2]
+PAGES = {
+    page: (ROOT / page).read_text(encoding="utf-8")
+    for page in ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
+}
+README = PAGES["README.md"]
+BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)]
+
+
+def test_the_front_page_is_one_page():
+    assert README.count("\n") <= 160
+
+
+@pytest.mark.parametrize(("page", "case"), CASES)
+def test_every_case_fits_its_mesh(page, case):
+    given = tomllib.loads(case)
+    mesh = case_of(given, (ROOT / page).parent).fitting_mesh()
+    assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692}[Path(given["mesh"]).name]
+
+
+def test_every_key_of_a_case_is_explained():
+    said = set(re.findall(r"\w+", PAGES["examples/README.md"].partition("## From the command line")[2]))
+    arguments = {key for _, kinds, _ in QUANTITIES.values() for key in kinds}
+    assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *LAWS, *QUANTITIES, *arguments} <= said
+
+
+def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):
+    (example,) = [block for block in BLOCKS if block.startswith("import kohonen_adapt")]
+    assert len([line for line in example.splitlines() if line]) <= 12
+    (tmp_path / "examples").mkdir()
+    shutil.copy(ROOT / "examples" / "c_core.msh", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    scope = {}
+    exec(example, scope)
+    history = scope["result"].history
+    assert history[-1].estimate < 0.75 * history[0].estimate
+    assert "Energy Error %" in capsys.readouterr().out
+    assert (tmp_path / "magnet.vtu").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    "code", [block for text in PAGES.values() for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)]
+)
+def test_every_piece_of_python_is_python(code):
+    compile(code, "README", "exec")
+
+
+def test_the_test_command_follows_its_marker():
+    command = re.search(r"<!-- test command -->\n```bash\n(.*?)```", README, re.DOTALL)
+    assert command and "pytest" in command[1]
+
+
+PATHS = re.compile(r"(?<![\w/])(?:examples|benchmarks|tests|kohonen_adapt|\.ci)/[\w./]*\w")
+LINKS = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize(
+    ("page", "path"), sorted({(page, path) for page, text in PAGES.items() for path in PATHS.findall(text)})
+)
+def test_every_file_it_names_is_there(page, path):
+    assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize(
+    ("page", "path"), sorted({(page, path) for page, text in PAGES.items() for path in LINKS.findall(text)})
+)
+def test_every_link_leads_somewhere(page, path):
+    assert ((ROOT / page).parent / path).exists()
+
+
+def names_after(prefix):
+    return sorted({name for text in PAGES.values() for name in re.findall(rf"\b{prefix}\.(\w+)", text)})
+
+
+@pytest.mark.parametrize("name", names_after("ka"))
+def test_every_name_of_the_package_is_there(name):
+    assert name in ka.__all__
+
+
+@pytest.mark.parametrize("name", names_after("field"))
+def test_every_property_of_a_field_is_there(name):
+    assert hasattr(magnetostatics.Field, name) or name in magnetostatics.Field.__dataclass_fields__
+
+
+@pytest.mark.parametrize("name", names_after("plotting"))
+def test_every_picture_is_there(name):
+    assert name in importlib.import_module("kohonen_adapt.plotting").__all__
+
+
+def test_every_room_is_in_the_table_of_how_it_is_built():
+    package = ROOT / "kohonen_adapt"
+    rooms = [path.name for path in package.glob("*.py") if not path.name.startswith("__")]
+    rooms += [f"{path.parent.name}/" for path in package.glob("*/__init__.py")]
+    assert [room for room in sorted(rooms) if f"`{room}`" not in PAGES["kohonen_adapt/README.md"]] == []

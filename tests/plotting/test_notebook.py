@@ -1,0 +1,139 @@
+"""What a notebook shows of results, meshes and schedules."""
+
+import base64
+import json
+import re
+import struct
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+
+ROOT = Path(__file__).parents[2]
+HOSTILE = "<script>alert('&')</script>"
+
+
+class Page(HTMLParser):
+    """Rows of cells, sources of images and names of elements of a piece of HTML that must be well-formed."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.rows, self.bold, self.images, self.seen, self.open = [], [], [], set(), []
+        self.feed(html)
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        self.seen.add(tag)
+        if tag == "img":
+            self.images.append(dict(attributes)["src"])
+            return
+        self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+            self.bold.append("bold" in dict(attributes).get("style", ""))
+        elif tag in ("th", "td"):
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("th", "td"):
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def result():
+    mesh = MeshTri().refined(4).with_defaults()
+    mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
+    materials = {"coil": Material(current_density=1e6), "air": Material()}
+    problem = Magnetostatics(materials, potential={"left": 0.0})
+    return ka.adapt(mesh, problem, passes=2, outputs={HOSTILE: lambda field: field.energy})
+
+
+def test_a_result_is_the_printed_table_with_the_best_pass_in_bold(result):
+    page, printed = Page(result._repr_html_()), str(result)
+    titles, *rows = page.rows
+    assert len(rows) == len(result.history) and all(len(row) == len(titles) for row in rows)
+    assert all(cell in printed for row in page.rows for cell in row)
+    assert page.bold == [False, *(step.mesh is result.mesh for step in result.history)]
+    assert result.message in result._repr_html_()
+
+
+def test_names_are_text_whatever_they_hold(result):
+    page = Page(result._repr_html_())
+    assert "script" not in page.seen and HOSTILE in page.rows[0]
+
+
+def test_a_result_has_a_small_picture(result):
+    (source,) = Page(result._repr_html_()).images
+    content = base64.b64decode(source.removeprefix("data:image/png;base64,"))
+    assert content[:8] == b"\x89PNG\r\n\x1a\n" and 10_000 < len(content) < 300_000
+    width, height = struct.unpack(">II", content[16:24])
+    assert 600 < width < 1000 and 200 < height < 400
+
+
+def test_a_mesh_that_takes_long_to_draw_is_not_drawn(result, monkeypatch):
+    monkeypatch.setattr("kohonen_adapt.loop.result.DRAWN", 288)
+    page = Page(result._repr_html_())
+    assert page.images == [] and len(page.rows) == 4
+
+
+def test_without_matplotlib_the_table_remains(result, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("kohonen_adapt.plotting")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    page = Page(result._repr_html_())
+    assert page.images == [] and len(page.rows) == 4
+
+
+def test_a_mesh_shows_itself_as_scikit_fem_draws_it(result):
+    svg = result.mesh._repr_svg_()
+    assert svg.startswith("<svg") and svg.count("<line") >= result.mesh.facets.shape[1]
+
+
+def test_a_schedule_is_a_table_of_its_stages():
+    schedule = ka.Schedule((ka.Stage(2, 3, (0.3, 0.1)), ka.Stage(0, 5, 0.05)), sweeps=4, tolerance=1e-3)
+    html = schedule._repr_html_()
+    titles, *rows = Page(html).rows
+    assert len(titles) == 5
+    assert rows == [["2", "3", "0.3 to 0.1", "2", "gaussian"], ["0", "5", "0.05", "2", "gaussian"]]
+    assert "4 sweeps" in html and "0.001" in html and "one set" not in html
+    assert "one set of points" in ka.Schedule.paper()._repr_html_()
+    assert "transport" not in html and "2 rounds of transport" in ka.Schedule((), rounds=2)._repr_html_()
+
+
+def test_what_is_long_has_a_short_name(result):
+    assert re.fullmatch(r"<Pass 1: estimate [\d.e+]+, 289 nodes, min quality 0\.\d\d>", repr(result.history[1]))
+    assert re.fullmatch(r"<Field on 289 nodes: \|B\| up to [\d.]+ T, energy [\d.e+]+ J/m>", repr(result.solution))
+    assert repr(ka.KohonenMap(result.mesh, topology="fixed")) == "<KohonenMap of 289 neurons, fixed edges>"
+    assert repr(ka.KohonenMap(result.mesh)) == "<KohonenMap of 289 neurons, edges flip>"
+
+
+TOUR = ROOT / "examples" / "tour.ipynb"
+
+
+def test_the_tour_holds_no_outputs():
+    cells = [cell for cell in json.loads(TOUR.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    assert cells and all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+
+
+def test_the_tour_runs_and_every_cell_shows_something(monkeypatch):
+    """By a kernel of its own, as a person's."""
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    client = pytest.importorskip("nbclient")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # the kernel has its own
+    notebook = nbformat.read(TOUR, as_version=4)
+    client.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(TOUR.parent)}}).execute()
+    shown = [cell["outputs"][-1]["data"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    mesh, result, field, figure, relocated, schedule = shown
+    assert mesh["image/svg+xml"] != relocated["image/svg+xml"]
+    assert "<table>" in result["text/html"] and "data:image/png" in result["text/html"]
+    assert "Field on 899 nodes" in field["text/plain"] and "image/png" in figure and "<table>" in schedule["text/html"]

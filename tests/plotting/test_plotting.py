@@ -1,0 +1,382 @@
+"""Pictures: what is drawn, on which scale, with which units, and how fast."""
+
+import time
+
+import numpy as np
+import pytest
+from helpers.meshes import inset, junction, named, ring, square
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm, to_hex
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+from skfem import MeshTri
+
+from kohonen_adapt import plotting
+from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.magnetostatics import Arctan, Table
+from kohonen_adapt.outline.curves import Arc, Line
+
+
+def two_regions(levels=3):
+    mesh = MeshTri().refined(levels)
+    return mesh.with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
+
+
+def a_pass(number, mesh, estimate, energy_norm=2.0):
+    return Pass(number, mesh, estimate, energy_norm, (), 0.5, 0.9, 0.0, {})
+
+
+def a_result(mesh, indicators, estimates=(1.0, 0.5)):
+    history = tuple(a_pass(number, mesh, estimate) for number, estimate in enumerate(estimates))
+    nodes = np.arange(mesh.p.shape[1])
+    return AdaptResult(mesh, None, indicators, estimates[-1], history, Status.MAX_PASSES, "Done.", nodes)
+
+
+def axes():
+    return Figure().subplots()
+
+
+def test_the_page(tmp_path):
+    mesh = two_regions()
+    before, after = a_result(mesh, np.linspace(0.1, 2.0, 128)), a_result(mesh, np.full(128, 0.3))
+    figure = plotting.adaptation_figure(
+        before,
+        after,
+        potential=mesh.p[0],
+        magnitude=np.linspace(0.0, 1.0, 128),
+        magnitude_label="|B| (T)",
+        unit="mm",
+        errors=[0.9, 0.4],
+    )
+    figure.savefig(tmp_path / "page.png", dpi=50)
+    assert (tmp_path / "page.png").stat().st_size > 10_000
+    labels = [each.get_xlabel() for each in figure.axes] + [each.get_ylabel() for each in figure.axes]
+    for label in (
+        "x (mm)",
+        "y (mm)",
+        "|B| (T)",
+        "error indicator of an element",
+        "relocations, with 81 nodes",
+        "energy error (% of the energy norm)",
+    ):
+        assert label in labels
+    shades = [each.collections[0] for each in figure.axes if "indicators" in each.get_title()]
+    assert len(shades) == 2 and shades[0].norm is shades[1].norm
+    assert (shades[0].norm.vmin, shades[0].norm.vmax) == pytest.approx((2e-3, 2.0))
+
+
+def test_nothing_is_cut_off():
+    """Every title, label and number lies inside the page, and no two titles meet."""
+    mesh = two_regions()
+    result = a_result(mesh, np.linspace(0.1, 2.0, 128))
+    figure = plotting.adaptation_figure(
+        result, result, potential=mesh.p[0], magnitude=np.ones(128), magnitude_label="flux density |B| (T)"
+    )
+    figure.draw_without_rendering()
+    page = figure.bbox
+    for each in figure.axes:
+        box = each.get_tightbbox()
+        assert box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 and box.y1 <= page.y1
+    boxes = [each.title.get_window_extent() for each in figure.axes if each.get_title()]
+    assert len(boxes) == 6
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
+
+
+def facets_of(line):
+    """The ends of the facets in a line with gaps, (f, 2, 2)."""
+    return np.array(line.get_data()).reshape(2, -1, 3)[:, :, :2].transpose(1, 0, 2)
+
+
+def test_a_mesh_is_drawn_with_every_edge_once_and_its_regions_outlined():
+    mesh, drawing = two_regions(2), axes()
+    plotting.draw_mesh(drawing, mesh)
+    thin, thick = (facets_of(line) for line in drawing.lines)
+    drawn = {frozenset(map(tuple, ends.T.tolist())) for ends in np.concatenate([thin, thick])}
+    assert drawn == {frozenset(map(tuple, ends.T.tolist())) for ends in mesh.p[:, mesh.facets].transpose(2, 0, 1)}
+    assert len(thin) + len(thick) == mesh.facets.shape[1]
+    assert len(thick) == 16 + 4  # the rim and the interface
+    assert (drawing.get_xlabel(), drawing.get_ylabel()) == ("x (m)", "y (m)")
+    assert drawing.get_aspect() == 1.0
+
+
+def test_lengths_are_drawn_in_the_unit():
+    mesh, drawing = two_regions(2), axes()
+    plotting.draw_mesh(drawing, mesh, unit="mm")
+    assert facets_of(drawing.lines[0]).max() == pytest.approx(1000.0)
+    plotting.draw_mesh(drawing, mesh, unit="")
+    assert drawing.get_xlabel() == "x"
+    with pytest.raises(ValueError, match="unit must be one of '', 'm', 'mm'; got 'inch'"):
+        plotting.draw_mesh(drawing, mesh, unit="inch")
+
+
+def test_field_lines_are_contours_of_the_potential():
+    mesh, drawing = two_regions(), axes()
+    colours = plotting.draw_field_lines(drawing, mesh, mesh.p[0], np.ones(128), lines=3)
+    contours = next(each for each in drawing.collections if hasattr(each, "levels"))
+    assert_allclose(contours.levels, [0.25, 0.5, 0.75])
+    assert colours.norm.vmax == 1.0
+
+
+def test_a_constant_potential_has_no_field_lines():
+    mesh, drawing = two_regions(), axes()
+    plotting.draw_field_lines(drawing, mesh, np.zeros(81), np.zeros(128))
+    assert not any(hasattr(each, "levels") for each in drawing.collections)
+
+
+def test_colours_end_where_a_hundredth_of_the_area_has_more():
+    mesh = MeshTri().refined(4)
+    magnitude = np.ones(512)
+    magnitude[:4] = 50.0  # a spike on less than a hundredth
+    assert plotting.draw_field_lines(axes(), mesh, mesh.p[0], magnitude).norm.vmax == 1.0
+
+
+def test_indicators_that_are_all_zero_can_be_drawn():
+    mesh = two_regions()
+    assert plotting.draw_indicators(axes(), mesh, np.zeros(128)).norm.vmax == 1.0
+
+
+@pytest.mark.parametrize(
+    ("energy_norm", "wanted", "label"),
+    [(2.0, [50.0, 25.0], "energy error (% of the energy norm)"), (None, [1.0, 0.5], "energy error")],
+)
+def test_passes(energy_norm, wanted, label):
+    drawing = axes()
+    history = [a_pass(0, two_regions(), 1.0, energy_norm), a_pass(1, two_regions(), 0.5, energy_norm)]
+    plotting.draw_passes(drawing, history)
+    assert_allclose(drawing.lines[0].get_ydata(), wanted)
+    assert drawing.get_ylabel() == label
+    assert drawing.get_ylim()[0] == 0.0
+
+
+def test_wrong_shapes():
+    mesh = two_regions()
+    with pytest.raises(ValueError, match=r"indicators must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        plotting.draw_indicators(axes(), mesh, np.ones(81))
+    with pytest.raises(ValueError, match=r"potential must have shape \(nnodes,\) = \(81,\); got \(3,\)"):
+        plotting.draw_field_lines(axes(), mesh, np.ones(3), np.ones(128))
+    with pytest.raises(ValueError, match=r"magnitude must have shape \(nelements,\) = \(128,\); got \(2, 128\)"):
+        plotting.draw_field_lines(axes(), mesh, np.ones(81), np.ones((2, 128)))
+    with pytest.raises(ValueError, match=r"errors must have shape \(passes,\) = \(1,\); got \(2,\)"):
+        plotting.draw_passes(axes(), [a_pass(0, mesh, 1.0)], errors=[1.0, 2.0])
+
+
+def legend_of(drawing):
+    return [text.get_text() for text in drawing.get_legend().get_texts()]
+
+
+def chains_drawn(drawing):
+    """All chains of a picture, (points, colour) each; the first collection are the facets."""
+    found = []
+    for each in drawing.collections[1:]:
+        assert isinstance(each, LineCollection)
+        found += zip(each.get_segments(), map(to_hex, each.get_colors()), strict=True)
+    return found
+
+
+def test_every_node_is_drawn_once_as_what_it_may_do():
+    mesh = junction(8)
+    drawing = plotting.plot_outlines(mesh, pinned=[20])
+    assert legend_of(drawing) == [
+        "10 chains straight",
+        f"{81 - 32 - 10 - 1} nodes free",
+        f"{32 + 10 - 8} nodes sliding",
+        "8 nodes in corners that others may take",
+        "1 node held for good",
+    ]
+    markers = [line for line in drawing.lines if line.get_marker() in ("o", "s")]
+    drawn = np.hstack([np.array(line.get_data()) for line in markers])
+    assert sorted(zip(*drawn, strict=True)) == sorted(zip(*mesh.p, strict=True))
+    hollow = next(line for line in markers if line.get_markerfacecolor() == "white")
+    assert set(zip(*np.array(hollow.get_data()), strict=True)) == {
+        *((0, 0), (0, 1), (1, 0), (1, 1)),
+        *((0, 0.5), (1, 0.5), (0.5, 1), (0.5, 0.5)),
+    }
+
+
+def test_a_pinned_node_is_held_for_good_and_ends_a_chain():
+    floor = int(np.flatnonzero((square(8).p[0] == 0.5) & (square(8).p[1] == 0.0))[0])
+    drawing = plotting.plot_outlines(square(8), pinned=[floor])
+    assert "1 node held for good" in legend_of(drawing)
+    assert "5 chains straight" in legend_of(drawing)
+
+
+@pytest.mark.parametrize("build", [lambda: junction(8), lambda: named(8), lambda: inset(8)])
+def test_chains_that_meet_differ_in_colour(build):
+    chains = chains_drawn(plotting.plot_outlines(build()))
+    at = {}
+    for points, colour in chains:
+        for end in (points[0], points[-1]):
+            at.setdefault(tuple(end.tolist()), []).append(colour)
+    assert max(map(len, at.values())) >= 2
+    assert all(len(set(colours)) == len(colours) for colours in at.values())
+
+
+def test_recognised_circles_are_drawn_round_and_dashed_with_their_radii():
+    mesh = ring(24, 3)
+    drawing = plotting.plot_outlines(mesh, unit="mm")
+    assert legend_of(drawing)[0] == "2 chains recognised as arc or circle,\nradius 500, 1000 mm"
+    assert sorted(text.get_text() for text in drawing.texts) == ["inner, r = 500 mm", "outer, r = 1000 mm"]
+    chains = chains_drawn(drawing)
+    assert len(chains) == 2
+    assert drawing.collections[1].get_linestyles()[0][1] is not None  # dashed
+    assert np.ptp(np.array(drawing.collections[0].get_segments())) == pytest.approx(2000.0)
+    for points, _ in chains:
+        radius = np.hypot(*points.T)
+        assert_allclose(radius, round(radius[0]), rtol=1e-12)
+        gap = np.hypot(*np.diff(points, axis=0).T).max() / radius[0]
+        assert gap < np.deg2rad(2.1) and np.all(points[0] == pytest.approx(points[-1]))
+
+
+def test_chains_on_given_curves_are_dotted_and_named():
+    mesh = square(8).with_boundaries({"floor": lambda x: x[1] == 0.0, "top": lambda x: x[1] == 1.0})
+    drawing = plotting.plot_outlines(mesh, curves={"floor": Line((0.0, 0.0), (1.0, 0.0))}, unit="")
+    assert legend_of(drawing)[:2] == ["3 chains straight", "1 chain on a given curve"]
+    assert sorted(text.get_text() for text in drawing.texts) == ["floor", "top"]
+    drawing = plotting.plot_outlines(ring(24, 2), curves={"outer": Arc((0.0, 0.0), 1.0)}, unit="")
+    assert legend_of(drawing)[:2] == [
+        "1 chain recognised as arc or circle,\nradius 0.5",
+        "1 chain on a given curve",
+    ]
+
+
+def test_periodic_chains_are_dash_dotted():
+    mesh = square(8).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+    drawing = plotting.plot_outlines(mesh, periodic=[("left", "right")])
+    assert legend_of(drawing)[:2] == ["2 chains straight", "2 chains periodic, matched with another"]
+
+
+def test_a_name_is_no_formula(tmp_path):
+    mesh = square(8).with_boundaries({r"$\frac$": lambda x: x[1] == 0.0})
+    drawing = plotting.plot_outlines(mesh)
+    drawing.figure.savefig(tmp_path / "outlines.png", dpi=30)
+    assert [text.get_text() for text in drawing.texts] == [r"$\frac$"]
+
+
+def test_many_radii_are_a_range_and_short_chains_have_no_labels():
+    p, t = [], []
+    for k in range(30):
+        mesh = ring(12, 1, 0.01 * (k + 1), 0.2 + 0.01 * k)
+        p.append(mesh.p + [[k], [0.0]])
+        t.append(mesh.t + 24 * k)
+    drawing = plotting.plot_outlines(MeshTri(np.hstack(p), np.hstack(t)))
+    assert legend_of(drawing)[0] == "60 chains recognised as arc or circle,\nradii from 0.01 to 0.49 m"
+    assert not drawing.texts
+
+
+def test_nothing_of_the_outlines_is_cut_off():
+    figure = plotting.plot_outlines(ring(24, 3)).figure
+    figure.draw_without_rendering()
+    drawing, page = figure.axes[0], figure.bbox
+    for box in (drawing.get_tightbbox(), drawing.get_legend().get_window_extent()):
+        assert box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 and box.y1 <= page.y1
+    assert (drawing.get_xlabel(), drawing.get_aspect()) == ("x (m)", 1.0)
+
+
+def test_outlines_are_drawn_where_one_wishes_and_the_mesh_stays_as_it_is():
+    mesh, drawing = named(8), axes()
+    before = mesh.p.tobytes(), mesh.t.tobytes()
+    assert plotting.plot_outlines(mesh, ax=drawing) is drawing
+    assert (mesh.p.tobytes(), mesh.t.tobytes()) == before
+    with pytest.raises(ValueError, match="pinned name 'roof' is not in the mesh"):
+        plotting.plot_outlines(mesh, pinned="roof")
+    with pytest.raises(ValueError, match="curves has 'roof', which is no boundary of the mesh"):
+        plotting.plot_outlines(mesh, curves={"roof": Line((0, 0), (1, 0))})
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_elements_take_seconds(tmp_path):
+    mesh = MeshTri.init_tensor(*(np.linspace(0, 1, 225),) * 2)
+    result = a_result(mesh, np.linspace(0.1, 2.0, mesh.t.shape[1]))
+    start = time.process_time()
+    figure = plotting.adaptation_figure(
+        result, result, potential=mesh.p[0], magnitude=np.ones(mesh.t.shape[1]), magnitude_label="|B| (T)"
+    )
+    figure.savefig(tmp_path / "page.png")
+    assert mesh.t.shape[1] > 100_000
+    assert time.process_time() - start < 60.0
+
+
+def test_a_magnetisation_curve():
+    table = Table([(0.9, 120.0), (1.5, 1000.0), (1.9, 17e3), (2.25, 17e4)])
+    drawn = plotting.plot_bh(table)
+    curve, points = drawn.lines
+    assert_allclose(curve.get_xdata(), table.field_strength(curve.get_ydata()))
+    assert_allclose(points.get_xydata(), np.array(table.points)[1:, ::-1])
+    assert curve.get_ydata().max() > 2.25 and drawn.get_xscale() == "log"
+    assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("field strength H (A/m)", "flux density B (T)")
+    given = axes()
+    assert plotting.plot_bh(Arctan(1000.0, 2.0), given) is given and len(given.lines) == 1
+
+
+def test_a_density_is_drawn_per_square_of_the_unit_on_a_logarithmic_scale():
+    mesh = two_regions()
+    density = np.linspace(1e6, 1e8, 128)
+    drawn = plotting.plot_density(mesh, density, unit="mm")
+    shades, bar = drawn.collections[0], drawn.figure.axes[-1]
+    assert_allclose(shades.get_array(), density / 1e6)
+    assert isinstance(shades.norm, LogNorm) and (shades.norm.vmin, shades.norm.vmax) == (1.0, 100.0)
+    assert bar.get_ylabel() == "nodes asked for per mm²" and drawn.get_xlabel() == "x (mm)"
+    given = axes()
+    assert plotting.plot_density(mesh, density, ax=given, unit="") is given
+    assert given.figure.axes[-1].get_ylabel() == "nodes asked for per unit of area"
+
+
+@pytest.mark.parametrize(("density", "ends"), [(np.ones(128), (0.0, 1.0)), (np.zeros(128), (0.0, 1.0))])
+def test_a_density_with_nothing_to_scale_can_be_drawn(density, ends, tmp_path):
+    drawn = plotting.plot_density(two_regions(), density)
+    drawn.figure.savefig(tmp_path / "density.png", dpi=30)
+    assert (drawn.collections[0].norm.vmin, drawn.collections[0].norm.vmax) == ends
+
+
+def test_a_density_of_the_wrong_shape():
+    with pytest.raises(ValueError, match=r"density must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        plotting.plot_density(two_regions(), np.ones(81))
+
+
+def test_histograms_of_quality_hold_all_elements():
+    coarse, fine = two_regions(2), two_regions(3)
+    drawn = plotting.plot_qualities({"before": coarse, "after": fine})
+    steps = [patch for patch in drawn.patches if patch.get_label()]
+    assert [patch.get_label() for patch in steps] == ["before: worst 0.87, mean 0.87", "after: worst 0.87, mean 0.87"]
+    for patch in steps:
+        assert patch.get_data().values.sum() == pytest.approx(100.0)
+        assert np.flatnonzero(patch.get_data().values).tolist() == [int(np.sqrt(0.75) * 40)]
+    assert (drawn.get_xlim(), drawn.get_ylabel()) == ((0.0, 1.0), "share of the elements (%)")
+    with pytest.raises(ValueError, match="meshes must be one to 3; got 0"):
+        plotting.plot_qualities({})
+
+
+def test_the_estimate_over_nodes_and_its_slopes():
+    """At equal nodes half the error stands for four times as many nodes on a line of slope -1/2."""
+    mesh = two_regions()
+    drawn = plotting.plot_convergence({"adapted": [a_pass(0, mesh, 1.0), a_pass(1, mesh, 0.5)]})
+    points, first, best, _, mark = drawn.lines
+    assert_allclose(points.get_xydata(), [[81, 50.0], [81, 25.0]])
+    for line, error in ((first, 50.0), (best, 25.0)):
+        x, y = np.log(line.get_data())
+        assert (y[1] - y[0]) / (x[1] - x[0]) == pytest.approx(-0.5)
+        assert np.interp(np.log(81), x, y) == pytest.approx(np.log(error))
+    assert_allclose(mark.get_xydata(), [[4 * 81, 25.0]])
+    assert drawn.get_xlim()[0] < 81 and drawn.get_xlim()[1] > 4 * 81
+    assert (drawn.get_xscale(), drawn.get_yscale()) == ("log", "log")
+    assert drawn.get_ylabel() == "energy error (% of the energy norm)"
+
+
+def test_more_histories_than_one_share_their_axes():
+    histories = {"one": [a_pass(0, two_regions(2), 1.0, None)], "other": [a_pass(0, two_regions(4), 0.1)]}
+    drawn = plotting.plot_convergence(histories, slope=-1.0)
+    assert legend_of(drawn) == ["one", "other", "$N^{-1}$ through the first pass"]
+    assert drawn.get_ylabel() == "energy error"
+    assert drawn.get_xlim()[0] < 25 and drawn.get_xlim()[1] > 289
+
+
+@pytest.mark.parametrize("histories", [{}, {"none": []}, {word: [1] for word in "abcdefg"}])
+def test_histories_that_cannot_be_drawn(histories):
+    with pytest.raises(ValueError, match=f"histories must be one to 6, each with a pass; got {len(histories)}"):
+        plotting.plot_convergence(histories)
+
+
+def test_an_estimate_of_zero_has_no_slope(tmp_path):
+    drawn = plotting.plot_convergence({"exact": [a_pass(0, two_regions(), 0.0)]})
+    drawn.figure.savefig(tmp_path / "estimate.png", dpi=30)
+    assert len(drawn.lines) == 1

@@ -1,0 +1,299 @@
+"""`polish`: the error never grows, the geometry stays, and given values stay what they are."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.alternatives import ritz_solution
+from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skfem import MeshQuad
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from benchmarks.problems.l_shape import l_shaped_mesh
+from benchmarks.problems.poisson_l import PoissonL
+from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.problem.ritz import functional_value
+
+ROOT = Path(__file__).parents[2]
+
+
+class Diffusion:
+    """-div(c grad u - g) = f with constants by region; u given at the left and the right end, nothing elsewhere."""
+
+    def __init__(self, seed=0, contrast=100.0, load=1.0, left=lambda y: 0 * y, right=lambda y: 1 + 0 * y):
+        rng = np.random.default_rng(seed)
+        self.coefficient = contrast ** rng.uniform(0, 1, 9)
+        self.source, self.flux = load * rng.normal(size=9), load * rng.normal(size=(2, 9))
+        self.left, self.right = left, right
+
+    def solve(self, mesh):
+        return ritz_solution(*self.arrays(mesh), *self.ends(mesh))
+
+    def ritz(self, mesh, solution):
+        number, fixed = Triangulation.of(mesh).elements.region, self.ends(mesh)[1]
+        return ka.Ritz(solution, fixed, self.coefficient, self.source, self.flux, number)
+
+    def arrays(self, mesh):
+        tri = Triangulation.of(mesh)
+        table = np.column_stack([self.coefficient, self.source, self.flux.T])
+        return tri.position, tri.elements.node, table[tri.elements.region]
+
+    def ends(self, mesh):
+        x, y = mesh.p
+        left, right = x == x.min(), x == x.max()
+        return np.where(left, self.left(y), self.right(y)), left | right
+
+
+def functional_of(mesh, problem):
+    """The functional of the solution on a mesh, and whether it may be compared."""
+    tri = Triangulation.of(mesh)
+    ritz = problem.ritz(mesh, problem.solve(mesh))
+    functional = Functional.of(ritz, tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)))
+    return functional_value(mesh, ritz), functional.comparable
+
+
+MESHES = {
+    "squares": lambda seed: square(6),
+    "generic": lambda seed: generic_square(6, seed),
+    "regions": lambda seed: perturbed(inset(8), seed),
+    "junction": lambda seed: perturbed(junction(6), seed),
+    "slit": lambda seed: perturbed(slit(6), seed),
+    "corner": lambda seed: l_shape(3),
+}
+
+
+@given(
+    name=st.sampled_from(sorted(MESHES)),
+    seed=st.integers(0, 10**6),
+    contrast=st.sampled_from([1.0, 10.0, 1000.0]),
+    load=st.sampled_from([0.0, 1.0, 100.0]),
+    sweeps=st.integers(1, 6),
+    topology=st.sampled_from(["flip", "fixed"]),
+    min_quality=st.sampled_from([0.0, 0.3, 0.6]),
+)
+@settings(max_examples=40, deadline=None)
+def test_the_functional_of_the_next_solution_has_not_grown(name, seed, contrast, load, sweeps, topology, min_quality):
+    mesh, problem = MESHES[name](seed % 5), Diffusion(seed, contrast, load, right=lambda y: 1 - 2 * y)
+    result = ka.polish(mesh, problem, sweeps=sweeps, topology=topology, min_quality=min_quality)
+    before, comparable = functional_of(mesh, problem)
+    after, _ = functional_of(result, problem)
+    assert comparable
+    assert after <= before + 1e-11 * max(abs(before), abs(after))
+    assert ka.quality(result).min() >= min(min_quality, ka.quality(mesh).min()) - 1e-12
+    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "build, problem",
+    [
+        (lambda: magnet_mesh(20, False), SquareMagnet(False)),
+        (lambda: magnet_mesh(20, True), SquareMagnet(True)),
+        (lambda: l_shaped_mesh(8), PoissonL()),
+    ],
+    ids=["magnet", "magnet over iron", "example 22"],
+)
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_the_error_falls_and_goes_on_falling(build, problem, topology):
+    mesh = build()
+    errors = [problem.error(mesh, problem.solve(mesh))]
+    for _ in range(3):
+        mesh = ka.polish(mesh, problem, topology=topology)
+        errors.append(problem.error(mesh, problem.solve(mesh)))
+    assert errors[1] < 0.8 * errors[0]
+    assert np.all(np.diff(errors) <= 1e-12)
+
+
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_names_areas_and_lengths_are_conserved(topology):
+    mesh = perturbed(named(8), 3)
+    result = ka.polish(mesh, Diffusion(1), topology=topology, sweeps=4)
+    assert not np.array_equal(result.p, mesh.p)
+    assert result.subdomains.keys() == mesh.subdomains.keys()
+    for name, rows in mesh.subdomains.items():
+        assert area_of(result, result.subdomains[name]) == pytest.approx(area_of(mesh, rows), rel=1e-12)
+    assert result.boundaries.keys() == mesh.boundaries.keys()
+    for name, rows in mesh.boundaries.items():
+        assert length_of(result, result.boundaries[name]) == pytest.approx(length_of(mesh, rows), rel=1e-12)
+    assert isinstance(result.boundaries["seam"], OrientedBoundary)
+    if topology == "fixed":
+        np.testing.assert_array_equal(result.t, mesh.t)
+
+
+def test_the_same_twice_and_the_input_as_it_was():
+    mesh, problem = perturbed(inset(8), 2), Diffusion(2)
+    p, t = mesh.p.copy(), mesh.t.copy()
+    once, again = ka.polish(mesh, problem), ka.polish(mesh, problem, seed=7)
+    np.testing.assert_array_equal(once.p, again.p)
+    np.testing.assert_array_equal(once.t, again.t)
+    np.testing.assert_array_equal(mesh.p, p)
+    np.testing.assert_array_equal(mesh.t, t)
+    assert not np.array_equal(once.p, p) and not np.array_equal(once.t, t)
+
+
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_no_sweeps_change_nothing(topology):
+    mesh = perturbed(inset(8), 2)
+    result = ka.polish(mesh, Diffusion(2), sweeps=0, topology=topology)
+    np.testing.assert_array_equal(result.p, mesh.p)
+    np.testing.assert_array_equal(result.t, mesh.t)
+
+
+class InOtherUnits(Diffusion):
+    """The same with u in units of 2^-k and the functional in units of 2^-2: every term of it grows by 2^(2 + 2k)."""
+
+    def __init__(self, exponent):
+        super().__init__(3)
+        self.unit = 2.0**exponent
+
+    def solve(self, mesh):
+        return self.unit * super().solve(mesh)
+
+    def ritz(self, mesh, solution):
+        given, load = super().ritz(mesh, solution), 4 * self.unit
+        return ka.Ritz(
+            solution, given.fixed, 4 * given.coefficient, load * given.source, load * given.flux, given.region
+        )
+
+
+@pytest.mark.parametrize("exponent", [-30, 30])
+def test_units_do_not_matter(exponent):
+    mesh = perturbed(junction(6), 4)
+    one, other = ka.polish(mesh, Diffusion(3)), ka.polish(mesh, InOtherUnits(exponent))
+    np.testing.assert_array_equal(one.p, other.p)
+    np.testing.assert_array_equal(one.t, other.t)
+    assert not np.array_equal(one.p, mesh.p)
+
+
+def ends_of(mesh):
+    return np.flatnonzero((mesh.p[0] == 0.0) | (mesh.p[0] == 1.0))
+
+
+def test_nodes_with_given_values_slide_where_those_are_linear():
+    mesh = square(8)
+    problem = Diffusion(5, load=10.0, left=lambda y: 3 * y - 1)
+    result = ka.polish(mesh, problem)
+    ends = ends_of(mesh)
+    assert np.array_equal(ends, ends_of(result))
+    assert np.abs(result.p[1, ends] - mesh.p[1, ends]).max() > 0.01
+    assert functional_of(mesh, problem)[1]
+
+
+def test_nodes_with_other_given_values_stay():
+    mesh = square(8)
+    problem = Diffusion(5, load=10.0, left=lambda y: y**2)
+    result = ka.polish(mesh, problem)
+    left, right = mesh.p[0] == 0.0, mesh.p[0] == 1.0
+    np.testing.assert_array_equal(result.p[:, left], mesh.p[:, left])
+    assert np.abs(result.p[1, right] - mesh.p[1, right]).max() > 0.01
+    assert not functional_of(mesh, problem)[1]
+
+
+def test_pinned_nodes_stay():
+    mesh = inset(8)
+    result = ka.polish(mesh, Diffusion(6), pinned=["core"])
+    core = np.unique(mesh.t[:, mesh.subdomains["core"]])
+    np.testing.assert_array_equal(result.p[:, core], mesh.p[:, core])
+    assert not np.array_equal(result.p, mesh.p)
+
+
+def test_magnetostatics_says_what_it_minimises():
+    """At the minimum the functional is minus half the energy; the potential has no variation that lowers it."""
+    mesh = magnet_mesh(20, True).with_boundaries({"outer": lambda x: np.abs(x).max(axis=0) > 1 - 1e-9})
+    filled = np.concatenate(list(mesh.subdomains.values()))
+    mesh = mesh.with_subdomains({"air": np.setdiff1d(np.arange(mesh.t.shape[1]), filled)})
+    materials = {
+        "magnet": Material(permeability=1.05, remanence=(0.3, 1.2)),
+        "iron": Material(permeability=1000.0, current_density=2e5),
+        "air": Material(),
+    }
+    problem = Magnetostatics(materials, potential={"outer": 0.0})
+    field = problem.solve(mesh)
+    ritz = problem.ritz(mesh, field)
+    least = functional_value(mesh, ritz)
+    assert least == pytest.approx(-0.5 * problem.energy_norm(mesh, field) ** 2, rel=1e-9)
+    way = np.where(ritz.fixed, 0.0, np.random.default_rng(0).normal(size=mesh.p.shape[1]))
+    way *= 1e-3 * np.abs(field.potential).max()
+    varied = [replace(ritz, values=field.potential + sign * way) for sign in (1, -1)]
+    up, down = (functional_value(mesh, other) for other in varied)
+    assert up > least and down > least
+    assert up - least == pytest.approx(down - least, rel=1e-6)
+    after, comparable = functional_of(ka.polish(mesh, problem), problem)
+    assert after < least and comparable
+
+
+class NoRitz:
+    def solve(self, mesh):
+        return np.zeros(mesh.p.shape[1])
+
+
+class WrongRitz(NoRitz):
+    def ritz(self, mesh, solution):
+        return solution
+
+
+class Quadratic(WrongRitz):
+    order = 2
+
+
+@pytest.mark.parametrize(
+    "problem, arguments, message",
+    [
+        (NoRitz(), {}, r"polish needs a problem with the methods .*ritz\(mesh, solution\); NoRitz has no ritz\."),
+        (object(), {}, r"object has no solve and no ritz\."),
+        (WrongRitz(), {}, r"ritz of the problem must return a kohonen_adapt\.Ritz; got ndarray\."),
+        (Quadratic(), {}, r"polish needs elements of degree 1; the problem says order = 2\."),
+        (Diffusion(), {"sweeps": -1}, r"sweeps must be an integer >= 0; got -1\."),
+        (Diffusion(), {"sweeps": True}, r"sweeps must be an integer >= 0; got True\."),
+        (
+            Diffusion(),
+            {"topology": "recycle"},
+            r"topology must be 'fixed' or 'flip', for polish keeps every node; got",
+        ),
+        (Diffusion(), {"min_quality": None}, r"min_quality must be a number here"),
+        (Diffusion(), {"seed": -1}, r"seed must be an integer >= 0; got -1\."),
+        (Diffusion(), {"pinned": ["rim"]}, r"pinned name 'rim' is not in the mesh"),
+    ],
+)
+def test_what_it_refuses(problem, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ka.polish(square(4), problem, **arguments)
+
+
+def test_a_mesh_of_another_kind_is_refused():
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad"):
+        ka.polish(MeshQuad(), Diffusion())
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    """On a mesh of several parts; numba fixes the number of threads at import, so in processes of their own."""
+    code = """
+import hashlib
+import numpy as np, skfem, kohonen_adapt as ka
+from skfem.models.poisson import laplace, unit_load
+class Load:
+    def solve(self, mesh):
+        basis = skfem.Basis(mesh, skfem.ElementTriP1())
+        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
+ticks = np.linspace(0, 1, 111)
+mesh = ka.polish(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), sweeps=3)
+print(hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
+"""
+    hashes = set()
+    for threads in ("1", "2"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        hashes.add(done.stdout)
+    assert len(hashes) == 1

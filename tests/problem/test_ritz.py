@@ -1,0 +1,252 @@
+"""The functional as stated, in terms of a triangulation, and its solution carried to where nodes have gone."""
+
+import numpy as np
+import pytest
+from helpers.meshes import generic_square, inset, junction, l_shape, named, slit, square
+
+import kohonen_adapt as ka
+from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polish.transfer import Carrier
+from kohonen_adapt.problem.ritz import Ritz
+
+ZEROS, FIXED, REGION = np.zeros(4), np.array([True, False, False, False]), np.array([0, 1])
+
+
+def taken_apart(mesh, pinned=None):
+    tri = Triangulation.of(mesh)
+    return tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool) if pinned is None else pinned)
+
+
+def functional_for(mesh, values, fixed, pinned=None):
+    tri, outline = taken_apart(mesh, pinned)
+    return Functional.of(Ritz(values, fixed, 1.0), tri, outline)
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ((np.zeros((2, 2)), FIXED, 1.0), r"values of Ritz must have shape \(nnodes,\); got \(2, 2\)\."),
+        ((ZEROS * 1j, FIXED, 1.0), r"values of Ritz must be real numbers; got complex128\."),
+        ((ZEROS + np.nan, FIXED, 1.0), r"values of Ritz must be finite; 4 of 4 are not\."),
+        (
+            (ZEROS, [0, 1], 1.0),
+            r"fixed of Ritz must be bool of shape .* = \(4,\); got int64 of shape \(2,\)",
+        ),
+        (
+            (ZEROS, FIXED[:3], 1.0),
+            r"fixed of Ritz must be bool of shape .* = \(4,\); got bool of shape \(3,\)",
+        ),
+        ((ZEROS, FIXED, 0.0), r"coefficient of Ritz must be > 0; got 0\.0\."),
+        ((ZEROS, FIXED, [1.0, -2.0], 0.0, (0.0, 0.0), REGION), r"coefficient of Ritz must be > 0; got -2\.0\."),
+        ((ZEROS, FIXED, "iron"), r"coefficient of Ritz must be real numbers"),
+        ((ZEROS, FIXED, np.inf), r"coefficient of Ritz must be finite; 1 of 1 are not\."),
+        ((ZEROS, FIXED, [1.0, 2.0]), r"coefficient of Ritz is a table of 2; give region, the number of each element\."),
+        ((ZEROS, FIXED, 1.0, 0.0, 1.0), r"flux of Ritz must have shape \(2,\) or \(2, nregions\); got \(\)\."),
+        ((ZEROS, FIXED, 1.0, 0.0, np.zeros((3, 2)), REGION), r"flux of Ritz must have shape .* got \(3, 2\)\."),
+        (
+            (ZEROS, FIXED, 1.0, [[1.0]], (0.0, 0.0), REGION),
+            r"source of Ritz must have shape \(\) or \(nregions,\)",
+        ),
+        (
+            (ZEROS, FIXED, 1.0, [1.0, 2.0], (0.0, 0.0), [0, 2]),
+            r"source of Ritz has 2 values but region has numbers up to 2; give one for each number from 0 on\.",
+        ),
+        (
+            (ZEROS, FIXED, 1.0, 0.0, (0.0, 0.0), [0.0, 1.0]),
+            r"region of Ritz must be integers of shape \(nelements,\)",
+        ),
+        ((ZEROS, FIXED, 1.0, 0.0, (0.0, 0.0), [0, -1]), r"region of Ritz must hold numbers >= 0; got -1\."),
+    ],
+)
+def test_what_a_functional_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Ritz(*arguments)
+
+
+def test_a_functional_keeps_its_own_numbers():
+    values = np.zeros(4)
+    ritz = Ritz(values, FIXED, 1)
+    values[:] = 7.0
+    assert ritz.values.max() == 0.0
+
+
+def test_a_functional_of_another_mesh_is_refused():
+    mesh = inset(4)
+    tri, outline = taken_apart(mesh)
+    n, m = mesh.p.shape[1], mesh.t.shape[1]
+    fixed = np.zeros(n, dtype=bool)
+    with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nnodes,\) = \(25,\); got \(4,\)\."):
+        Functional.of(Ritz(ZEROS, FIXED, 1.0), tri, outline)
+    with pytest.raises(ValueError, match=r"region of Ritz must have shape \(nelements,\) = \(32,\); got \(2,\)\."):
+        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=REGION), tri, outline)
+    number = np.zeros(m, dtype=int)
+    number[mesh.subdomains["core"]] = 1
+    Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), tri, outline)
+    number[mesh.subdomains["core"][2]] = 0
+    with pytest.raises(ValueError, match=r"one number on each region of the mesh; elements \d+ and \d+ are"):
+        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), tri, outline)
+
+
+def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
+    mesh, rng = junction(6), np.random.default_rng(0)
+    number = np.full(mesh.t.shape[1], 2)
+    for k, rows in enumerate(mesh.subdomains.values()):
+        number[rows] = k
+    coefficient, source, flux = rng.uniform(1, 9, 3), rng.normal(size=3), rng.normal(size=(2, 3))
+    som = ka.KohonenMap(mesh)
+    n = mesh.p.shape[1]
+    ritz = Ritz(np.zeros(n), np.zeros(n, dtype=bool), coefficient, source, flux, number)
+    functional = Functional.of(ritz, som.triangulation, som.outline)
+    som.train(rng.random((2, 200)) ** 2)
+    assert not np.array_equal(som.mesh.t, mesh.t)
+    for k, rows in enumerate(som.mesh.subdomains.values()):  # at a junction elements may have changed sides
+        number[rows] = k
+    data = np.column_stack([coefficient, source, flux.T])[number]
+    ours = functional.constants[som.triangulation.elements.region]
+    np.testing.assert_array_equal(ours, data)
+
+
+def test_which_given_values_let_meshes_be_compared():
+    mesh = square(6)
+    x, y = mesh.p
+    left = x == 0.0
+    rim = left | (x == 1.0) | (y == 0.0) | (y == 1.0)
+    comparable = {
+        "nothing given": (x * y, np.zeros_like(left)),
+        "constant": (1.0 + 0 * x, left),
+        "linear": (3 * y - 1 / 3, left),
+        "linear side by side": (np.minimum(x, y), rim),
+    }
+    not_comparable = {
+        "curved": (y**2, left),
+        "a part of a side": (0 * y, left & (y < 0.6)),
+        "inside": (0 * y, (x == 0.5) & (y == 0.5)),
+    }
+    for name, (values, fixed) in comparable.items():
+        assert functional_for(mesh, values, fixed).comparable, name
+    for name, (values, fixed) in not_comparable.items():
+        assert not functional_for(mesh, values, fixed).comparable, name
+
+
+def test_nodes_whose_given_values_no_formula_carries_are_held():
+    mesh = square(6)
+    x, y = mesh.p
+    inside, left, floor = (x == 0.5) & (y == 0.5), x == 0.0, y == 0.0
+    tri, outline = taken_apart(mesh)
+    fixed = left | inside | floor
+    functional = Functional.of(Ritz(np.where(left, y**2, x), fixed, 1.0), tri, outline)
+    before, after = outline.constraints.kind, functional.kinds(outline, fixed)
+    assert set(np.flatnonzero(before != after)) == set(np.flatnonzero((left & (y > 0) & (y < 1)) | inside))
+    assert np.all(after[before != after] == HELD)
+
+
+MESHES = {
+    "square": lambda: square(8),
+    "generic": lambda: generic_square(8, 1),
+    "regions": lambda: inset(8),
+    "named": lambda: named(8),
+    "concave": lambda: l_shape(4),
+}
+
+
+def carried(som, ritz, train):
+    """Values and what is given at the nodes of the trained map."""
+    tri, outline = som.triangulation, som.outline
+    functional = Functional.of(ritz, tri, outline)
+    carrier = Carrier.of(ritz, functional, tri.copy(), outline)
+    train(som)
+    return carrier.onto(tri, outline, tri.star.element[tri.star.start[:-1]])
+
+
+@pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
+def test_where_nothing_moved_a_solution_is_what_it_was(build):
+    mesh = build()
+    rng = np.random.default_rng(0)
+    ritz = Ritz(rng.normal(size=mesh.p.shape[1]), np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
+    values, fixed = carried(ka.KohonenMap(mesh), ritz, lambda som: None)
+    np.testing.assert_allclose(values, ritz.values, atol=1e-12)
+    np.testing.assert_array_equal(fixed, ritz.fixed)
+
+
+@pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
+def test_where_nodes_moved_a_solution_is_what_it_was_there(build):
+    mesh = build()
+    ritz = Ritz(np.sin(3 * mesh.p[0]) * mesh.p[1], np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
+    som = ka.KohonenMap(mesh)
+    points = np.random.default_rng(1).random((2, 500)) ** 3
+    values, fixed = carried(som, ritz, lambda som: som.train(points))
+    after = som.mesh
+    assert np.abs(after.p - mesh.p).max() > 0.1
+    np.testing.assert_allclose(values, ka.interpolate(mesh, ritz.values, after.p), atol=1e-9)
+    np.testing.assert_array_equal(np.flatnonzero(fixed), np.sort(after.boundary_nodes()))
+
+
+def test_a_corner_keeps_what_is_given_there_whichever_node_is_in_it():
+    mesh = square(6)
+    som = ka.KohonenMap(mesh, topology="fixed", min_quality=0.1)
+    once = ka.Schedule((ka.Stage(0, 1, 1.0),))
+    kind = som.outline.constraints.kind.copy()
+    ritz = Ritz(mesh.p[0] + 2 * mesh.p[1], mesh.p[0] == 0.0, 1.0)
+    values, fixed = carried(som, ritz, lambda som: som.train([[0.07], [0.02]], once))
+    x, y = som.mesh.p
+    assert np.any((kind == HELD) & (som.outline.constraints.kind == SLIDING))  # a corner was handed over
+    np.testing.assert_array_equal(fixed, x == 0.0)
+    np.testing.assert_allclose(values, x + 2 * y, atol=1e-12)
+
+
+def test_given_values_that_are_linear_are_looked_up_on_their_chain():
+    mesh = square(8)
+    x, y = mesh.p
+    left = x == 0.0
+    som = ka.KohonenMap(mesh)
+    ritz = Ritz(np.where(left, 2 * y - 1, 5 * np.sin(9 * x)), left, 1.0)
+    points = np.random.default_rng(0).random((2, 400)) * np.array([[0.3], [1.0]])
+    values, fixed = carried(som, ritz, lambda som: som.train(points))
+    x, y = som.mesh.p
+    np.testing.assert_array_equal(fixed, x == 0.0)
+    np.testing.assert_allclose(values[fixed], 2 * y[fixed] - 1, rtol=0, atol=1e-15)
+
+
+def test_both_sides_of_a_slit_keep_their_values():
+    mesh = slit(8)
+    upper = np.zeros(mesh.p.shape[1], dtype=bool)
+    upper[mesh.t[:, mesh.p[1, mesh.t].mean(axis=0) > 0.5]] = True
+    tip = (mesh.p[0] > 0.55) & (mesh.p[1] == 0.5)
+    som = ka.KohonenMap(mesh)
+    ritz = Ritz(np.where(upper & ~tip, 1.0, -1.0), np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
+    values, _ = carried(som, ritz, lambda som: som.train(np.random.default_rng(0).random((2, 300)) * [[0.5], [1.0]]))
+    moved = som.mesh
+    cut = (moved.p[1] == 0.5) & (moved.p[0] < 0.5)
+    above = np.zeros_like(upper)
+    above[moved.t[:, moved.p[1, moved.t].mean(axis=0) > 0.5]] = True
+    np.testing.assert_allclose(values[cut & above], 1.0)
+    np.testing.assert_allclose(values[cut & ~above], -1.0)
+    assert np.any(moved.p[:, cut & above] != mesh.p[:, cut & above])
+
+
+def test_a_piece_given_throughout_stays_given():
+    """A region whose values are all given, such as a conductor: its free nodes are given as well."""
+    mesh = inset(8)
+    core = np.isin(np.arange(mesh.p.shape[1]), mesh.t[:, mesh.subdomains["core"]])
+    som = ka.KohonenMap(mesh)
+    ritz = Ritz(np.where(core, 2.0, 0.0), core, 1.0)
+    values, fixed = carried(som, ritz, lambda som: som.train(np.random.default_rng(0).random((2, 300))))
+    still = np.isin(np.arange(mesh.p.shape[1]), som.mesh.t[:, som.mesh.subdomains["core"]])
+    np.testing.assert_array_equal(fixed, still)
+    np.testing.assert_allclose(values[fixed], 2.0)
+    kind = som.outline.constraints.kind
+    assert np.any(fixed & (kind == FREE)) and np.any(fixed & (kind == SLIDING)) and np.any(fixed & (kind == HELD))
+
+
+def test_far_hints_are_searched_for():
+    mesh = l_shape(8)
+    tri, outline = taken_apart(mesh)
+    ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
+    carrier = Carrier.of(ritz, Functional.of(ritz, tri, outline), tri, outline)
+    corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
+    hint = np.full(tri.nnodes, tri.star.element[tri.star.start[corner]])
+    values, _ = carrier.onto(tri, outline, hint)
+    np.testing.assert_allclose(values, ritz.values, atol=1e-12)

@@ -1,0 +1,258 @@
+"""The report: one file that carries all it shows, says what happened, and takes no name for more than text."""
+
+import base64
+import hashlib
+import json
+import re
+import zlib
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from helpers.reports import HOSTILE, a_mesh, a_pass, a_result, before_and_after, hostile_report
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.loop.result import Status
+from kohonen_adapt.report import write_report
+from kohonen_adapt.report.packing import packed
+from kohonen_adapt.report.page import filled_page
+from kohonen_adapt.report.reproduction import without_folders
+
+PNG = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+
+
+class Page(HTMLParser):
+    """Elements of a page with their attributes, and its texts by element."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.texts, self.open = [], [], []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        while self.open and self.open.pop() != tag:
+            pass
+
+    def handle_data(self, text):
+        self.texts.append((self.open[-1] if self.open else "", text))
+
+    def of(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    def text_of(self, tag):
+        return [text for name, text in self.texts if name == tag]
+
+    @property
+    def data(self):
+        return json.loads(next(text for text in self.text_of("script") if text.startswith("{")))
+
+
+def unpacked(record):
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(record["data"])), np.uint8)
+    kind = np.dtype("<" + record["type"])
+    return np.ascontiguousarray(planes.reshape(kind.itemsize, -1).T).view(kind).ravel()
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    return Page(hostile_report(tmp_path_factory.mktemp("report"), pictures={HOSTILE: PNG}))
+
+
+def test_the_file_needs_nothing_else(page):
+    for tag, attributes in page.elements:
+        for name in ("src", "href", "action", "data", "poster", "srcset"):
+            assert attributes.get(name, "data:").startswith("data:"), (tag, name)
+        assert not any(name.startswith("on") or name == "style" for name in attributes)
+    assert not page.of("iframe") and not page.of("object")
+    style = "".join(page.text_of("style"))
+    assert "url(" not in style and "@import" not in style
+    script = page.text_of("script")[-1]
+    assert not re.search(r"https?:|fetch\(|XMLHttpRequest|WebSocket|import\(|innerHTML|eval\(", script)
+
+
+def test_the_policy_lets_act_what_is_in_the_file_and_nothing_else(page):
+    (policy,) = [each["content"] for each in page.of("meta") if each.get("http-equiv") == "Content-Security-Policy"]
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    assert rules["default-src"] == rules["base-uri"] == rules["form-action"] == "'none'"
+    for name, text in (("style-src", "".join(page.text_of("style"))), ("script-src", page.text_of("script")[-1])):
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        assert rules[name] == f"'sha256-{digest}'"
+
+
+def test_names_are_text_wherever_they_stand(page):
+    assert [each for each in page.of("img") if each.get("src") == "x"] == []
+    assert len(page.of("img")) == 1 and page.of("img")[0]["alt"] == HOSTILE
+    for tag in ("title", "h1", "h3", "p", "th", "dt", "figcaption", "pre"):
+        assert HOSTILE in page.text_of(tag), tag
+    assert len(page.of("script")) == 2
+    names = next(field["names"] for field in page.data["fields"] if field["label"] == "subdomain")
+    assert set(names) == {"left", HOSTILE}
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.text())
+def test_any_text_leaves_the_page_as_it_was_built(text):
+    """Whatever a title, a name or a setting holds, the elements of the page are the same."""
+    mesh = a_mesh(1)
+    result = a_result(mesh, [a_pass(0, mesh, 1.0, {text: 1.0})])
+    wanted = re.findall(r"<[a-z!/][a-z0-9]*", html_with("plain", result))
+    assert re.findall(r"<[a-z!/][a-z0-9]*", html_with(text, result)) == wanted
+
+
+def html_with(text, result):
+    return filled_page(
+        title=text, generator="g", summary=[text], figures=[(text, text)], result=result, pictures={text: PNG},
+        settings={text: text}, versions={"x": text}, data={"name": text},
+    ).decode()  # fmt: skip
+
+
+def test_meshes_and_fields_come_back_as_they_went_in(page):
+    for mesh, result in zip(page.data["meshes"], before_and_after(), strict=True):
+        p = np.array([unpacked(mesh["x"]), unpacked(mesh["y"])]) + np.array(mesh["centre"])[:, None]
+        assert_allclose(p, result.mesh.p, atol=1e-7)
+        assert_array_equal(unpacked(mesh["t"]).reshape(3, -1), result.mesh.t)
+        values = dict(zip([field["label"] for field in page.data["fields"]], mesh["values"], strict=True))
+        assert_allclose(unpacked(values[f"x (m) {HOSTILE}"]), result.mesh.p[0], atol=1e-7)
+        assert_allclose(unpacked(values["error indicator of an element"]), result.indicators, rtol=2.0**-16)
+        names = next(field["names"] for field in page.data["fields"] if field["label"] == "subdomain")
+        left = np.array(names)[unpacked(values["subdomain"])] == "left"
+        assert_array_equal(np.flatnonzero(left), np.sort(result.mesh.subdomains["left"]))
+
+
+@given(st.lists(st.floats(width=32), min_size=1, max_size=20))
+def test_coarse_floats_are_near_and_what_is_not_finite_stays_so(values):
+    back = unpacked(packed(values, "f4", coarse=True))
+    values = np.array(values, dtype=np.float32)
+    small = np.abs(values) < 1e38  # beyond, what is rounded up may be infinite
+    assert_array_equal(np.isnan(back), np.isnan(values))
+    assert_array_equal(back[np.isinf(values)], values[np.isinf(values)])
+    assert_allclose(back[small], values[small], rtol=2.0**-16, atol=2.0**-140)
+
+
+def test_outlines_are_the_rim_and_the_interface(page):
+    ends = unpacked(page.data["meshes"][0]["outline"]).reshape(-1, 2)
+    x, y = a_mesh().p[:, ends].mean(axis=2)
+    assert len(ends) == 32 + 8
+    assert np.all((x == 0.5) | (x == 0.0) | (x == 1.0) | (y == 0.0) | (y == 1.0))
+
+
+def test_one_scale_for_before_and_after(page):
+    scales = {field["label"]: field for field in page.data["fields"]}
+    indicator = scales["error indicator of an element"]
+    assert (indicator["scale"], indicator["low"], indicator["high"]) == ("log", pytest.approx(2e-3), 2.0)
+    potential = scales[f"x (m) {HOSTILE}"]
+    assert (potential["at"], potential["low"], potential["high"]) == ("node", 0.0, 1.0)
+    assert scales["size, root of the area (m)"]["scale"] == "log"
+    assert next(iter(scales)) == "middle (m)"
+
+
+def test_the_table_has_every_column_that_print_shows(page):
+    _, after = before_and_after()
+    printed = str(after).splitlines()[0].split()
+    shown = " ".join(page.text_of("th"))
+    assert all(word in shown for word in printed)
+    rows = page.of("tr")[1:]
+    assert [row.get("class") for row in rows] == [None, "result"]
+
+
+def test_the_summary_says_how_it_ended_and_what_it_gained(page):
+    said = page.text_of("p")
+    assert f"1 relocation was made. Done with {HOSTILE}." in said
+    said = [sentence.replace("\u00a0", " ") for sentence in said]
+    assert (
+        "The error estimate went from 50 % to 25 % of the energy norm: the estimate is 50 % of what it was, "
+        "with 81 nodes." in said
+    )
+    assert f"{HOSTILE} went from 4 to 5, by +25 %." in said
+
+
+def test_a_result_without_energy_norm_pictures_names_and_fields(tmp_path):
+    mesh = MeshTri().refined(2)
+    problem = type("Flat", (), {"solve": lambda self, mesh: None, "indicators": lambda self, mesh, _: np.zeros(32)})()
+    result = ka.adapt(mesh, problem, passes=2)
+    write_report(tmp_path / "report.html", result, before=result, unit="")
+    page = Page(tmp_path / "report.html")
+    assert result.status is Status.CONVERGED
+    assert "converged" in page.text_of("dd")
+    assert "The error estimate went from 0 to 0, with 25 nodes." in page.text_of("p")
+    assert page.data["fields"][0] | {"above": False, "below": False} == {
+        "label": "error indicator of an element", "kind": "values", "at": "element",
+        "scale": "linear", "low": 0.0, "high": 1.0, "above": False, "below": False,
+    }  # fmt: skip
+    assert page.data["fields"][-1]["names"] == ["no name"]
+    assert not page.of("figure")
+
+
+def test_values_that_are_not_finite_do_not_spoil_the_scale(tmp_path):
+    def spoilt(solution):
+        return np.where(solution == 0.5, np.nan, np.where(solution == 0.0, np.inf, solution))
+
+    page = Page(hostile_report(tmp_path, point_data={"spoilt": spoilt}))
+    field = next(field for field in page.data["fields"] if field["label"] == "spoilt")
+    assert (field["low"], field["high"]) == (0.125, 1.0)
+
+
+def test_it_says_with_what_it_was_made(page):
+    assert f"kohonen_adapt {ka.__version__}" in page.text_of("p")
+    told = page.text_of("dt")
+    assert {"kohonen_adapt", "Python", "numpy", "scipy", "scikit-fem", "numba", "threads"} <= set(told)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ('mesh = "/home/me/meshes/core.msh"', 'mesh = "core.msh"'),
+        ("bh = 'C:\\\\Users\\\\me\\\\steel.csv'", "bh = 'steel.csv'"),
+        ('mesh = "~/core one.msh"', 'mesh = "core one.msh"'),
+        ('mesh = "/home/my name/core.msh"', 'mesh = "core.msh"'),
+        ("kohonen-adapt run /tmp/x/case.toml --out /srv/out", "kohonen-adapt run case.toml --out out"),
+        ("# H in A/m, 3/4 of it, examples/core.msh", "# H in A/m, 3/4 of it, examples/core.msh"),
+    ],
+)
+def test_folders_of_absolute_paths_are_left_out(given, wanted):
+    assert without_folders(given) == wanted
+
+
+def test_settings_lose_their_folders(tmp_path):
+    path = hostile_report(tmp_path, settings={"Case": f'mesh = "{tmp_path}/core.msh"'})
+    assert str(tmp_path.parent) not in path.read_text(encoding="utf-8")
+
+
+def test_wrong_input(tmp_path):
+    with pytest.raises(ValueError, match=r"x must have shape \(nnodes,\) = \(81,\); got \(3,\)"):
+        hostile_report(tmp_path, point_data={"x": lambda solution: np.ones(3)})
+    with pytest.raises(ValueError, match=r"b must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        hostile_report(tmp_path, cell_data={"b": lambda solution: solution})
+    with pytest.raises(ValueError, match=r"pictures must be PNG or GIF files; 'A' begins with b'<svg"):
+        hostile_report(tmp_path, pictures={"A": b"<svg onload=alert(1)>"})
+    with pytest.raises(ValueError, match="unit must be one of '', 'm', 'mm'; got 'inch'"):
+        hostile_report(tmp_path, unit="inch")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_leaves_no_report(tmp_path, monkeypatch):
+    def full(path, content):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        hostile_report(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_input_is_modified(tmp_path):
+    before, after = before_and_after()
+    kept = [each.tobytes() for result in (before, after) for each in (result.mesh.p, result.mesh.t, result.indicators)]
+    write_report(tmp_path / "report.html", after, before=before, cell_data={"one": lambda solution: np.ones(128)})
+    now = [each.tobytes() for result in (before, after) for each in (result.mesh.p, result.mesh.t, result.indicators)]
+    assert now == kept

@@ -1,0 +1,420 @@
+"""What map, relocation, densities and interpolation refuse, and what they then say."""
+
+import numpy as np
+import pytest
+from helpers.meshes import holed, inset, square
+from skfem import MeshLine, MeshQuad, MeshTet, MeshTri, MeshTri1DG, MeshTri2
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule, Stage
+
+MESH = square(4)
+ONES = np.ones(32)
+FIRST = Schedule((Stage(0, 1, 0.3),))
+
+
+def moved(mesh, node, place):
+    p = mesh.p.copy()
+    p[:, node] = place
+    return MeshTri(p, mesh.t)
+
+
+def with_sets(boundaries=None, subdomains=None):
+    return MeshTri(MESH.p, MESH.t, boundaries, subdomains)
+
+
+def folded():
+    """Two triangles on the same side of their common edge."""
+    return MeshTri(np.array([[0.0, 1, 0.2, 0.7], [0, 0, 1, 0.8]]), np.array([[0, 0], [1, 1], [2, 3]]))
+
+
+BROKEN = {
+    "tangled": (moved(MESH, 12, (0.9, 0.9)), r"the mesh is tangled: element \d+ shares an edge .* repair the mesh"),
+    "corner turned over": (moved(MESH, 0, (0.6, 0.6)), r"the mesh is tangled: element \d+ shares an edge"),
+    "folded": (folded(), r"the mesh is tangled: element 0 shares an edge with an element on the same side of it"),
+    "doubled": (MeshTri(MESH.p, np.hstack([MESH.t, MESH.t[:, :1]])), r"the mesh is tangled: element 0 .*doubled"),
+    "isolated node": (
+        MeshTri(np.hstack([MESH.p, [[2.0], [2.0]]]), MESH.t, validate=False),
+        r"every node must belong to an element; 1 do not, the first is node 25\. Drop them with mesh\.remove_unused",
+    ),
+    "no area": (
+        MeshTri(np.array([[0.0, 1, 2, 0], [0, 0, 0, 1]]), np.array([[0, 0], [1, 1], [2, 3]])),
+        r"every element must have an area above zero; 1 have none, the first is element 0\.",
+    ),
+    "no coordinate": (
+        moved(MESH, 7, (np.nan, 0.2)),
+        r"mesh must have finite coordinates; node 7 is at \(nan, 0\.2\)\.",
+    ),
+    "far away": (moved(MESH, 7, (np.inf, 0.2)), r"mesh must have finite coordinates; node 7 is at \(inf, 0\.2\)\."),
+    "no elements": (
+        MeshTri(np.zeros((2, 3)), np.zeros((3, 0), dtype=int), validate=False),
+        r"mesh must have at least one element; got an empty mesh\.",
+    ),
+    "unknown nodes": (
+        MeshTri(MESH.p, MESH.t + 1, validate=False),
+        r"mesh\.t must hold node numbers from 0 to 24; got 1 to 25\.",
+    ),
+    "name": (with_sets(boundaries={3: np.array([3])}), r"the name of a boundary must be text; got 3\."),
+    "unknown elements": (
+        with_sets(subdomains={"core": np.array([3, 32])}),
+        r"subdomain 'core' must have indices from 0 to 31; got 3 to 32\.",
+    ),
+    "unknown facets": (
+        with_sets(boundaries={"rim": np.array([-1, 3])}),
+        r"boundary 'rim' must have indices from 0 to 55; got -1 to 3\.",
+    ),
+    "mask": (
+        with_sets(subdomains={"core": np.arange(32) < 5}),
+        r"subdomain 'core' must be an array \(k,\) of integers; got bool of shape \(32,\)\. Masks: numpy\.flatnonzero",
+    ),
+    "empty list": (
+        with_sets(boundaries={"rim": []}),
+        r"boundary 'rim' must be an array \(k,\) of integers; got float64 of shape \(0,\)\.",
+    ),
+}
+CALLS = {
+    "relocate": lambda mesh: ka.relocate(mesh, np.ones(mesh.t.shape[1])),
+    "map": KohonenMap,
+    "indicators": lambda mesh: ka.density_from_indicators(mesh, np.ones(mesh.t.shape[1])),
+    "sizes": lambda mesh: ka.density_from_sizes(mesh, np.ones(mesh.t.shape[1])),
+    "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(mesh.p.shape[1]), np.zeros((2, 1))),
+    "find": lambda mesh: ka.find_elements(mesh, np.zeros((2, 1))),
+}
+
+
+AREAS_ONLY = ("indicators", "sizes")  # do not ask whether elements overlap
+
+
+@pytest.mark.parametrize(
+    ("broken", "call"),
+    [(name, call) for name in BROKEN for call in CALLS if not ("tangled" in BROKEN[name][1] and call in AREAS_ONLY)],
+)
+def test_broken_meshes(broken, call):
+    mesh, message = BROKEN[broken]
+    with pytest.raises(ValueError, match=f"^{message}"):
+        CALLS[call](mesh)
+
+
+OTHER_CLASSES = [
+    (MeshQuad().refined(1), r"MeshQuad1\. Split the quadrilaterals: mesh\.to_meshtri\(\)\."),
+    (
+        MeshTri2.from_mesh(MESH),
+        r"MeshTri2\. Keep its corners only: MeshTri\(mesh\.p\[:, :mesh\.nvertices\], mesh\.t\)\.",
+    ),
+    (
+        MeshTri1DG.from_mesh(MESH),
+        r"MeshTri1DG\. Connect its elements: MeshTri\(mesh\.p, mesh\.dofs\.element_dofs\)\.remove_dup",
+    ),
+    (MeshTet(), r"MeshTet1\. Only two-dimensional meshes can be adapted\."),
+    (MeshLine(), r"MeshLine1\. Only two-dimensional meshes can be adapted\."),
+    ("mesh.msh", r"str\. Build one with skfem\.MeshTri or kohonen_adapt\.read_mesh\."),
+    (None, r"NoneType\. Build one with skfem\.MeshTri or kohonen_adapt\.read_mesh\."),
+]
+
+
+@pytest.mark.parametrize(("mesh", "message"), OTHER_CLASSES)
+def test_meshes_of_another_class_get_the_remedy(mesh, message):
+    for call in (
+        lambda: ka.relocate(mesh, ONES),
+        lambda: KohonenMap(mesh),
+        lambda: ka.density_from_indicators(mesh, ONES),
+        lambda: ka.density_from_sizes(mesh, ONES),
+        lambda: ka.interpolate(mesh, np.ones(25), np.zeros((2, 1))),
+    ):
+        with pytest.raises(ValueError, match=rf"^mesh must be a skfem\.MeshTri; got {message}"):
+            call()
+
+
+def test_the_remedies_work():
+    discontinuous, isolated = MeshTri1DG.from_mesh(MESH), BROKEN["isolated node"][0]
+    second_order = MeshTri2.from_mesh(MESH)
+    for mesh in (
+        MeshQuad().refined(2).to_meshtri(),
+        MeshTri(second_order.p[:, : second_order.nvertices], second_order.t),
+        MeshTri(discontinuous.p, discontinuous.dofs.element_dofs).remove_duplicate_nodes(),
+        isolated.remove_unused_nodes(),
+    ):
+        assert mesh.p.shape == MESH.p.shape
+        assert ka.relocate(mesh, ONES, schedule=FIRST).p.shape == mesh.p.shape
+
+
+def test_surfaces_in_space():
+    mesh = MeshTri(np.vstack([MESH.p, np.zeros(25)]), MESH.t, validate=False)
+    with pytest.raises(ValueError, match=r"^mesh must have coordinates of shape \(2, n\); got \(3, 25\)\.$"):
+        ka.relocate(mesh, ONES)
+
+
+def changed(place, value):
+    values = np.ones(32)
+    values[place] = value
+    return values
+
+
+PER_ELEMENT = [
+    (np.ones(25), r"must have shape \(nelements,\) = \(32,\); got \(25,\)\."),
+    (np.ones((1, 32)), r"must have shape \(nelements,\) = \(32,\); got \(1, 32\)\."),
+    (1.0, r"must have shape \(nelements,\) = \(32,\); got \(\)\."),
+    (None, r"must have shape \(nelements,\) = \(32,\); got \(\)\."),
+    (changed(5, -0.5), r"must be finite and >= 0; element 5 has -0\.5\."),
+    (changed(6, np.nan), r"must be finite and >= 0; element 6 has nan\."),
+    (changed(7, np.inf), r"must be finite and >= 0; element 7 has inf\."),
+    (1j * ONES, r"must be real numbers; got complex128\."),
+    (["a"] * 32, r"must be real numbers; got <U1\."),
+]
+
+
+@pytest.mark.parametrize(("values", "message"), PER_ELEMENT)
+def test_values_per_element(values, message):
+    with pytest.raises(ValueError, match=f"^density {message}$"):
+        ka.relocate(MESH, values)
+    with pytest.raises(ValueError, match=f"^indicators {message}$"):
+        ka.density_from_indicators(MESH, values)
+    with pytest.raises(ValueError, match=f"^sizes {message}$"):
+        ka.density_from_sizes(MESH, values)
+
+
+def test_a_density_that_is_zero_everywhere():
+    with pytest.raises(ValueError, match=r"^density must not be zero everywhere; give it a positive value where"):
+        ka.relocate(MESH, np.zeros(32))
+    with pytest.raises(ValueError, match=r"^density must not be zero everywhere; the callable is at all \d+ points"):
+        ka.relocate(MESH, lambda x: np.zeros(x.shape[1]))
+
+
+def test_sizes_of_zero():
+    with pytest.raises(ValueError, match=r"^sizes must be above zero; element 3 has 0\.0\.$"):
+        ka.density_from_sizes(MESH, changed(3, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda x: 1.0, r"a callable density must return shape \(n,\) = \((\d+),\); got \(\)\."),
+        (
+            lambda x: np.ones((2, x.shape[1])),
+            r"a callable density must return shape \(n,\) = \((\d+),\); got \(2, \1\)\.",
+        ),
+        (lambda x: x[0] - 0.5, r"density must be finite and >= 0; at \(0\.\d+, 0\.\d+\) it is -0\.\d+\."),
+        (
+            lambda x: np.where(x[0] > 0.5, np.nan, 1.0),
+            r"density must be finite and >= 0; at \(0\.\d+, 0\.\d+\) it is nan\.",
+        ),
+        (lambda x: np.full(x.shape[1], np.inf), r"density must be finite and >= 0; at \(0\.\d+, 0\.\d+\) it is inf\."),
+        (lambda x: x[0] + 1j, r"density must be real numbers; got complex128\."),
+    ],
+)
+def test_callables_that_return_something_else(function, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        ka.relocate(MESH, function)
+
+
+def test_an_exception_of_a_callable_comes_through():
+    def broken(x):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        ka.relocate(MESH, broken)
+
+
+@pytest.mark.parametrize(("order", "shown"), [(0, "0"), (5, "5"), (1.5, r"1\.5"), ("1", "'1'"), (True, "True")])
+def test_orders(order, shown):
+    with pytest.raises(ValueError, match=rf"^order must be the degree of the elements, 1 to 4; got {shown}\.$"):
+        ka.density_from_indicators(MESH, ONES, order=order)
+
+
+def test_norms():
+    with pytest.raises(ValueError, match=r"^norm must be 'energy' or 'L2'; got 'H1'\.$"):
+        ka.density_from_indicators(MESH, ONES, norm="H1")
+
+
+@pytest.mark.parametrize("topology", ["Recycle", "Flip", "", None, 3])
+def test_topologies(topology):
+    with pytest.raises(ValueError, match=rf"^topology must be 'fixed' or 'flip'; got {topology!r}\.$"):
+        KohonenMap(MESH, topology=topology)
+    for call in (lambda: ka.relocate(MESH, ONES, topology=topology), lambda: Schedule.default(9, topology=topology)):
+        with pytest.raises(ValueError, match=rf"^topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}\.$"):
+            call()
+
+
+@pytest.mark.parametrize("min_quality", [-0.1, 1.0, 2, np.nan, np.inf])
+def test_min_qualities(min_quality):
+    for call in (
+        lambda: ka.relocate(MESH, ONES, min_quality=min_quality),
+        lambda: KohonenMap(MESH, min_quality=min_quality),
+    ):
+        with pytest.raises(ValueError, match=rf"^min_quality must be from 0 to below 1; got {min_quality!r}\.$"):
+            call()
+
+
+def test_relocate_works_under_the_guard_only():
+    message = r"^min_quality must be a number here; only KohonenMap works unchecked\. Got None\.$"
+    with pytest.raises(ValueError, match=message):
+        ka.relocate(MESH, ONES, min_quality=None)
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, 3.0, None, "a", True])
+def test_seeds(seed):
+    with pytest.raises(ValueError, match=rf"^seed must be an integer >= 0; got {seed!r}\.$"):
+        ka.relocate(MESH, ONES, seed=seed)
+
+
+@pytest.mark.parametrize("schedule", [3, (), Stage(1, 1, 0.3), "paper"])
+def test_schedules_of_another_kind(schedule):
+    with pytest.raises(ValueError, match=r"^schedule must be a kohonen_adapt\.Schedule or None; got "):
+        ka.relocate(MESH, ONES, schedule=schedule)
+
+
+PINNED = [
+    (["coil"], ValueError, r"pinned name 'coil' is not in the mesh; .* are: 'air', 'core', 'floor'\."),
+    ("coil", ValueError, r"pinned name 'coil' is not in the mesh; .* are: 'air', 'core', 'floor'\."),
+    ([25], ValueError, r"pinned nodes must be from 0 to 24; got 25\."),
+    ([-1], ValueError, r"pinned nodes must be from 0 to 24; got -1\."),
+    ([1.0], ValueError, r"pinned must hold node numbers and names; got 1\.0\."),
+    ([True], ValueError, r"pinned must hold node numbers and names; got True\."),
+    (np.ones(25, dtype=bool), ValueError, r"pinned must hold node numbers and names; got np\.True_\."),
+    (3, ValueError, r"pinned must be a sequence of node numbers and names; got 3\."),
+    (None, ValueError, r"pinned must be a sequence of node numbers and names; got None\."),
+]
+
+
+@pytest.mark.parametrize(("pinned", "error", "message"), PINNED)
+def test_pins(pinned, error, message):
+    mesh = inset(4).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    for call in (lambda: ka.relocate(mesh, ONES, pinned=pinned), lambda: KohonenMap(mesh, pinned=pinned)):
+        with pytest.raises(error, match=f"^{message}$"):
+            call()
+
+
+def test_pins_on_a_mesh_without_names():
+    with pytest.raises(ValueError, match=r"^pinned name 'coil' is not in the mesh; .* are: none\.$"):
+        ka.relocate(MESH, ONES, pinned=["coil"])
+
+
+def test_a_pinned_name_that_is_both_a_boundary_and_a_subdomain():
+    mesh = inset(4).with_boundaries({"core": lambda x: x[1] == 0.0})
+    with pytest.raises(
+        ValueError, match=r"^pinned name 'core' is both a boundary and a subdomain; rename one of them\.$"
+    ):
+        ka.relocate(mesh, ONES, pinned=["core"])
+    assert ka.relocate(mesh, ONES, schedule=FIRST).p.shape == mesh.p.shape
+
+
+TRAINING = [
+    (
+        np.array([[0.5, 2.0], [0.5, 0.1]]),
+        r"training points must lie in the mesh; 1 do not, point 1 at \(2\.0, 0\.1\)\.",
+    ),
+    (np.array([[np.nan], [0.5]]), r"training points must lie in the mesh; 1 do not, point 0 at \(nan, 0\.5\)\."),
+    (np.ones((3, 4)), r"points must have shape \(2, n\); got \(3, 4\)\."),
+    (np.ones(2), r"points must have shape \(2, n\); got \(2,\)\."),
+    (np.ones((2, 0)), r"points must hold at least one training point; got none\."),
+    (
+        lambda number, rng: (2 + rng.random((2, number)), None),
+        r"training points must lie in the mesh; 50 do not, point 0",
+    ),
+    (
+        lambda number, rng: (rng.random((2, number)), np.ones(3)),
+        r"weights must have shape \(n,\) = \(50,\); got \(3,\)\.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("points", "message"), TRAINING)
+def test_training_points(points, message):
+    som = KohonenMap(MESH)
+    with pytest.raises(ValueError, match=f"^{message}"):
+        som.train(points, FIRST)
+    np.testing.assert_array_equal(som.mesh.p, MESH.p)
+
+
+def test_training_points_in_a_hole():
+    with pytest.raises(
+        ValueError, match=r"^training points must lie in the mesh; 1 do not, point 0 at \(0\.5, 0\.5\)\."
+    ):
+        KohonenMap(holed(3)).train(np.array([[0.5], [0.5]]), FIRST)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (np.ones(3), r"weights must have shape \(n,\) = \(4,\); got \(3,\)\."),
+        (-np.ones(4), r"weights must be finite and >= 0; that of point 0 is -1\.0\."),
+        (np.full(4, np.nan), r"weights must be finite and >= 0; that of point 0 is nan\."),
+    ],
+)
+def test_weights(weights, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        KohonenMap(MESH).train(np.full((2, 4), 0.5), FIRST, weights=weights)
+
+
+def test_weights_beside_a_callable():
+    with pytest.raises(ValueError, match=r"^weights must come from the callable when points is one; got both\.$"):
+        KohonenMap(MESH).train(lambda number, rng: (rng.random((2, number)), None), FIRST, weights=np.ones(3))
+
+
+def test_sweeps_need_a_density():
+    message = r"^train has no density to sweep with; got sweeps = 2\. Use kohonen_adapt\.relocate\.$"
+    with pytest.raises(ValueError, match=message):
+        KohonenMap(MESH).train(np.full((2, 4), 0.5), Schedule((), sweeps=2))
+    assert len(KohonenMap(MESH).train(np.full((2, 4), 0.5))) > 0
+
+
+@pytest.mark.parametrize(
+    ("values", "x", "message"),
+    [
+        (np.ones(32), np.zeros((2, 1)), r"values must have shape \(nodes,\) = \(25,\); got \(32,\)\."),
+        (np.ones((25, 1)), np.zeros((2, 1)), r"values must have shape \(nodes,\) = \(25,\); got \(25, 1\)\."),
+        (1j * np.ones(25), np.zeros((2, 1)), r"values must be real numbers; got complex128\..*"),
+        (np.ones(25), np.zeros(2), r"x must have shape \(2, n\); got \(2,\)\."),
+        (np.ones(25), np.zeros((3, 5)), r"x must have shape \(2, n\); got \(3, 5\)\."),
+    ],
+)
+def test_shapes_for_interpolation(values, x, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        ka.interpolate(MESH, values, x)
+
+
+@pytest.mark.parametrize("start", [-1, 25, 10**7, 1.0, None])
+def test_a_search_starts_at_a_node(start):
+    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
+        ka.KohonenMap(MeshTri().refined(2)).search([0.4, 0.4], start)
+
+
+def test_a_search_starts_in_the_region_of_its_point():
+    mesh = MeshTri().refined(2).with_subdomains({"left": lambda x: x[0] < 0.5})
+    start = int(np.flatnonzero((mesh.p[0] == 1.0) & (mesh.p[1] == 0.5))[0])
+    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
+        ka.KohonenMap(mesh).search([0.1, 0.4], start)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, None, "a"])
+def test_training_needs_a_seed_that_fixes_it(seed):
+    with pytest.raises(ValueError, match=r"^seed must be an integer >= 0; got "):
+        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], seed=seed)
+
+
+def test_training_needs_a_schedule():
+    with pytest.raises(ValueError, match=r"^schedule must be a kohonen_adapt\.Schedule or None; got Stage"):
+        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], ka.Stage(1, 1, 0.3))
+
+
+def test_a_quality_is_a_number():
+    with pytest.raises(ValueError, match=r"^min_quality must be from 0 to below 1; got 'a'"):
+        ka.KohonenMap(MeshTri().refined(2), min_quality="a")
+
+
+def test_points_are_real():
+    with pytest.raises(ValueError, match=r"^points must be real numbers; got complex ones"):
+        ka.KohonenMap(MeshTri().refined(2)).train(np.array([[0.4], [0.4 + 1j]]))
+
+
+def test_a_callable_gives_points_and_weights():
+    with pytest.raises(ValueError, match=r"^points as a callable must return \(points, weights\)"):
+        ka.KohonenMap(MeshTri().refined(2)).train(lambda number, rng: rng.random((2, number)))
+
+
+@pytest.mark.parametrize("scale", [1e-170, 1e170])
+def test_only_ratios_of_a_density_matter(scale):
+    mesh = MeshTri().refined(3)
+    density = 1.0 + mesh.p[0, mesh.t].mean(axis=0)
+    moved, scaled = ka.relocate(mesh, density), ka.relocate(mesh, scale * density)
+    np.testing.assert_allclose(scaled.p, moved.p, atol=1e-9)

@@ -1,0 +1,361 @@
+"""The map: equation 1 of the paper with its neighbourhoods, regions, errors and guard."""
+
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.alternatives import SlowMap, barycentre, circumcentre, nearest_node, rings, slow_sweep
+from helpers.meshes import centres, doubled_areas, generic_square, holed, inset, outline_nodes, perturbed, square
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.triangle.smooth import RELAXATION
+from kohonen_adapt.som.training import parts_for
+from kohonen_adapt.som.training_points import density_of
+
+NOTHING = 1e-300  # a learning rate that moves no node
+
+
+def one(radius, rate, neighbourhood="flat"):
+    return Schedule((Stage(radius, 1, rate, neighbourhood=neighbourhood),))
+
+
+def points_of(mesh, number, seed):
+    rng = np.random.default_rng(seed)
+    element = rng.integers(0, mesh.t.shape[1], number)
+    return np.einsum("ke,dke->de", rng.dirichlet(np.ones(3), number).T, mesh.p[:, mesh.t[:, element]]), element
+
+
+def moved_nodes(mesh, other):
+    return set(np.flatnonzero((mesh.p != other.p).any(axis=0)).tolist())
+
+
+@pytest.mark.parametrize(
+    ("radius", "rate", "min_quality"), [(0, 0.9, 0.0), (0, 0.6, 0.4), (1, 0.03, 0.0), (2, 0.02, 0.0)]
+)
+@pytest.mark.parametrize("kind", ["square", "inset", "bad"])
+def test_training_is_equation_1_under_the_guard(kind, radius, rate, min_quality):
+    mesh = {"square": generic_square(6), "inset": inset(8), "bad": perturbed(holed(6), 2)}[kind]
+    held = np.union1d(mesh.boundary_nodes(), outline_nodes(mesh))
+    som = KohonenMap(mesh, topology="fixed", min_quality=min_quality, pinned=held)
+    elements = som.triangulation.elements
+    movable = ~np.isin(np.arange(mesh.p.shape[1]), held)
+    slow = SlowMap(mesh.p.T, elements.node, elements.neighbour, elements.region, movable, min_quality)
+    points, element = points_of(mesh, 120, radius)
+    strength = Stage(radius, 1, rate).strength()
+    for x, e in zip(points.T, element, strict=True):
+        (error,) = som.train(x[:, None], one(radius, rate, "gaussian"))
+        assert error == pytest.approx(slow.present(x, elements.region[e], rate, strength), rel=1e-12)
+    assert np.abs(som.mesh.p.T - slow.position).max() < 1e-12
+    # where nodes of a ring are refused their order decides, and that is the kernel's own affair
+    assert slow.refused == 0 if radius else slow.refused > 0
+    assert len(moved_nodes(mesh, som.mesh)) > 0.4 * movable.sum()
+
+
+def test_an_epoch_presents_every_point_once():
+    mesh, place = square(30), np.linspace(0.1, 0.9, 4)
+    points = np.stack(np.meshgrid(place, place)).reshape(2, -1) + 0.013  # so far apart that no order matters
+    at_once, by_one = (KohonenMap(mesh, topology="fixed") for _ in range(2))
+    (error,) = at_once.train(points, one(1, 0.4))
+    errors = [by_one.train(x[:, None], one(1, 0.4))[0] for x in points.T]
+    assert error == pytest.approx(np.mean(errors), rel=1e-13)
+    np.testing.assert_array_equal(at_once.mesh.p, by_one.mesh.p)
+
+
+def test_the_order_in_which_points_are_given_does_not_matter():
+    mesh = generic_square(6)
+    points, _ = points_of(mesh, 80, 1)
+    one_way, other_way = (KohonenMap(mesh) for _ in range(2))
+    assert one_way.train(points, Schedule.paper()) == other_way.train(points[:, ::-1], Schedule.paper())
+    np.testing.assert_array_equal(one_way.mesh.p, other_way.mesh.p)
+
+
+@pytest.mark.parametrize("radius", [0, 1, 3])
+def test_deep_inside_a_part_nothing_reaches_another(radius):
+    tri = KohonenMap(generic_square(16)).triangulation
+    part = (tri.position[:, 0] > 0.4).astype(np.int32) + (tri.position[:, 1] > 0.6)
+    deep, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
+    mark_deep(tri.star, part, radius + 1, deep, queue)
+    for v in range(tri.nnodes):
+        near = np.concatenate(rings(tri.elements.node, np.zeros(len(tri.elements.node)), v, radius + 1, 0))
+        assert deep[v] == np.all(part[near.astype(int)] == part[v])
+
+
+def test_points_are_sorted_by_tile_and_by_how_deep_their_winners_are():
+    rng = np.random.default_rng(3)
+    winners, rank, deep = rng.integers(0, 40, 200), rng.permutation(40), rng.random(40) < 0.7
+    cuts, order = np.empty(11, dtype=np.int64), np.empty(200, dtype=np.int32)
+    sort_into_tiles(winners, rank, deep, 40, 5, rng, cuts, order)
+    assert sorted(order) == list(range(200))
+    for i, (first, last) in enumerate(pairwise(cuts)):
+        found = winners[order[first:last]]
+        assert np.all(rank[found] // 8 == i % 5)
+        assert np.all(deep[found] == (i < 5))
+
+
+@pytest.mark.parametrize("radius", [0, 1, 2])
+def test_exactly_the_rings_within_the_radius_move(radius):
+    mesh = square(8)
+    x = np.array([0.51, 0.52])
+    som = KohonenMap(mesh, topology="fixed")
+    nearby = rings(som.triangulation.elements.node, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], radius, 0)
+    som.train(x[:, None], one(radius, 1e-3))
+    assert moved_nodes(mesh, som.mesh) == {v for ring in nearby for v in ring}
+
+
+@pytest.mark.parametrize("neighbourhood", ["flat", "gaussian"])
+def test_each_ring_goes_its_share_of_the_way(neighbourhood):
+    mesh, x, rate = square(8), np.array([0.51, 0.52]), 0.01
+    som = KohonenMap(mesh, topology="fixed")
+    nearby = rings(som.triangulation.elements.node, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], 3, 0)
+    som.train(x[:, None], one(3, rate, neighbourhood))
+    shares = np.ones(4) if neighbourhood == "flat" else np.exp(-0.5 * (np.arange(4) * 1.5 / 3) ** 2)
+    for ring, share in zip(nearby, shares, strict=True):
+        way = x[:, None] - mesh.p[:, ring]
+        np.testing.assert_allclose(som.mesh.p[:, ring] - mesh.p[:, ring], rate * share * way, atol=1e-15)
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.3), (0.26, 0.5), (0.24, 0.5), (0.1, 0.9)])
+def test_a_point_moves_only_nodes_of_its_region_and_its_outline(place):
+    mesh = inset(8)
+    som = KohonenMap(mesh, topology="fixed")
+    som.train(np.array(place)[:, None], one(6, 1e-3))
+    name = "core" if 0.25 < place[0] < 0.75 else "air"
+    nodes = set(np.unique(mesh.t[:, mesh.subdomains[name]]).tolist())
+    moved = moved_nodes(mesh, som.mesh)
+    assert moved <= nodes
+    assert len(moved) > len(nodes) // 3
+
+
+@pytest.mark.parametrize("weight", [4.0, 1e9])
+def test_learning_rate_times_weight_is_capped_at_1(weight):
+    mesh, x = square(4), np.array([[0.3], [0.27]])
+    som = KohonenMap(mesh, topology="fixed", min_quality=0.0)
+    som.train(x, one(0, 0.5), weights=[weight])
+    winner = nearest_node(mesh.p.T, x[:, 0])[0]
+    np.testing.assert_allclose(som.mesh.p[:, winner], x[:, 0], rtol=1e-15)
+
+
+def test_weights_multiply_the_learning_rate():
+    mesh, x = square(4), np.array([[0.3], [0.27]])
+    halved, weighted = (KohonenMap(mesh, topology="fixed") for _ in range(2))
+    halved.train(x, one(1, 0.25))
+    weighted.train(x, one(1, 0.5), weights=[0.5])
+    np.testing.assert_array_equal(halved.mesh.p, weighted.mesh.p)
+    assert not moved_nodes(mesh, still(mesh, x))
+
+
+def still(mesh, x):
+    som = KohonenMap(mesh, topology="fixed")
+    som.train(x, one(1, 0.5), weights=[0.0])
+    return som.mesh
+
+
+def test_the_error_of_an_epoch_is_the_mean_distance_to_the_nearest_nodes():
+    mesh = perturbed(square(6), 1)
+    points, _ = points_of(mesh, 200, 2)
+    som = KohonenMap(mesh, topology="fixed")
+    errors = som.train(points, Schedule((Stage(0, 2, NOTHING), Stage(1, 1, NOTHING))))
+    mean = np.mean([nearest_node(mesh.p.T, x)[1] for x in points.T])
+    assert errors == pytest.approx([mean] * 3, rel=1e-13)
+
+
+def test_the_error_falls_as_the_map_learns():
+    mesh = square(10)
+    points = np.random.default_rng(0).random((2, 300)) ** 2
+    for topology in ("fixed", "flip"):
+        som = KohonenMap(mesh, topology=topology)
+        (before,) = som.train(points, one(0, NOTHING))
+        errors = som.train(points, Schedule.paper())
+        assert len(errors) == 18
+        assert errors[-1] < 0.85 * before
+
+
+def test_training_stops_when_the_error_is_below_the_tolerance():
+    mesh = square(10)
+    points = np.random.default_rng(0).random((2, 300)) ** 2
+    errors = KohonenMap(mesh).train(points, Schedule.paper())
+    reached = sorted(errors)[len(errors) // 2]
+    stop = next(k for k, error in enumerate(errors) if error < reached)
+    stages = Schedule.paper().stages
+    stopped = KohonenMap(mesh).train(points, Schedule(stages, tolerance=reached, fresh=False))
+    assert stopped == errors[: stop + 1]
+    assert len(KohonenMap(mesh).train(points, Schedule(stages, tolerance=0.0, fresh=False))) == 18
+
+
+@pytest.mark.parametrize(("fresh", "calls"), [(True, [50, 50, 100]), (False, [100])])
+def test_a_callable_is_asked_once_per_epoch_or_once(fresh, calls):
+    asked = []
+
+    def draw(number, rng):
+        asked.append(number)
+        return rng.random((2, number)), None
+
+    stages = (Stage(1, 2, 0.2, points_per_neuron=2.0), Stage(0, 1, 0.1, points_per_neuron=4.0))
+    errors = KohonenMap(square(4)).train(draw, Schedule(stages, fresh=fresh))
+    assert len(errors) == 3
+    assert asked == calls
+
+
+def test_a_callable_may_weigh_its_points():
+    draw = lambda number, rng: (rng.random((2, number)), np.zeros(number))  # noqa: E731
+    som = KohonenMap(square(4), topology="fixed")
+    som.train(draw)
+    assert not moved_nodes(square(4), som.mesh)
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_a_seed_gives_the_same_bits_and_another_seed_another_mesh(topology):
+    points, _ = points_of(square(6), 100, 3)
+
+    def trained(seed):
+        som = KohonenMap(square(6), topology=topology)
+        return som.train(points, Schedule.paper((1, 1, 1)), seed=seed), som.mesh
+
+    (errors, mesh), (again, same), (others, other) = trained(1), trained(1), trained(2)
+    assert errors == again
+    np.testing.assert_array_equal(mesh.p, same.p)
+    np.testing.assert_array_equal(mesh.t, same.t)
+    assert errors != others
+    assert np.any(mesh.p != other.p)
+
+
+def test_the_guard_keeps_every_element_and_without_it_elements_overlap():
+    mesh = square(8)
+    points = 0.3 + 0.1 * np.random.default_rng(4).random((2, 100))
+    schedule = Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),))
+    sign = np.sign(doubled_areas(mesh.p, mesh.t))
+    for min_quality in (0.0, 0.3, 0.6):
+        som = KohonenMap(mesh, topology="fixed", min_quality=min_quality)
+        som.train(points, schedule)
+        assert np.all(sign * doubled_areas(som.mesh.p, som.mesh.t) > 0)
+        assert ka.quality(som.mesh).min() >= min_quality - 1e-14
+    unchecked = KohonenMap(mesh, topology="fixed", min_quality=None)
+    unchecked.train(points, schedule)
+    assert np.any(sign * doubled_areas(unchecked.mesh.p, unchecked.mesh.t) < 0)
+
+
+def test_an_unchecked_map_that_flips_comes_to_an_end():
+    som = KohonenMap(square(12), min_quality=None)
+    points = np.random.default_rng(0).random((2, 300)) ** 3
+    assert len(som.train(points, Schedule((Stage(0, 3, 0.9), Stage(3, 3, 0.9))))) == 6
+
+
+@pytest.mark.parametrize("min_quality", [0.0, 0.5])
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_a_sweep_moves_nodes_towards_the_weighted_centres_of_their_elements(topology, min_quality):
+    mesh = perturbed(square(6), 4, worst=0.3)
+    som = KohonenMap(mesh, topology=topology, min_quality=min_quality)
+    som.train(np.array([[0.5], [0.5]]), one(0, NOTHING))  # flips what there is to flip
+    tri = som.triangulation
+    density = density_of(tri, np.random.default_rng(0).uniform(1, 3, mesh.t.shape[1]))
+    x, y = mesh.p
+    axes = {v: [k for k, at in enumerate((x[v], y[v])) if at not in (0, 1)] for v in range(mesh.p.shape[1])}
+    axes = {v: axes[v] for v in som._classroom.order if axes[v]}
+    centre = circumcentre if topology == "flip" else barycentre
+    squares = density.squares(tri)
+    wanted = slow_sweep(tri.position, tri.elements.node, squares, axes, centre, RELAXATION, min_quality)
+    som.smooth(density, 1)
+    assert np.abs(tri.position - wanted).max() < 1e-12
+    assert np.all((wanted != mesh.p.T).any(axis=1).sum() > 0.8 * len(axes))
+
+
+def test_training_goes_on_from_where_it_was():
+    points, _ = points_of(square(6), 100, 3)
+    som = KohonenMap(square(6))
+    first = som.train(points, Schedule((Stage(1, 5, 0.3),)))
+    second = som.train(points, Schedule((Stage(1, 5, 0.3),)))
+    assert second[0] < first[0]
+    assert len(som.search_steps) == 10
+
+
+def test_nothing_that_is_given_is_changed():
+    mesh, points = inset(4), np.asfortranarray(np.random.default_rng(0).random((2, 40)))
+    weights = np.linspace(0, 1, 40)
+    before = [mesh.p.copy(), mesh.t.copy(), points.copy(), weights.copy(), mesh.subdomains["core"].copy()]
+    som = KohonenMap(mesh)
+    som.train(points, Schedule.paper((1, 1, 1)), weights=weights)
+    result = som.mesh
+    for old, new in zip(before, [mesh.p, mesh.t, points, weights, mesh.subdomains["core"]], strict=True):
+        np.testing.assert_array_equal(old, new)
+    assert not np.shares_memory(result.p, mesh.p)
+    assert not np.shares_memory(result.p, som.triangulation.position)
+    result.p[:] = 0
+    assert som.mesh.p.max() == 1.0
+
+
+def test_points_that_may_not_be_written_are_read():
+    points = np.random.default_rng(0).random((2, 20))
+    points.flags.writeable = False
+    assert len(KohonenMap(square(4)).train(points, one(1, 0.3))) == 1
+
+
+SCRIPT = """
+import numpy as np, kohonen_adapt as ka
+from helpers.meshes import inset, centres
+mesh = inset(4)
+density = 1 / (0.02 + np.hypot(*(centres(mesh) - 0.3)))
+for topology in ("fixed", "flip"):
+    schedule = ka.Schedule((ka.Stage(2, 1, 0.3), ka.Stage(0, 1, 0.3)), sweeps=2)
+    result = ka.relocate(mesh, density, topology=topology, schedule=schedule)
+    print(result.p.tobytes().hex(), result.t.tobytes().hex())
+"""
+
+
+PARTED = """
+import hashlib
+import kohonen_adapt as ka
+from helpers.meshes import inset
+
+mesh = inset(104).with_boundaries({"floor": lambda x: x[1] == 0.0})
+mesh = ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.3) ** 2 + x[1] ** 2))
+print(mesh.p.shape[1], hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
+"""
+
+
+def output_with(script=SCRIPT, **variables):
+    tests = Path(__file__).parents[1]
+    paths = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": paths, **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def arrays_with(**variables):
+    fields = output_with(**variables).split()
+    assert len(fields) == 4
+    return [np.frombuffer(bytes.fromhex(field), dtype) for field, dtype in zip(fields, "didi", strict=True)]
+
+
+@pytest.mark.slow
+def test_the_number_of_threads_has_no_say():
+    alone, pair, crowd = (output_with(PARTED, NUMBA_NUM_THREADS=str(number)) for number in (1, 2, 5))
+    assert parts_for(int(alone.split()[0]), 10) > 1
+    assert alone == pair == crowd
+
+
+@pytest.mark.slow
+def test_kernels_do_the_same_as_plain_python():
+    for compiled, plain in zip(arrays_with(), arrays_with(NUMBA_DISABLE_JIT="1"), strict=True):
+        np.testing.assert_allclose(plain, compiled, rtol=1e-9, atol=1e-9)  # numpy's exp and libm's differ in a bit
+
+
+def test_the_map_serves_the_whole_of_a_regular_grid():
+    mesh = square(8)
+    points, element = points_of(mesh, 400, 9)
+    som = KohonenMap(mesh, topology="fixed")
+    som.train(points, one(0, 0.1))
+    assert len(moved_nodes(mesh, som.mesh)) > 0.7 * mesh.p.shape[1]
+    assert centres(som.mesh).shape == centres(mesh).shape
+    assert len(element) == 400

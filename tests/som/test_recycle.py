@@ -1,0 +1,252 @@
+"""Recycling: splits and collapses that keep everything but the number of nodes where they are."""
+
+import heapq
+
+import numpy as np
+import pytest
+from helpers.meshes import (
+    area_of,
+    centres,
+    generic_square,
+    holed,
+    inset,
+    junction,
+    l_shape,
+    length_of,
+    named,
+    peak,
+    slit,
+    square,
+)
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt import Schedule
+from kohonen_adapt.kernels.triangle.chains import HELD
+from kohonen_adapt.kernels.triangle.recycle import Heap, insert, remove_first
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.som.recycling import RATIO
+from kohonen_adapt.som.training_points import density_of
+
+MESHES = {
+    "square": square(12),
+    "generic": generic_square(12),
+    "l_shape": l_shape(6),
+    "holed": holed(12),
+    "inset": inset(12),
+    "junction": junction(12),
+    "named": named(12),
+}
+
+
+def recycled(mesh, density, *, pinned=(), target=None, pairs=True, min_quality=0.3):
+    """The map of a mesh after recycling, and what that did."""
+    som = KohonenMap(mesh, min_quality=min_quality, pinned=pinned)
+    wanted = density_of(som.triangulation, density)
+    return som, som.recycle(wanted, target or mesh.p.shape[1], pairs)
+
+
+def spread(mesh, density):
+    """Longest over shortest edge in the metric of a density per node."""
+    a, b = mesh.facets
+    length = np.hypot(*(mesh.p[:, a] - mesh.p[:, b])) * (density[a] * density[b]) ** 0.25
+    return length.max() / length.min()
+
+
+@pytest.fixture(params=MESHES, ids=str)
+def mesh(request):
+    return MESHES[request.param]
+
+
+def test_the_number_of_nodes_stays_and_nodes_go_where_the_density_is(mesh):
+    som, done = recycled(mesh, peak(mesh, 0.4, 0.9))
+    assert som.mesh.p.shape == mesh.p.shape
+    assert done.splits == done.collapses > 10
+    near = lambda each: np.count_nonzero(np.hypot(each.p[0] - 0.4, each.p[1] - 0.9) < 0.15)  # noqa: E731
+    assert near(som.mesh) > 2 * near(mesh)
+
+
+def test_old_nodes_keep_their_place_and_number(mesh):
+    som, done = recycled(mesh, peak(mesh, 0.4, 0.9))
+    kept = done.old >= 0
+    assert np.array_equal(som.mesh.p[:, kept], mesh.p[:, done.old[kept]])
+    assert np.array_equal(done.old[kept], np.flatnonzero(kept))
+    assert np.count_nonzero(~kept) <= done.splits
+
+
+def test_names_areas_lines_and_sides_are_kept(mesh):
+    result = ka.relocate(mesh, peak(mesh, 0.4, 0.9), topology="recycle")
+    assert result.is_valid()
+    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-13)
+    assert length_of(result, result.boundary_facets()) == pytest.approx(
+        length_of(mesh, mesh.boundary_facets()), rel=1e-13
+    )
+    for name, rows in (mesh.subdomains or {}).items():
+        assert area_of(result, result.subdomains[name]) == pytest.approx(area_of(mesh, rows), rel=1e-13)
+    for name, rows in (mesh.boundaries or {}).items():
+        assert length_of(result, result.boundaries[name]) == pytest.approx(length_of(mesh, rows), rel=1e-13)
+        assert isinstance(result.boundaries[name], OrientedBoundary) == isinstance(rows, OrientedBoundary)
+
+
+def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
+    """Neighbours, stars, regions, chains and what nodes may do, as if found anew."""
+    som, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
+    ours, anew = som.triangulation, Triangulation.of(som.mesh)
+    outline = Outline.of(anew, np.zeros(anew.nnodes, dtype=bool))
+    for e in range(len(ours.elements.node)):
+        for k in range(3):
+            across = ours.elements.neighbour[e, k]
+            assert across < 0 or e in ours.elements.neighbour[across]
+    assert edges_on_chains(ours) == edges_on_chains(anew)
+    assert np.array_equal(som.outline.constraints.kind, outline.constraints.kind)
+    assert np.array_equal(som.outline.constraints.inner, outline.constraints.inner)
+    sliding = som.outline.constraints.kind == 1
+    chain, table = som.outline.constraints.chain[sliding, 0], som.outline.constraints.chains
+    looked_up = table.origin[chain] + som.outline.constraints.parameter[sliding, None] * table.direction[chain]
+    np.testing.assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
+
+
+def edges_on_chains(triangulation):
+    """The edges on outlines, as pairs of nodes."""
+    e, k = np.nonzero(triangulation.elements.chain >= 0)
+    node = triangulation.elements.node
+    return {frozenset(pair) for pair in zip(node[e, (k + 1) % 3].tolist(), node[e, (k + 2) % 3].tolist(), strict=True)}
+
+
+def test_corners_stay(mesh):
+    som = KohonenMap(mesh)
+    corners = {tuple(x) for x in som.triangulation.position[som.outline.constraints.kind == HELD]}
+    after, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
+    assert corners == {tuple(x) for x in after.triangulation.position[after.outline.constraints.kind == HELD]}
+
+
+def test_outlines_gain_and_lose_nodes():
+    mesh = square(16)
+    result = ka.relocate(mesh, peak(mesh, 0.5, 0.5), topology="recycle")
+    assert len(result.boundary_nodes()) < 0.6 * len(mesh.boundary_nodes())
+    assert result.t.shape[1] > mesh.t.shape[1]
+    result = ka.relocate(mesh, peak(mesh, 0.5, 0.0), topology="recycle")
+    on_floor = lambda each: np.count_nonzero(each.p[1] == 0.0)  # noqa: E731
+    assert on_floor(result) > 1.5 * on_floor(mesh)
+
+
+def test_a_thin_gap_does_not_stop_the_exchange():
+    """Two rooms joined by an edge's width: moving cannot carry nodes from one to the other, recycling does."""
+    mesh = square(16)
+    x, y = centres(mesh)
+    mesh = mesh.remove_elements(np.flatnonzero((np.abs(x - 0.5) < 1 / 16) & (y > 1 / 16)))
+    density = np.where(centres(mesh)[0] < 0.5, 1.0, 50.0)
+    right = lambda each: np.count_nonzero(each.p[0] > 0.5)  # noqa: E731
+    assert right(ka.relocate(mesh, density, topology="recycle")) > 1.3 * right(ka.relocate(mesh, density))
+
+
+@pytest.mark.parametrize("min_quality", [0.0, 0.3, 0.6])
+def test_the_quality_rule(mesh, min_quality):
+    som, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6), min_quality=min_quality)
+    assert ka.quality(som.mesh).min() >= min(min_quality, ka.quality(mesh).min())
+
+
+def test_pinned_nodes_stay_and_edges_between_them_too():
+    mesh = named(12)
+    pinned = np.unique(mesh.facets[:, mesh.boundaries["floor"]])
+    density = peak(mesh, 0.5, 0.0, contrast=1e5)
+    result = ka.relocate(mesh, density, topology="recycle", pinned="floor")
+    assert np.array_equal(result.p[:, pinned], mesh.p[:, pinned])
+    assert np.count_nonzero(result.p[1] == 0.0) == len(pinned)
+    assert np.count_nonzero(ka.relocate(mesh, density, topology="recycle").p[1] == 0.0) > len(pinned)
+
+
+def test_edges_become_alike_in_the_metric():
+    mesh = square(24)
+    density = peak(mesh, 0.4, 0.6, contrast=1e3)
+    before = KohonenMap(mesh)
+    som, done = recycled(mesh, density, min_quality=0.1)
+    at_nodes = lambda x: 1.0 + 1e3 * np.exp(-((x[0] - 0.4) ** 2 + (x[1] - 0.6) ** 2) / 0.01)  # noqa: E731
+    assert spread(som.mesh, at_nodes(som.mesh.p)) < 0.4 * spread(before.mesh, at_nodes(mesh.p))
+    assert RATIO > 1 and done.splits > 0
+
+
+def test_a_mesh_that_has_the_density_is_left_alone():
+    mesh = square(12)
+    som, done = recycled(mesh, np.ones(mesh.t.shape[1]))
+    assert (done.splits, done.collapses) == (0, 0)
+    assert np.array_equal(som.mesh.t, mesh.t)
+
+
+def test_growth_keeps_every_node_and_reaches_the_number(mesh):
+    count = mesh.p.shape[1]
+    som, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=3 * count, pairs=False)
+    assert (done.splits, done.collapses) == (2 * count, 0)
+    assert som.mesh.p.shape[1] == 3 * count
+    assert np.array_equal(som.mesh.p[:, :count], mesh.p)
+    grown, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=2 * count)
+    assert grown.mesh.p.shape[1] == 2 * count
+    assert done.splits - done.collapses == count
+
+
+def test_every_old_element_has_a_start_in_its_region(mesh):
+    som, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
+    region, now = Triangulation.of(mesh).elements.region, som.triangulation
+    for e, start in enumerate(done.starts):
+        around = now.star.element[now.star.start[start] : now.star.start[start + 1]]
+        assert region[e] in now.elements.region[around]
+
+
+def test_the_same_twice():
+    mesh = named(12)
+    density = peak(mesh, 0.4, 0.9)
+    one, other = (ka.relocate(mesh, density, topology="recycle", seed=3) for _ in range(2))
+    assert np.array_equal(one.p, other.p) and np.array_equal(one.t, other.t)
+
+
+def test_a_callable_density():
+    mesh = square(16)
+    result = ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.5) ** 2), topology="recycle")
+    assert result.p.shape == mesh.p.shape
+    assert np.count_nonzero(np.abs(result.p[0] - 0.5) < 0.1) > 1.5 * np.count_nonzero(np.abs(mesh.p[0] - 0.5) < 0.1)
+
+
+def test_the_schedule_may_sweep():
+    mesh = inset(12)
+    result = ka.relocate(mesh, peak(mesh, 0.4, 0.6), topology="recycle", schedule=Schedule((), sweeps=4))
+    assert area_of(result, result.subdomains["core"]) == pytest.approx(0.25, rel=1e-13)
+
+
+def test_the_heap_gives_keys_in_order_like_a_slow_twin():
+    rng = np.random.default_rng(0)
+    heap, slow = Heap(np.empty(500), np.empty((500, 2), dtype=np.int32), np.zeros(1, dtype=np.int64)), []
+    for _ in range(2000):
+        if slow and (rng.random() < 0.45 or len(slow) == 500):
+            key, a, b = remove_first(heap)
+            assert (key, a, b) == heapq.heappop(slow)
+        else:
+            key, a, b = rng.random(), int(rng.integers(100)), int(rng.integers(100))
+            insert(heap, key, a, b)
+            heapq.heappush(slow, (key, a, b))
+    assert heap.size[0] == len(slow)
+
+
+def test_heaps_that_fill_up_are_filled_anew():
+    """Far from Delaunay, with two nodes of high degree: one split sets off thousands of flips."""
+    n = 8000
+    x, i = np.linspace(1, 2, n), 2 + np.arange(n - 1)
+    p = np.hstack([[[1.5], [1.0]], [[1.5], [-1.0]], [x, 0.1 * np.sin(np.pi * (x - 1))]])
+    mesh = MeshTri(p, np.hstack([[0 * i, i, i + 1], [0 * i + 1, i, i + 1]]))
+    density = np.where(centres(mesh)[0] < 1.1, 1.0, 1e-6)
+    result = ka.relocate(mesh, density, topology="recycle", min_quality=0.0, schedule=Schedule(()))
+    assert result.p.shape == mesh.p.shape
+    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-12)
+
+
+def test_new_nodes_on_a_slit_are_found_from_their_own_bank():
+    mesh = slit(12)
+    som, done = recycled(mesh, peak(mesh, 0.55, 0.5, contrast=1e4))
+    middle = centres(mesh)[1]
+    chains = np.flatnonzero((done.old < 0) & (som.mesh.p[1] == 0.5) & (som.mesh.p[0] < 0.6))
+    star = som.triangulation.star
+    above = [centres(som.mesh)[1, star.element[star.start[v]]] > 0.5 for v in chains]
+    assert len(chains) > 5
+    assert [middle[done.hint[v]] > 0.5 for v in chains] == above

@@ -1,0 +1,378 @@
+"""What holds for every relocated mesh: symmetries, worth, determinism, names and bytes."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.alternatives import nearest_node
+from helpers.meshes import (
+    area_of,
+    centres,
+    comb,
+    generic_square,
+    holed,
+    inset,
+    junction,
+    l_shape,
+    length_of,
+    named,
+    peak,
+    perturbed,
+    slit,
+    square,
+)
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from benchmarks.problems.l_shape import LShape, l_shaped_mesh
+from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.som.relocate import start_radius, trained_map
+from kohonen_adapt.som.training_points import density_of
+
+TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
+BUILDS = {
+    "square": lambda: square(8),
+    "bad": lambda: perturbed(square(8), 1),
+    "delaunay": lambda: generic_square(9),
+    "comb": lambda: comb(10),
+    "hole": lambda: holed(9),
+    "l": lambda: l_shape(4),
+    "slit": lambda: slit(8),
+    "inset": lambda: perturbed(inset(8), 2),
+    "junction": lambda: junction(8),
+    "named": lambda: named(8),
+}
+SHORT = Schedule((Stage(2, 1, 0.3), Stage(1, 1, 0.3)), sweeps=2)
+
+
+def pull(mesh):
+    """A density with a peak on the outline and one inside."""
+    x, y = mesh.p[:, mesh.boundary_nodes()[0]]
+    return peak(mesh, x, y, 300) + peak(mesh, 0.4, 0.6, 100)
+
+
+def worth(mesh, density, old_mesh, seed=0):
+    """Mean quality, and the mean distance of many points of the density to their nearest nodes."""
+    points = density_of(Triangulation.of(old_mesh), density).draw(4000, np.random.default_rng(seed)).points
+    return np.array([ka.quality(mesh).mean(), mean_distance(mesh, points)])
+
+
+def mean_distance(mesh, points):
+    return np.mean([nearest_node(mesh.p.T, x)[1] for x in points])
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", BUILDS)
+def test_areas_outlines_names_nodes_orientation_and_quality_are_kept(kind, topology):
+    mesh = BUILDS[kind]()
+    for seed, min_quality in enumerate((0.0, 0.3, 0.5)):
+        result = ka.relocate(mesh, pull(mesh), topology=topology, min_quality=min_quality, seed=seed)
+        assert type(result) is type(mesh)
+        assert result.p.shape == mesh.p.shape
+        assert result.t.dtype == mesh.t.dtype
+        old, new = Triangulation.of(mesh), Triangulation.of(result)
+        areas = [np.bincount(each.elements.region, each.areas()) for each in (new, old)]
+        if topology == "recycle":  # regions are numbered anew
+            areas = [np.sort(each) for each in areas]
+        np.testing.assert_allclose(*areas, rtol=1e-12)
+        assert ka.quality(result).min() >= min(min_quality, ka.quality(mesh).min()) - 1e-14
+        assert length_of(result, result.boundary_facets()) == pytest.approx(
+            length_of(mesh, mesh.boundary_facets()), 1e-12
+        )
+        for name, rows in (mesh.subdomains or {}).items():
+            assert area_of(result, result.subdomains[name]) == pytest.approx(area_of(mesh, rows), rel=1e-12)
+        for name, rows in (mesh.boundaries or {}).items():
+            assert length_of(result, result.boundaries[name]) == pytest.approx(length_of(mesh, rows), rel=1e-12)
+        assert np.abs(result.p - mesh.p).max() > 0.01
+
+
+def test_what_has_no_names_gets_none():
+    result = ka.relocate(square(4), np.ones(32))
+    assert result.subdomains is None
+    assert result.boundaries is None
+
+
+def test_names_without_members_are_kept():
+    mesh = square(4).with_subdomains({"nothing": np.array([], dtype=int)})
+    mesh = mesh.with_boundaries({"nowhere": np.array([], dtype=int)})
+    result = ka.relocate(mesh, np.ones(32))
+    assert len(result.subdomains["nothing"]) == 0
+    assert len(result.boundaries["nowhere"]) == 0
+
+
+def test_what_scikit_fem_brings_from_gmsh_is_no_region():
+    mesh = inset(8)
+    extra = {**mesh.subdomains, "gmsh:bounding_entities": np.array([1, 2, 90, 3000])}
+    loaded = MeshTri(mesh.p, mesh.t, _subdomains=extra)
+    result = ka.relocate(loaded, pull(mesh))
+    np.testing.assert_array_equal(result.p, ka.relocate(mesh, pull(mesh)).p)
+    np.testing.assert_array_equal(result.subdomains["gmsh:bounding_entities"], extra["gmsh:bounding_entities"])
+
+
+@pytest.mark.parametrize("kind", BUILDS)
+def test_a_fixed_topology_keeps_the_elements_bit_for_bit(kind):
+    mesh = BUILDS[kind]()
+    result = ka.relocate(mesh, pull(mesh), topology="fixed")
+    assert result.t.tobytes() == mesh.t.tobytes()
+    assert np.any(result.p != mesh.p)
+
+
+@pytest.mark.parametrize("kind", BUILDS)
+def test_no_epochs_and_no_sweeps_move_no_node(kind):
+    mesh = BUILDS[kind]()
+    for schedule in (Schedule(()), Schedule((Stage(2, 0, 0.3),))):
+        same = ka.relocate(mesh, pull(mesh), topology="fixed", schedule=schedule)
+        assert same.p.tobytes() == mesh.p.tobytes()
+        assert same.t.tobytes() == mesh.t.tobytes()
+        for name, rows in (mesh.boundaries or {}).items():
+            np.testing.assert_array_equal(np.asarray(same.boundaries[name]), np.sort(rows))
+            assert (
+                getattr(same.boundaries[name], "ori", np.zeros(0)).tolist()
+                == getattr(rows, "ori", np.zeros(0)).tolist()
+            )
+        assert ka.relocate(mesh, pull(mesh), topology="flip", schedule=schedule).p.tobytes() == mesh.p.tobytes()
+
+
+def test_the_result_shares_nothing_with_the_input():
+    mesh = named(8)
+    before = [mesh.p.tobytes(), mesh.t.tobytes(), *(np.asarray(v).tobytes() for v in mesh.boundaries.values())]
+    density = pull(mesh)
+    copied = density.copy()
+    for topology, schedule in itertools.product(("fixed", "flip"), (None, Schedule(()))):
+        result = ka.relocate(mesh, density, topology=topology, schedule=schedule)
+        for name, rows in result.subdomains.items():
+            assert not np.shares_memory(rows, mesh.subdomains[name])
+        for name, rows in result.boundaries.items():
+            assert not np.shares_memory(np.asarray(rows), np.asarray(mesh.boundaries[name]))
+        assert not np.shares_memory(result.p, mesh.p)
+        assert not np.shares_memory(result.t, mesh.t)
+        result.p[:], result.t[:] = 0, 0
+    after = [mesh.p.tobytes(), mesh.t.tobytes(), *(np.asarray(v).tobytes() for v in mesh.boundaries.values())]
+    assert after == before
+    np.testing.assert_array_equal(density, copied)
+
+
+def test_arrays_that_may_not_be_written_are_read():
+    mesh, density = square(4), np.linspace(1, 2, 32)
+    for array in (mesh.p, mesh.t, density):
+        array.flags.writeable = False
+    assert np.any(ka.relocate(mesh, density).p != mesh.p)
+
+
+@TOPOLOGIES
+def test_a_seed_gives_the_same_bits_and_another_seed_another_mesh(topology):
+    mesh = named(8)
+    first, again, other = (ka.relocate(mesh, pull(mesh), topology=topology, seed=seed) for seed in (3, 3, 4))
+    assert first.p.tobytes() == again.p.tobytes()
+    assert first.t.tobytes() == again.t.tobytes()
+    assert all(np.array_equal(first.boundaries[name], again.boundaries[name]) for name in mesh.boundaries)
+    assert np.any(first.p != other.p)
+
+
+def test_the_global_random_state_has_no_say():
+    mesh = square(6)
+    np.random.seed(1)  # noqa: NPY002
+    first = ka.relocate(mesh, pull(mesh))
+    np.random.seed(2)  # noqa: NPY002
+    state = np.random.get_state()[1].copy()  # noqa: NPY002
+    assert ka.relocate(mesh, pull(mesh)).p.tobytes() == first.p.tobytes()
+    np.testing.assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", ["bad", "l", "named", "slit"])
+@pytest.mark.parametrize("exponent", [-20, -7, -1, 1, 6, 20])
+def test_a_mesh_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(exponent, kind, topology):
+    mesh = BUILDS[kind]()
+    plain = ka.relocate(mesh, pull(mesh), topology=topology)
+    scaled = ka.relocate(mesh.scaled(2.0**exponent), pull(mesh), topology=topology)
+    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**exponent)
+    np.testing.assert_array_equal(scaled.t, plain.t)
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", ["delaunay", "l", "named"])
+@pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3), (-10.7, 4.1)])
+def test_a_mesh_translated_gives_the_translated_mesh(way, kind, topology):
+    mesh = BUILDS[kind]()
+    plain = ka.relocate(mesh, pull(mesh), topology=topology)
+    moved = ka.relocate(mesh.translated(way), pull(mesh), topology=topology)
+    assert np.abs(moved.p - np.array(way)[:, None] - plain.p).max() < 1e-9
+    np.testing.assert_array_equal(moved.t, plain.t)
+
+
+def turned(mesh, density, seed):
+    angle = 0.3 + seed
+    return MeshTri(
+        np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ mesh.p, mesh.t
+    ), density
+
+
+def mirrored(mesh, density, seed):
+    return MeshTri(mesh.p[::-1], mesh.t), density
+
+
+def renumbered(mesh, density, seed):
+    rng = np.random.default_rng(seed)
+    nodes, elements = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
+    return MeshTri(mesh.p[:, nodes], np.argsort(nodes)[mesh.t[:, elements]]), density[elements]
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", ["delaunay", "l"])
+@pytest.mark.parametrize("change", [turned, mirrored, renumbered])
+def test_a_mesh_turned_mirrored_or_renumbered_gives_one_of_the_same_worth(change, kind, topology):
+    mesh = BUILDS[kind]()
+    plain, other = [], []
+    for seed in range(5):
+        density = pull(mesh)
+        plain.append(worth(ka.relocate(mesh, density, topology=topology, seed=seed), density, mesh))
+        mesh_too, density_too = change(mesh, density, seed)
+        result = ka.relocate(mesh_too, density_too, topology=topology, seed=seed)
+        other.append(worth(result, density_too, mesh_too))
+    np.testing.assert_allclose(np.median(other, axis=0), np.median(plain, axis=0), rtol=0.05)
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("seed", range(3))
+def test_a_constant_density_on_a_mesh_that_has_it_costs_at_most_5_percent(seed, topology):
+    mesh = square(16)
+    density = np.ones(mesh.t.shape[1])
+    points = density_of(Triangulation.of(mesh), density).draw(6000, np.random.default_rng(99)).points
+    result = ka.relocate(mesh, density, topology=topology, seed=seed)
+    assert mean_distance(result, points) < 1.05 * mean_distance(mesh, points)
+
+
+@TOPOLOGIES
+def test_nodes_go_where_the_density_is(topology):
+    mesh = square(12)
+    density = peak(mesh, 0.3, 0.4, 200, 0.2)
+    result = ka.relocate(mesh, density, topology=topology)
+    points = density_of(Triangulation.of(mesh), density).draw(3000, np.random.default_rng(0)).points
+    assert mean_distance(result, points) < 0.85 * mean_distance(mesh, points)
+
+
+def test_a_callable_is_as_good_as_its_values():
+    mesh = square(12)
+    function = lambda x: 1 + 30 * np.exp(-((x[0] - 0.3) ** 2 + (x[1] - 0.4) ** 2) / 0.09)  # noqa: E731
+    density = function(centres(mesh))
+    by_call = np.median([worth(ka.relocate(mesh, function, seed=s), density, mesh) for s in range(3)], axis=0)
+    by_array = np.median([worth(ka.relocate(mesh, density, seed=s), density, mesh) for s in range(3)], axis=0)
+    np.testing.assert_allclose(by_call, by_array, rtol=0.05)
+
+
+def test_a_density_counts_up_to_a_factor_that_is_a_power_of_two():
+    mesh = perturbed(square(6), 1)
+    for factor in (2.0**-30, 2.0**40):
+        np.testing.assert_allclose(ka.relocate(mesh, factor * pull(mesh)).p, ka.relocate(mesh, pull(mesh)).p, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_eight_calls_each_on_a_fresh_estimate_end_no_worse_than_four():
+    problem, errors = LShape(), []
+    for seed in range(3):
+        mesh, trail = l_shaped_mesh(8), []
+        for number in range(9):
+            solution = problem.solve(mesh)
+            trail.append(problem.error(mesh, solution))
+            density = ka.density_from_indicators(mesh, problem.indicators(mesh, solution))
+            mesh = ka.relocate(mesh, density, seed=10 * seed + number)
+        errors.append(trail)
+    start, four, eight = np.median(errors, axis=0)[[0, 4, 8]]
+    assert four < 0.6 * start
+    assert eight <= 1.005 * four
+
+
+def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
+    mesh = square(40)
+    function = lambda x: 1 / (0.01 + x[0] ** 2 + x[1] ** 2)  # noqa: E731
+
+    def radius(mesh, density):
+        som = KohonenMap(mesh)
+        return start_radius(som, density_of(som.triangulation, density))
+
+    assert radius(mesh, function) == 16
+    assert radius(mesh, lambda x: np.ones(x.shape[1])) == 2
+    for seed in range(5):
+        mesh = ka.relocate(mesh, function, seed=seed)
+    assert radius(mesh, function) <= 4
+
+
+def test_an_account_of_what_it_took():
+    mesh = square(6)
+    options = {"limits": Limits(), "seed": 0}
+    done = trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation()
+    way = np.hypot(*(done.mesh.p - mesh.p))
+    assert len(done.quantization_errors) == 2
+    assert done.max_displacement == pytest.approx(way.max(), rel=1e-14)
+    assert done.moved == np.count_nonzero(way)
+    assert done.message == ""
+    still = trained_map(mesh, pull(mesh), schedule=Schedule(()), **options).relocation()
+    assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
+    assert still.message == "the schedule has no rounds, no epochs and no sweeps"
+    options["limits"] = Limits(pinned=range(49))
+    assert (
+        trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation().message
+        == "every node is a corner or pinned"
+    )
+
+
+def test_regions_that_hang_together_nowhere_are_relocated_each():
+    one = square(6)
+    two = MeshTri(np.hstack([one.p, one.p + 3]), np.hstack([one.t, one.t + 49]))
+    result = ka.relocate(two, np.tile(pull(one), 2))
+    for nodes in (slice(0, 49), slice(49, 98)):
+        assert np.abs(result.p[:, nodes] - two.p[:, nodes]).max() > 0.02
+    assert result.p[:, 49:].min() == 3.0
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        MeshTri(np.array([[0.0, 1, 0], [0, 0, 1]]), np.array([[0], [1], [2]])),
+        MeshTri(),
+        square(2).remove_elements(np.array([0, 1])),
+        MeshTri.init_sqsymmetric(),
+    ],
+)
+@TOPOLOGIES
+def test_meshes_with_hardly_a_node_to_move(mesh, topology):
+    result = ka.relocate(mesh, np.arange(1.0, mesh.t.shape[1] + 1), topology=topology)
+    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-14)
+    corners = np.flatnonzero(np.all((mesh.p == 0) | (mesh.p == 1), axis=0))
+    assert {tuple(x) for x in mesh.p[:, corners].T} <= {tuple(x) for x in result.p.T}
+    if mesh.p.shape[1] <= 4:
+        np.testing.assert_array_equal(result.p, mesh.p)
+
+
+def test_a_mesh_whose_nodes_all_lie_on_the_outline_slides_along_it():
+    ticks = np.linspace(0, 1, 21)
+    mesh = MeshTri.init_tensor(ticks, np.array([0.0, 0.05]))
+    result = ka.relocate(mesh, peak(mesh, 0.5, 0.0))
+    assert set(np.unique(result.p[1])) == {0.0, 0.05}
+    assert area_of(result) == pytest.approx(0.05, rel=1e-13)
+    assert np.any(result.p != mesh.p)
+
+
+def test_the_example_of_the_docstring():
+    mesh = MeshTri().refined(4)
+    finer_below = ka.relocate(mesh, lambda x: 1 / (0.1 + x[1]))
+    assert finer_below.p[1].mean() < 0.95 * mesh.p[1].mean()
+
+
+def test_a_relocation_that_moves_nothing_says_so(caplog):
+    mesh = MeshTri().refined(2)
+    with caplog.at_level("WARNING", logger="kohonen_adapt"):
+        ka.relocate(mesh, np.ones(mesh.nelements), topology="fixed", pinned=range(mesh.p.shape[1]))
+    assert caplog.messages == ["relocate moved no node: every node is a corner or pinned."]
+    caplog.clear()
+    ka.relocate(mesh, np.ones(mesh.nelements), schedule=ka.Schedule(()))
+    assert not caplog.messages
+
+
+def test_a_single_triangle_has_nothing_to_move():
+    mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
+    done = trained_map(mesh, np.ones(1), schedule=None, limits=Limits(), seed=0).relocation()
+    assert (done.moved, done.message) == (0, "every node is a corner or pinned")

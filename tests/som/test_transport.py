@@ -1,0 +1,315 @@
+"""Transport: kernels against slow twins, and what holds of every round, whatever the mesh."""
+
+import numpy as np
+import pytest
+from helpers.alternatives import signed_quality
+from helpers.curved_meshes import annulus
+from helpers.meshes import (
+    area_of,
+    comb,
+    generic_square,
+    holed,
+    inset,
+    junction,
+    l_shape,
+    named,
+    peak,
+    perturbed,
+    slit,
+    square,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule
+from kohonen_adapt.kernels.triangle.geometry import element_quality
+from kohonen_adapt.kernels.triangle.transport import (
+    find_directions,
+    hold_back,
+    mark_spoiled,
+    share_out,
+    slow_down,
+    smooth_moves,
+)
+from kohonen_adapt.mesh.ordering import along_curve
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.som.training_points import density_of
+from kohonen_adapt.som.transport import Transport, clusters_of, potential, symmetric, wanted_inflow
+
+FLOOR = 0.3
+ROUNDS = Schedule((), rounds=3)
+BUILDS = {
+    "square": lambda: square(8),
+    "bad": lambda: perturbed(square(9), 1),
+    "delaunay": lambda: generic_square(12),
+    "comb": lambda: comb(10),
+    "hole": lambda: holed(9),
+    "l": lambda: l_shape(6),
+    "slit": lambda: slit(8),
+    "inset": lambda: perturbed(inset(8), 2),
+    "junction": lambda: junction(8),
+    "named": lambda: named(8),
+}
+
+
+def parts_of(mesh):
+    tri = Triangulation.of(mesh)
+    return tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)).constraints
+
+
+def rank_of(tri):
+    return np.argsort(along_curve(tri.position))
+
+
+def wins_per_element(mesh, density, seed=5):
+    """Mass of many training points in every element, as transport sums it up."""
+    som = KohonenMap(mesh)
+    tri = som.triangulation
+    shown = density_of(tri, density).draw(40 * tri.nnodes, np.random.default_rng(seed))
+    winners = som._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
+    mass = np.empty(len(tri.elements.node))
+    share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
+    return mass
+
+
+@pytest.mark.parametrize("kind", ["inset", "junction"])
+def test_points_are_shared_by_the_elements_of_their_region_around_their_winner(kind):
+    tri, _ = parts_of(BUILDS[kind]())
+    rng = np.random.default_rng(3)
+    element = rng.integers(len(tri.elements.node), size=200)
+    winners, region, weights = tri.elements.node[element, 0], tri.elements.region[element], rng.random(200)
+    mass, slow = np.empty(len(tri.elements.node)), np.zeros(len(tri.elements.node))
+    share_out(winners, region, weights, tri.elements, tri.star, mass)
+    for v, r, weight in zip(winners, region, weights, strict=True):
+        around = np.any(tri.elements.node == v, axis=1) & (tri.elements.region == r)
+        slow[around] += weight / around.sum()
+    np.testing.assert_allclose(mass, slow, rtol=1e-13)
+    assert mass.sum() == pytest.approx(weights.sum(), rel=1e-13)
+
+
+def test_smoothing_is_the_mean_of_the_neighbours():
+    tri, constraints = parts_of(generic_square(8))
+    move = np.random.default_rng(1).normal(size=(tri.nnodes, 2))
+    smoothed = np.empty_like(move)
+    smooth_moves(tri.star, constraints, move, 0, tri.nnodes, smoothed)
+    for v in np.flatnonzero(constraints.kind == 0):
+        others = np.setdiff1d(tri.elements.node[np.any(tri.elements.node == v, axis=1)], [v])
+        np.testing.assert_allclose(smoothed[v], move[others].mean(axis=0), rtol=1e-12)
+    on_outline = constraints.kind != 0
+    x, y = tri.position[on_outline].T
+    assert np.all(smoothed[on_outline, 0][(x == 0) | (x == 1)] == 0)
+    assert np.all(smoothed[on_outline, 1][(y == 0) | (y == 1)] == 0)
+
+
+def test_clusters_on_outlines_flow_along_them():
+    mesh = square(24)
+    tri, constraints = parts_of(mesh)
+    cluster = clusters_of(tri, rank_of(tri))
+    along = np.empty((cluster.max() + 1, 3))
+    find_directions(tri.elements.node, constraints, cluster, along)
+    seen = set()
+    for c, matrix in enumerate(along.tolist()):
+        x, y = tri.position[np.unique(tri.elements.node[cluster == c])].T
+        upright, level = bool(np.any((x == 0) | (x == 1))), bool(np.any((y == 0) | (y == 1)))
+        seen.add((upright, level))
+        if not (upright and level):
+            assert matrix == [0.0 if level < upright else 1.0, 0.0, 0.0 if upright < level else 1.0]
+        else:
+            assert 0 < matrix[0] + matrix[2] < 1
+    assert len(seen) == 4
+
+
+def test_flow_balances_what_clusters_ask_for():
+    row, column = np.array([0, 1, 2, 4]), np.array([1, 2, 3, 5])  # two parts, and a cluster that touches no other
+    conductance, size = np.array([1.0, 2.0, 0.5, 3.0]), np.array([32.0, 30.0, 31.0, 33.0, 32.0, 32.0, 7.0])
+    links = symmetric(conductance, row, column, len(size))
+    inflow = wanted_inflow(np.array([90.0, 3.0, 4.0, 5.0, 1.0, 0.0, 9.0]), size, links)
+    assert inflow[:4].sum() == pytest.approx(0, abs=1e-12)
+    assert inflow[4:6].sum() == pytest.approx(0, abs=1e-12)
+    assert inflow[6] == 0
+    assert inflow[0] > 0 > inflow[1]
+    height = potential(links, inflow)
+    flux, balance = conductance * (height[column] - height[row]), np.zeros(7)
+    np.add.at(balance, column, flux)
+    np.add.at(balance, row, -flux)
+    np.testing.assert_allclose(balance, inflow, atol=1e-6 * np.abs(inflow).max())
+
+
+def test_a_part_in_which_no_point_fell_asks_for_nothing():
+    links = symmetric(np.ones(1), np.array([0]), np.array([1]), 2)
+    assert wanted_inflow(np.zeros(2), np.array([32.0, 8.0]), links).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("kind", BUILDS)
+def test_clusters_lie_in_one_region_and_are_of_one_size(kind):
+    tri = Triangulation.of(BUILDS[kind]())
+    cluster = clusters_of(tri, rank_of(tri))
+    assert np.array_equal(np.unique(cluster), np.arange(cluster.max() + 1))
+    region = np.full(cluster.max() + 1, -1)
+    region[cluster] = tri.elements.region
+    assert np.array_equal(region[cluster], tri.elements.region)
+    elements = np.bincount(tri.elements.region)[region]
+    assert np.all((np.bincount(cluster) <= 48) & (np.bincount(cluster) >= np.minimum(elements, 21)))
+
+
+@given(seed=st.integers(0, 2**32 - 1), length=st.floats(0.0, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_what_is_held_back_spoils_nothing(seed, length):
+    mesh = perturbed(generic_square(7), seed % 7)
+    tri, constraints = parts_of(mesh)
+    node, n, m = tri.elements.node, tri.nnodes, len(tri.elements.node)
+    ahead = tri.position + length * np.random.default_rng(seed).normal(size=(n, 2)) * (constraints.kind == 0)[:, None]
+    spoiled, queue = np.empty(m, dtype=bool), np.empty(m, dtype=np.int32)
+    wish = ahead.copy()
+    mark_spoiled(tri.position, ahead, node, FLOOR, 0, m, spoiled)
+    before = np.array([element_quality(tri.position, node, e) for e in range(m)])
+    after = np.array([signed_quality(*ahead[corners]) for corners in node])
+    assert np.all(spoiled[after < np.minimum(FLOOR, before) - 1e-13])
+    assert not np.any(spoiled[after > np.minimum(FLOOR, before) + 1e-13])
+    hold_back(tri.position, ahead, node, tri.star, FLOOR, spoiled, queue)
+    after = np.array([element_quality(ahead, node, e) for e in range(m)])
+    assert np.all(after >= np.minimum(FLOOR, before))
+    stayed, went = (np.all(ahead == where, axis=1) for where in (tri.position, wish))
+    assert np.all(stayed | went)
+
+
+def test_around_what_stands_still_nodes_are_the_slower_the_nearer_they_are():
+    tri, constraints = parts_of(square(20))
+    n, node = tri.nnodes, tri.elements.node
+    free = constraints.kind == 0
+    ahead = tri.position + np.outer(free, [0.5, 0.25])
+    spoiled = np.zeros(len(node), dtype=bool)
+    middle = int(np.argmin(np.hypot(*(tri.centroids() - 0.5).T)))
+    spoiled[middle] = True
+    rings, ring = 4, np.full(n, -1, dtype=np.int32)
+    slow_down(
+        tri.position, ahead, np.zeros(n), node, tri.star, constraints, spoiled, rings, ring, np.empty(n, np.int32)
+    )
+    distance = np.full(n, -1)
+    reached = set(node[middle].tolist())
+    for number in range(n):
+        fresh = [v for v in reached if distance[v] < 0]
+        if not fresh:
+            break
+        distance[fresh] = number
+        reached |= set(node[np.isin(node, fresh).any(axis=1)].ravel().tolist())
+    share = np.minimum(distance / rings, 1.0)
+    expected = tri.position + (free * share)[:, None] * [0.5, 0.25]
+    np.testing.assert_allclose(ahead, expected, atol=1e-15)
+    assert np.all(ring == -1)
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("kind", BUILDS)
+def test_areas_outlines_and_quality_are_kept(kind, topology):
+    mesh = BUILDS[kind]()
+    density = peak(mesh, 0.4, 0.6, 300) + peak(mesh, 0.0, 0.2, 100)
+    after = ka.relocate(mesh, density, topology=topology, schedule=ROUNDS)
+    assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
+    assert area_of(after) == pytest.approx(area_of(mesh), rel=1e-13)
+    for name, elements in (mesh.subdomains or {}).items():
+        assert area_of(after, after.subdomains[name]) == pytest.approx(area_of(mesh, elements), rel=1e-12)
+    corners = KohonenMap(mesh).outline.constraints.kind == 2
+    assert np.array_equal(after.p[:, corners], mesh.p[:, corners])
+
+
+def test_nodes_on_arcs_stay_on_them():
+    mesh = annulus(24)
+    after = ka.relocate(mesh, peak(mesh, *mesh.p[:, 0], 50), schedule=ROUNDS)
+    rim = mesh.boundary_nodes()
+    before, radius = np.hypot(*mesh.p[:, rim]), np.hypot(*after.p[:, rim])
+    np.testing.assert_allclose(radius, before, rtol=1e-12)
+    assert np.abs(after.p[:, rim] - mesh.p[:, rim]).max() > 1e-3
+
+
+def test_one_round_evens_out_more_than_half_of_what_is_wanted():
+    mesh = square(48)
+
+    def density(x):
+        return 1.0 + 3.0 * x[0]
+
+    columns = []
+    for state in (mesh, ka.relocate(mesh, density, schedule=Schedule((), rounds=1))):
+        mass, x = wins_per_element(state, density), state.p[0, state.t].mean(axis=0)
+        columns.append([mass[np.abs(x - place) < 0.1].mean() for place in (0.1, 0.5, 0.9)])
+    spread = [np.ptp(np.log(column)) for column in columns]
+    assert spread[0] > 0.9
+    assert spread[1] < 0.5 * spread[0]
+
+
+def test_nodes_are_carried_many_edges_far():
+    mesh = square(64)
+    after = ka.relocate(mesh, lambda x: 1.0 / (0.02 + x[0]), schedule=ROUNDS)
+    assert np.abs(after.p - mesh.p).max() > 6 / 64
+    assert ka.quality(after).min() >= FLOOR
+
+
+def test_a_density_that_the_mesh_has_moves_it_by_less_than_the_noise_of_its_points():
+    mesh = square(48)
+    after = ka.relocate(mesh, np.ones(mesh.nelements), schedule=Schedule((), rounds=1), topology="fixed")
+    assert np.sqrt(np.mean(np.sum((after.p - mesh.p) ** 2, axis=0))) < 0.5 / 48
+
+
+def test_nothing_is_carried_through_a_line_within_a_region():
+    ticks = np.linspace(0, 1, 17)
+    mesh = MeshTri.init_tensor(ticks, ticks).with_boundaries({"wall": lambda x: x[0] == 0.5}, boundaries_only=False)
+    after = ka.relocate(mesh, lambda x: 1.0 + 100.0 * (x[0] > 0.5), schedule=ROUNDS)
+    assert np.array_equal(mesh.p[0] < 0.5, after.p[0] < 0.5)
+    walls = np.unique(after.facets[:, after.boundaries["wall"]])
+    assert np.all(after.p[0, walls] == 0.5)
+
+
+def test_pinned_nodes_and_both_nodes_of_pairs_stay():
+    mesh = square(16).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+    after = ka.relocate(
+        mesh, peak(mesh, 0.3, 0.3, 100), schedule=ROUNDS, periodic=[("left", "right")], pinned=[140, 141]
+    )
+    ends = (mesh.p[0] == 0.0) | (mesh.p[0] == 1.0)
+    assert np.array_equal(after.p[:, ends], mesh.p[:, ends])
+    assert np.array_equal(after.p[:, [140, 141]], mesh.p[:, [140, 141]])
+
+
+def test_weights_of_points_count():
+    mesh = square(32)
+    rng = np.random.default_rng(2)
+    points = rng.random((2, 4000))
+    som = KohonenMap(mesh)
+    som.train(points, ROUNDS, weights=1.0 + 9.0 * (points[0] > 0.5))
+    assert np.mean(som.mesh.p[0] > 0.5) > 0.6
+
+
+def test_a_round_of_an_unguarded_map_goes_all_the_way():
+    mesh = square(16)
+    som = KohonenMap(mesh, min_quality=None, topology="fixed")
+    tri = som.triangulation
+    transport = Transport.of(tri, som.outline.constraints, som._floor, lambda: None, rank_of(tri))
+    shown = density_of(tri, lambda x: 1.0 / (0.01 + x[0])).draw(2000, np.random.default_rng(0))
+    winners = som._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
+    move = transport._moves(transport._flow(shown, winners))
+    start = tri.position.copy()
+    transport.carry(shown, winners)
+    free = som.outline.constraints.kind == 0
+    np.testing.assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
+
+
+def test_clusters_whose_centres_coincide_exchange_nodes():
+    mesh = square(16)
+    tri, constraints = parts_of(mesh)
+    inside = np.max(np.abs(tri.centroids() - 0.5), axis=1) < 0.25
+    transport = Transport(tri, constraints, FLOOR, lambda: None, inside.astype(np.int32))
+    shown = density_of(tri, peak(mesh, 0.5, 0.5, 100)).draw(500, np.random.default_rng(0))
+    winners = KohonenMap(mesh)._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
+    transport.carry(shown, winners)
+    assert np.all(np.isfinite(tri.position))
+    assert area_of(mesh) == pytest.approx(np.sum(tri.areas()), rel=1e-13)
+
+
+def test_a_map_that_is_not_guarded_may_fold_and_go_on():
+    mesh = generic_square(12)
+    som = KohonenMap(mesh, min_quality=None, topology="fixed")
+    for number in range(3):
+        som.train(lambda count, rng: (rng.random((2, count)) ** 8, None), ROUNDS, seed=number)
+    assert np.all(np.isfinite(som.mesh.p))
