@@ -1,14 +1,14 @@
 """What every view of a mesh needs, whatever draws it: units of length, outlined facets, ends of a colour scale."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.names import codes_of_names
 
 __all__ = ["DECADES", "in_unit", "level_of_share", "named_subdomains", "one_per", "outlined_facets"]
 
-Floats = NDArray[np.float64]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 """Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
@@ -24,13 +24,13 @@ def in_unit(unit: str) -> float:
     return UNITS[unit]
 
 
-def named_subdomains(mesh: MeshTri) -> dict[str, NDArray[np.integer]]:
+def named_subdomains(mesh: MeshTri) -> dict[str, Ints]:
     """Name to elements; what scikit-fem calls ``gmsh:*`` is no subdomain."""
     found = mesh.subdomains or {}
     return {name: np.asarray(rows, dtype=np.int64) for name, rows in found.items() if not name.startswith("gmsh:")}
 
 
-def outlined_facets(mesh: MeshTri) -> NDArray[np.integer]:
+def outlined_facets(mesh: MeshTri) -> Ints:
     """Facets on the rim and between elements of different subdomain names."""
     codes = codes_of_names([(rows, 0) for rows in named_subdomains(mesh).values()], mesh.t.shape[1])
     one, other = mesh.f2t

@@ -4,14 +4,14 @@ import json
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["case_text"]
 
-Sets = dict[str, NDArray[np.integer]]
+Sets = dict[str, Ints]
 
 HEAD = """\
 # A case of kohonen-adapt. Check it:  kohonen-adapt run THIS.toml --dry-run
@@ -102,7 +102,7 @@ def _materials(mesh: MeshTri) -> str:
     return "\n".join([*lines, *([] if chosen else ["", "[materials]"]), ""])
 
 
-def _partition(sets: Sets, areas: NDArray[np.float64]) -> set[str]:
+def _partition(sets: Sets, areas: Floats) -> set[str]:
     """Names of subdomains that do not overlap: from the smallest on or from the largest, what covers more."""
     order = sorted(sets, key=lambda name: float(areas[sets[name]].sum()))
     found = [_disjoint(sets, names, len(areas)) for names in (order, order[::-1])]
@@ -137,7 +137,7 @@ def _potential(mesh: MeshTri) -> str:
     return "\n".join([*lines, ""])
 
 
-def _share_of_rim(mesh: MeshTri, rows: NDArray[np.integer]) -> float:
+def _share_of_rim(mesh: MeshTri, rows: Ints) -> float:
     """Which share of the length of the rim is in a boundary; 0 if some of it is inside, where A = 0 cuts the field."""
     rim = mesh.boundary_facets()
     ends = mesh.p[:, mesh.facets]

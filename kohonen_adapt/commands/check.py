@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.commands.description import counted, memberships
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
@@ -18,8 +18,6 @@ LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
 MIN_QUALITY = 0.3  # what `adapt` keeps where nothing else is asked
 SHOWN = 3  # places of a kind
-
-Indices = NDArray[np.integer]
 
 
 def faults(mesh: MeshTri) -> Iterator[str]:
@@ -98,13 +96,13 @@ def _bad_elements(mesh: MeshTri) -> Iterator[str]:
         )
 
 
-def _on_others(mesh: MeshTri, rim: Indices) -> Indices:
+def _on_others(mesh: MeshTri, rim: Ints) -> Ints:
     nodes = np.unique(mesh.facets[:, rim])
     found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
     return nodes[np.unique(found)]
 
 
-def _hanging(mesh: MeshTri, rim: Indices) -> Indices:
+def _hanging(mesh: MeshTri, rim: Ints) -> Ints:
     """Rim nodes inside a facet of the rim."""
     ends = mesh.p[:, mesh.facets[:, rim]]
     along = ends[:, 1] - ends[:, 0]
@@ -119,10 +117,10 @@ def _hanging(mesh: MeshTri, rim: Indices) -> Indices:
     return np.unique(node[distance < SAME * length[facet]])
 
 
-def _pinched(mesh: MeshTri, rim: Indices) -> Indices:
+def _pinched(mesh: MeshTri, rim: Ints) -> Ints:
     return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
 
 
-def _said(mesh: MeshTri, nodes: Indices, what: str) -> str:
+def _said(mesh: MeshTri, nodes: Ints, what: str) -> str:
     places = ", ".join(f"({x:.6g}, {y:.6g})" for x, y in mesh.p[:, nodes[:SHOWN]].T)
     return f"{counted(len(nodes), what)}, at {places}{', ...' if len(nodes) > SHOWN else ''}"

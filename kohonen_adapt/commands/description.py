@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -48,7 +49,7 @@ def outlines_described(som: KohonenMap) -> list[str]:
     ]
 
 
-def _named(sets: dict[str, NDArray[np.integer]] | None) -> dict[str, NDArray[np.integer]]:
+def _named(sets: dict[str, Ints] | None) -> dict[str, Ints]:
     return {name: np.asarray(rows) for name, rows in sorted((sets or {}).items()) if not name.startswith("gmsh:")}
 
 
@@ -87,7 +88,7 @@ def _smallest_angle(mesh: MeshTri) -> float:
     return float(np.degrees(np.arctan2(np.abs(across), along).min()))
 
 
-def _radii(radii: NDArray[np.float64]) -> str:
+def _radii(radii: Floats) -> str:
     texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if not texts:
         return ""

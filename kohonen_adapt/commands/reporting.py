@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases import Case
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.result import AdaptResult
@@ -57,7 +57,7 @@ def write_run_report(
     )
 
 
-def magnitude(field: Any) -> NDArray[np.float64]:
+def magnitude(field: Any) -> Floats:
     """|B| of every element, (nelements,), T."""
     return np.hypot(*field.flux_density)
 

@@ -8,12 +8,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
 
 __all__ = ["recovery"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def recovery(
@@ -96,7 +94,7 @@ def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
     return number[None]
 
 
-def _regions(mesh: MeshTri, data: NDArray[Any]) -> Integers:
+def _regions(mesh: MeshTri, data: NDArray[Any]) -> Ints:
     """Number of the region of every element: connected across facets, of equal data."""
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
@@ -106,7 +104,7 @@ def _regions(mesh: MeshTri, data: NDArray[Any]) -> Integers:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def _corners(mesh: MeshTri, region: Integers) -> Integers:
+def _corners(mesh: MeshTri, region: Ints) -> Ints:
     """A number for every pair of region and node, (3, nelements): a node on an interface counts once per region."""
     pair = region * mesh.p.shape[1] + mesh.t
     return np.unique(pair, return_inverse=True)[1].reshape(pair.shape)

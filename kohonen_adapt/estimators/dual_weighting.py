@@ -1,14 +1,14 @@
 """Goal-oriented estimator: the error of every element weighted with how much it matters to a linear functional."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.equilibration import equilibrated_correction
 
 __all__ = ["goal_error", "goal_oriented"]
 
-Floats = NDArray[np.float64]
 Given = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
 
 

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import ElementTriP1, MeshTri
 from skfem.quadrature import get_quadrature
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.estimators.inputs import checked
 from kohonen_adapt.mesh.measures import area
@@ -14,7 +15,6 @@ from kohonen_adapt.mesh.triangulation import check_mesh
 
 __all__ = ["duality_gap"]
 
-Floats = NDArray[np.float64]
 
 DEGREE = 4  # of the quadrature: exact for linear material
 

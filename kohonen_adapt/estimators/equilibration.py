@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["equilibrated", "equilibrated_correction", "equilibrated_flux"]
 
-Floats = NDArray[np.float64]
 
 # What a free node may leave unbalanced, of the largest balance of any node. Direct solvers leave 1e-15, iterative ones
 # and Newton 1e-8; a node whose value was given, but is not in `fixed`, leaves 1e-2 and more.
@@ -148,7 +148,7 @@ def equilibrated_correction(
     return discrete, correction.T
 
 
-def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> NDArray[np.bool_]:
+def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
     if fixed is None:
         held = np.zeros(mesh.p.shape[1], dtype=bool)
         held[mesh.facets[:, mesh.f2t[1] < 0]] = True
@@ -162,7 +162,7 @@ def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> NDArray[np.bool_]:
     return held
 
 
-def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: NDArray[np.bool_]) -> tuple[Problem, NDArray[np.int64]]:
+def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[Problem, NDArray[np.int64]]:
     """What the kernel takes, and the place in ``mesh.t`` of the corners of its counter-clockwise elements."""
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
@@ -175,7 +175,7 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: NDArray[np.bool_]) -> 
     return Problem(triangulation.position, node, neighbour, outflow, discrete.source, discrete.reluctivity), order
 
 
-def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: NDArray[np.bool_], imbalance: Floats) -> None:
+def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: Mask, imbalance: Floats) -> None:
     """Refuse a potential that leaves a node out of balance: nothing would be bounded."""
     parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
     size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)

@@ -1,12 +1,12 @@
 """Gradients of P1 functions, element by element."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-__all__ = ["gradient", "hat_gradients"]
+from kohonen_adapt.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["gradient", "hat_gradients"]
 
 
 def hat_gradients(mesh: MeshTri) -> Floats:

@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import check_mesh
 
 __all__ = ["DiscreteFlux", "checked", "discrete_flux"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

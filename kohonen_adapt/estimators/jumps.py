@@ -1,14 +1,14 @@
 """Residual estimator: the load of each element and the jump of the flux across its sides."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
 
 __all__ = ["residual"]
 
-Floats = NDArray[np.float64]
 
 # scikit-fem's sides of a triangle join the local nodes (0, 1), (1, 2), (0, 2); these are the nodes opposite to them.
 OPPOSITE = [2, 0, 1]

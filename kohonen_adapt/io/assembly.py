@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Floats, Ints, Rows, shape_of
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
 from kohonen_adapt.mesh.measures import area
 

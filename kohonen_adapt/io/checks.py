@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = ["checked_fields", "checked_sets"]
 
@@ -31,7 +31,7 @@ def checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
     ValueError
         If a name cannot be stored.
     """
-    checked = {}
+    checked: dict[str, Ints] = {}
     for name, indices in (sets or {}).items():
         _check_name(name, kind)
         if name.startswith("gmsh:"):

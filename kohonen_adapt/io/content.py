@@ -3,12 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = ["LINE", "TRIANGLE", "Content", "Rows", "nodes_of", "shape_of"]
 
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 LINE, TRIANGLE = "line", "triangle"
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.gmsh_views import read_views
 from kohonen_adapt.io.sampled import Field, Sampled
 from kohonen_adapt.io.vtu import read_arrays

@@ -7,7 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.io.content import Floats, Ints, nodes_of
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import nodes_of
 
 __all__ = ["BinaryNumbers", "Numbers", "TextNumbers"]
 

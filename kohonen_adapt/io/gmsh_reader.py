@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kohonen_adapt.io.content import Content, Floats, Ints, Rows, nodes_of
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import Content, Rows, nodes_of
 from kohonen_adapt.io.damaged import refusing
 from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
@@ -126,7 +127,8 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
-    numbers, points = [np.empty(0, np.int64)], [np.empty((0, 3))]
+    numbers: list[Ints] = [np.empty(0, np.int64)]
+    points = [np.empty((0, 3))]
     for _ in range(section.sizes(4)[0]):
         dimension, _, parametric = (section.integer() for _ in range(3))
         count = section.size()

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kohonen_adapt.io.content import TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import TRIANGLE, Content, shape_of
 from kohonen_adapt.io.damaged import refusing
 from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 from kohonen_adapt.io.gmsh_reader import header_of, read_msh
@@ -134,7 +135,8 @@ def _size(text: bytes) -> int:
 
 def _means(numbers: Numbers, components: int, count: int) -> tuple[Ints, Floats]:
     """Rows of number, how many nodes, and the values of each, as means over the nodes."""
-    number, values = [np.empty(0, np.int64)], [np.empty((0, components))]
+    number: list[Ints] = [np.empty(0, np.int64)]
+    values = [np.empty((0, components))]
     for rows, table in numbers.numbered_lists(count, components):
         number.append(rows)
         values.append(table.mean(axis=1))

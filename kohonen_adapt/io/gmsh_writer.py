@@ -6,6 +6,7 @@ of names make an entity of their own, which is in all these groups; a point that
 meshio writes one group per element, and breaks a file that has an entity without a node of its own.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -14,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
 from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["write_msh"]
 
-Sets = dict[str, Ints]
+Sets = Mapping[str, Ints]
 Fields = dict[str, Floats]
 
 ELEMENT_TYPE = {0: 15, 1: 1, 2: 2}
@@ -54,7 +55,7 @@ class Layer:
     nodes: Ints
     number: Ints
     entity: Ints
-    groups: list[Ints]
+    groups: Sequence[Ints]
     names: dict[int, str]
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import LINE, TRIANGLE, Content, shape_of
 
 __all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 

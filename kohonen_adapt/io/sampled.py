@@ -5,7 +5,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = ["Field", "Sampled"]
 

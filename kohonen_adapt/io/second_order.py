@@ -4,10 +4,10 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import TRIANGLE, Content, Floats, Ints, shape_of
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.io.content import TRIANGLE, Content, shape_of
 from kohonen_adapt.outline.curves import Spline
 from kohonen_adapt.outline.polylines import polylines_of
 
@@ -125,7 +125,7 @@ def _check_finite(points: Floats, path: Path) -> None:
         raise ValueError(f"read_curves expected finite coordinates; '{path}' has a mid-side node at {broken}.")
 
 
-def _is_bent(segments: Ints, position: Floats) -> NDArray[np.bool_]:
+def _is_bent(segments: Ints, position: Floats) -> Mask:
     """Which middles are off the chord by more than rounding, (f, 3) -> (f,)."""
     start, middle, end = (position[:, segments[:, k]] for k in range(3))
     chord, off = end - start, middle - start

@@ -1,5 +1,6 @@
 """VTU files for ParaView, with names as scikit-fem stores them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -7,7 +8,8 @@ import meshio
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.io.content import Content, Floats, Ints, Rows
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import Content, Rows
 from kohonen_adapt.io.sampled import Field, Sampled
 from kohonen_adapt.io.vtu_reader import read_grid
 from kohonen_adapt.mesh.names import combinations
@@ -153,5 +155,5 @@ def _named_rows(
     }
 
 
-def _group(parts: list[Ints]) -> Ints:
+def _group(parts: Sequence[Ints]) -> Ints:
     return np.repeat(np.arange(len(parts)), [len(part) for part in parts])

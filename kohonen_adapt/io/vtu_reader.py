@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.io.content import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.damaged import refusing
 
 __all__ = ["NODES", "Grid", "read_grid"]

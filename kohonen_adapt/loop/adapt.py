@@ -6,9 +6,9 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import UNSOLVED, Ending, Finished, Journal, StepFailed
@@ -46,7 +46,7 @@ def adapt(
     schedule: Schedule | None = None,
     topology: str | None = None,
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    pinned: Sequence[int | str] | Ints | str = (),
     seed: int = 0,
     callback: Callable[[Pass], Any] | None = None,
     polish: bool = True,
@@ -290,7 +290,7 @@ def _same(before: MeshTri, after: MeshTri) -> bool:
     return np.array_equal(before.p, after.p) and np.array_equal(_triples(before), _triples(after))
 
 
-def _triples(mesh: MeshTri) -> NDArray[np.integer]:
+def _triples(mesh: MeshTri) -> Ints:
     return np.unique(np.sort(mesh.t, axis=0), axis=1)
 
 

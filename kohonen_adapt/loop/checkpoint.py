@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.history import Finished
 from kohonen_adapt.som.relocate import Relocation
@@ -162,7 +163,7 @@ def _numbers(finished: Finished) -> dict[str, Any]:
     }
 
 
-def _names(sets: Mapping[str, NDArray[np.integer]] | None) -> list[str] | None:
+def _names(sets: Mapping[str, Ints] | None) -> list[str] | None:
     return None if sets is None else list(sets)
 
 
@@ -205,7 +206,7 @@ def _move(mesh: MeshTri, about: dict[str, Any], arrays: Arrays) -> Relocation:
     return Relocation(mesh=moved, old=arrays["old"], **numbers)
 
 
-def _boundaries(names: list[str] | None, arrays: Arrays) -> dict[str, NDArray[np.integer]] | None:
+def _boundaries(names: list[str] | None, arrays: Arrays) -> dict[str, Ints] | None:
     if names is None:
         return None
     found = {}

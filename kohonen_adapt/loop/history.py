@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.loop.result import AdaptResult, Pass, Status
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.som.relocate import Relocation
@@ -20,8 +21,6 @@ STEPS = ("solve", "estimate", "relocate", "polish")
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
-
-Floats = NDArray[np.float64]
 
 
 class StepFailed(Exception):

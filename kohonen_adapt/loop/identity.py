@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.loop.checkpoint import digest
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.step import Settings
@@ -49,7 +50,7 @@ def _of_mesh(mesh: MeshTri) -> str:
     return digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains))
 
 
-def _of_sets(sets: Mapping[str, NDArray[np.integer]] | None) -> list[NDArray[Any]]:
+def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
     """Names and members in order, and which side of it an oriented facet looks to."""
     found: list[NDArray[Any]] = [np.array(sets is None)]
     for name, rows in (sets or {}).items():

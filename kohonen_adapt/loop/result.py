@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
+
 __all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
@@ -120,7 +122,7 @@ class AdaptResult:
 
     mesh: MeshTri = field(repr=False)
     solution: Any = field(repr=False)
-    indicators: NDArray[np.float64] = field(repr=False)
+    indicators: Floats = field(repr=False)
     estimate: float
     history: tuple[Pass, ...] = field(repr=False)
     status: Status

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.polish.functional import Functional, VariesInside
 from kohonen_adapt.polish.polish import SWEEPS, descend
@@ -79,7 +79,7 @@ class Improvement:
         except VariesInside:
             self.skipped = "its coefficients vary inside a region of the mesh"
 
-    def train(self, mesh: MeshTri, indicators: NDArray[np.float64], number: int, nodes: int) -> Trained:
+    def train(self, mesh: MeshTri, indicators: Floats, number: int, nodes: int) -> Trained:
         """Let the map learn where the error of pass `number` wants nodes, `nodes` of them at least."""
         settings, problem = self._settings, self._problem
         return trained_map(

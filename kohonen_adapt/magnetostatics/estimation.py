@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
@@ -16,7 +17,6 @@ from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticFie
 
 __all__ = ["ESTIMATORS", "RESIDUAL_SCALE", "estimated"]
 
-Floats = NDArray[np.float64]
 
 # What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
 # The ratio of that root to the true error, unscaled, measured by test_magnetostatics.py and benchmark M:

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.estimators import goal_error, goal_oriented
 from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
@@ -15,8 +15,6 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import tangent_solution
 
 __all__ = ["error_of_goal", "goal_indicators"]
-
-Floats = NDArray[np.float64]
 
 
 class Pair(NamedTuple):
@@ -29,7 +27,7 @@ class Pair(NamedTuple):
     flux: Floats
     dual_source: Floats
     dual_flux: Floats
-    fixed: NDArray[np.bool_]
+    fixed: Mask
 
 
 def goal_indicators(mesh: MeshTri, field: Field, goal: Goal, boundaries: Boundaries) -> Floats:
@@ -62,7 +60,7 @@ def _pair(mesh: MeshTri, field: Field, goal: Goal, boundaries: Boundaries) -> Pa
     return Pair(u, dual, nu, symmetry.source(field.current_density), flux, source, nu * slope - change + load, given)
 
 
-def _given(mesh: MeshTri, boundaries: Boundaries, symmetry: Symmetry) -> NDArray[np.bool_]:
+def _given(mesh: MeshTri, boundaries: Boundaries, symmetry: Symmetry) -> Mask:
     """Nodes whose value is given, and those of pairs and of the open boundary: there what the field lacks of
     equilibrium is no part of the estimate.
     """

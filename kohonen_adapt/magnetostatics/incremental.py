@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
 from kohonen_adapt.magnetostatics.equations.newton import whole_step
 from kohonen_adapt.magnetostatics.equations.system import loads
@@ -14,8 +14,6 @@ from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticFie
 from kohonen_adapt.magnetostatics.solution import tangent_solution
 
 __all__ = ["linkage_slope"]
-
-Floats = NDArray[np.float64]
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float]) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, conditions_of
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
@@ -23,7 +24,6 @@ from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]
 
-Floats = NDArray[np.float64]
 Pairs = Sequence[tuple[str, str]]
 
 

@@ -1,9 +1,9 @@
 """Residual error indicators of quadratic elements."""
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.gradients import hat_gradients
 from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic, repeated
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
@@ -15,12 +15,8 @@ __all__ = ["quadratic_residual"]
 # scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
 ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
 
-Floats = NDArray[np.float64]
 
-
-def quadratic_residual(
-    problem: Quadratic, values: Floats, joined: tuple[NDArray[np.integer], NDArray[np.integer], Floats] | None
-) -> Floats:
+def quadratic_residual(problem: Quadratic, values: Floats, joined: tuple[Ints, Ints, Floats] | None) -> Floats:
     """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
 
     q is ``nu grad u - flux``, the field strength turned by a right angle: linear in every element, for nonlinear
@@ -58,7 +54,7 @@ def _jumps(
     flux: Floats,
     weight: Floats,
     scaled_hats: Floats,
-    joined: tuple[NDArray[np.integer], NDArray[np.integer], Floats] | None,
+    joined: tuple[Ints, Ints, Floats] | None,
 ) -> Floats:
     """The facet part: a jump that is linear on a facet, from its values at the two ends, times the facet's length."""
     nfacets = mesh.facets.shape[1]

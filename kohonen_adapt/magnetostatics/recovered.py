@@ -1,17 +1,14 @@
 """Values recovered from constants per element: averages at the nodes, taken within each region, and linear between."""
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.gradients import hat_gradients
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["at_corners", "linear_between"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.integer]
 
 
 def at_corners(mesh: MeshTri, values: Floats) -> Floats:
@@ -29,7 +26,7 @@ def at_corners(mesh: MeshTri, values: Floats) -> Floats:
     return np.stack([(total / weight)[corner] for total in totals])
 
 
-def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Integers) -> Floats:
+def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Ints) -> Floats:
     """Values at points x (2, n) of these elements, linear between corner values (k, 3, nelements)."""
     offset = x - mesh.p[:, mesh.t[:, element]].mean(axis=1)
     share = 1.0 / 3.0 + np.einsum("cin,cn->in", hat_gradients(mesh)[:, :, element], offset)

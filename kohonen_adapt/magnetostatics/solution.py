@@ -5,10 +5,10 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, conditions_of, places
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, NewtonStep, Nonlinear, iterate, whole_step
 from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic
@@ -19,8 +19,6 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 
 __all__ = ["NotConverged", "carried", "quadratic_solution_of", "solution_of", "tangent_solution"]
-
-Floats = NDArray[np.float64]
 
 
 class NotConverged(np.linalg.LinAlgError):

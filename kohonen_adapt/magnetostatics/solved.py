@@ -2,13 +2,11 @@
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-__all__ = ["SolvedField"]
+from kohonen_adapt.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["SolvedField"]
 
 
 class SolvedField(Protocol):

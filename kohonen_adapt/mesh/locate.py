@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.triangle import locate as kernels
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -42,7 +43,7 @@ class Locator:
         self.content = np.empty(self.start[-1], dtype=np.int32)
         kernels.fill_cells(*grid, self.start, self.content)
 
-    def find(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+    def find(self, points: Floats) -> NDArray[np.int32]:
         """Element of every point of an (n, 2) array, -1 for points outside the mesh or not finite."""
         found = np.empty(len(points), dtype=np.int32)
         grid = (self.origin, self.size, self.shape, self.start, self.content)
@@ -83,7 +84,7 @@ def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:
     return Locator(Triangulation.of(mesh)).find(as_rows(x))
 
 
-def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
+def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
     """Values of a piecewise linear function at points, found by walking.
 
     Parameters
@@ -133,7 +134,7 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> NDArray[np.fl
     return np.sum(weights * values[locator.elements.node[found]], axis=1)
 
 
-def as_rows(x: ArrayLike, name: str = "x") -> NDArray[np.float64]:
+def as_rows(x: ArrayLike, name: str = "x") -> Floats:
     """Points of shape (2, n) as an (n, 2) array of the kernels."""
     if np.iscomplexobj(x):
         raise ValueError(f"{name} must be real numbers; got complex ones.")

@@ -1,12 +1,11 @@
 """Areas, orientation and quality of triangles, and what "overturned" means."""
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-__all__ = ["area", "quality", "signed_area"]
+from kohonen_adapt.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["area", "quality", "signed_area"]
 
 
 def signed_area(mesh: MeshTri) -> Floats:

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kohonen_adapt.arrays import Ints
+
 __all__ = ["codes_of_names", "combinations"]
 
-Ints = NDArray[np.int64]
 
-
-def codes_of_names(members: Sequence[tuple[NDArray[np.integer], ArrayLike]], count: int) -> NDArray[np.uint64]:
+def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDArray[np.uint64]:
     """One number for the set of names that each of `count` things carries, 0 for none.
 
     Parameters

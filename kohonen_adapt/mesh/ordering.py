@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.curve import hilbert_keys
 
 __all__ = ["along_curve"]
 
-Floats = NDArray[np.float64]
 
 MARGIN = 0.0173  # of the extent of a mesh
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
 from kohonen_adapt.kernels.triangle.geometry import Elements, Star
 from kohonen_adapt.mesh.host import number_facets
@@ -33,7 +34,7 @@ class Triangulation:
         Region of every element of that mesh.
     """
 
-    position: NDArray[np.float64]
+    position: Floats
     elements: Elements
     star: Star
     mesh: MeshTri
@@ -81,12 +82,12 @@ class Triangulation:
         """Work the stars out anew after edges were flipped."""
         fill_star(self.elements.node, self.star)
 
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """Area of every element, (m,)."""
         a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
         return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
 
-    def centroids(self) -> NDArray[np.float64]:
+    def centroids(self) -> Floats:
         """Centroid of every element, (m, 2)."""
         a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
         return (a + b + c) / 3.0
@@ -98,7 +99,7 @@ class Triangulation:
         position = np.ascontiguousarray(self.position.T)
         return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=self._subdomains())
 
-    def _subdomains(self) -> dict[str, NDArray[np.integer]] | None:
+    def _subdomains(self) -> dict[str, Ints] | None:
         """The elements of every name, as many as there are now: an element carries the names of its region."""
         if self.mesh.subdomains is None:
             return None
@@ -201,7 +202,7 @@ def check_names(mesh: MeshTri) -> None:
             )
 
 
-def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np.int32]:
+def counter_clockwise(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
     """Elements as rows of nodes in counter-clockwise order; scikit-fem sorts them by number instead."""
     node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
     a, b, c = (position[node[:, k]] for k in range(3))
@@ -210,7 +211,7 @@ def counter_clockwise(position: NDArray[np.float64], t: ArrayLike) -> NDArray[np
     return node
 
 
-def ascending(a: NDArray[np.integer], b: NDArray[np.integer], c: NDArray[np.integer]) -> NDArray[np.integer]:
+def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
     """The corners of elements from the least to the greatest, (3, m): many times faster than a sort of short rows."""
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     return np.stack([low, a + b + c - low - high, high])

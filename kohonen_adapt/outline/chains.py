@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.chains import LENGTH, MERGED, REACH, ROUND, TABLED, Chains
 from kohonen_adapt.kernels.triangle.trace import cut_runs, lengths_and_angles
 from kohonen_adapt.outline.curves import Arc, Line
@@ -37,10 +37,6 @@ BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.integer]
-
 
 class Curve(Protocol):
     """What a boundary may be given as its curve."""
@@ -63,23 +59,23 @@ class Pieces:
         (p,): which of the given curves it is on, -1 for none.
     """
 
-    rows: Indices
+    rows: Ints
     circle: Floats
-    curve: Indices
+    curve: Ints
 
     @property
-    def of_slot(self) -> Indices:
+    def of_slot(self) -> Ints:
         """The piece of the facet after every slot, for the slots of pieces one after another."""
         return np.repeat(np.arange(len(self.rows)), self.rows[:, 1] - self.rows[:, 0])
 
     @property
-    def slots(self) -> Indices:
+    def slots(self) -> Ints:
         """The slots of the first nodes of all facets, piece by piece."""
         first, length = self.rows[:, 0], self.rows[:, 1] - self.rows[:, 0]
         return np.arange(length.sum()) + np.repeat(first - np.cumsum(length) + length, length)
 
 
-def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, Indices] | None) -> dict[str, Curve]:
+def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, Ints] | None) -> dict[str, Curve]:
     """The curves that were given for boundaries of a mesh.
 
     Raises
@@ -103,7 +99,7 @@ def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, In
     return dict(curves)
 
 
-def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
+def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
     """Which of the given curves every facet is on, -1 for none, (f,).
 
     Raises
@@ -124,13 +120,13 @@ def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Indices:
     return found
 
 
-def without_corner(curve: Indices, curves: Mapping[str, Curve]) -> Mask:
+def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
     """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
     smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
     return smooth[curve]
 
 
-def cut(position: Floats, runs: Runs, curve: Indices, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
+def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
     """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
 
     Raises
@@ -158,7 +154,7 @@ def without_noise(circle: Floats) -> Floats:
     return np.round(circle / step) * step + 0.0  # no -0
 
 
-def nodes_of(position: Floats, node: Indices, pieces: Pieces, p: int) -> Floats:
+def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
     """Where the nodes of a piece are, in order, (k, 2)."""
     return position[node[pieces.rows[p, 0] : pieces.rows[p, 1] + 1]]
 
@@ -312,7 +308,7 @@ def report(table: Chains, pieces: Pieces) -> None:
         logger.debug("recognised %s of radius %.6g about (%.6g, %.6g), %d nodes", kind, radius, x, y, count)
 
 
-def pair_chains(table: Chains, mate: Indices, motion: Indices, motions: Floats) -> None:
+def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> None:
     """Let chains that are images of others, `mate` (c,), -1 for none, be that exactly, parameters included.
 
     `motion` (c,) is the number of the one that carries a chain to its mate; of each two the even one decides.

@@ -6,17 +6,17 @@ from math import isfinite
 from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spans import Spans, cubics_through
 
 __all__ = ["Arc", "Line", "Spline"]
 
-Floats = NDArray[np.float64]
 
 SAME = 1e-14  # of the length of a spline: points nearer to each other are one
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import codes_of_names
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -16,26 +17,23 @@ __all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "
 
 UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
 
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.integer]
-
 
 class Facets(NamedTuple):
     """The facets that outlines are made of, a row each, running counter-clockwise in their element."""
 
-    element: Indices  # (f,)
-    corner: Indices  # (f,) local number of the element's corner opposite to the facet
-    nodes: Indices  # (f, 2)
-    label: Indices  # (f, 2) seen along and against the facet: alike where regions and names on both sides are
+    element: Ints  # (f,)
+    corner: Ints  # (f,) local number of the element's corner opposite to the facet
+    nodes: Ints  # (f, 2)
+    label: Ints  # (f, 2) seen along and against the facet: alike where regions and names on both sides are
     sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
 
 
 class Joints(NamedTuple):
     """The nodes in which just two outline facets meet."""
 
-    node: Indices  # (j,)
-    facets: Indices  # (j, 2)
-    ends: Indices  # (j, 2) the facets' other nodes
+    node: Ints  # (j,)
+    facets: Ints  # (j, 2)
+    ends: Ints  # (j, 2) the facets' other nodes
     smooth: Mask  # (j,) a curve may go through: the same names and regions on both sides, no sharp turn
 
 
@@ -67,7 +65,7 @@ def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
     return facet
 
 
-def sides_of(mesh: MeshTri, rows: Indices, facet: Indices, element: Indices) -> NDArray[np.int8]:
+def sides_of(mesh: MeshTri, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
     """How the given facets, seen from the given elements, carry a boundary of these rows."""
     manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
     manner[np.asarray(rows)] = UNORIENTED
@@ -83,7 +81,7 @@ def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.in
     return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
 
 
-def labels(left: Indices, right: Indices, sides: list[NDArray[np.int8]]) -> Indices:
+def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
     """Number the combinations of regions to the left and right and of carried names, along and against, (f, 2)."""
     rows = []
     for pair, along in (((left, right), True), ((right, left), False)):
@@ -94,7 +92,7 @@ def labels(left: Indices, right: Indices, sides: list[NDArray[np.int8]]) -> Indi
     return number.reshape(2, -1).T
 
 
-def joints_of(facets: Facets, position: NDArray[np.float64], cornerless: Mask) -> Joints:
+def joints_of(facets: Facets, position: Floats, cornerless: Mask) -> Joints:
     """Pair the facets at every node in which just two meet.
 
     The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are.

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.across import lower_to_steps
 from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.kernels.triangle.geometry import Elements
@@ -19,10 +19,6 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.sides import facing_sides, joined
 
 __all__ = ["lay"]
-
-Indices = NDArray[np.integer]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -41,8 +37,8 @@ class Band:
 
     name: str
     number: int
-    pairs: Indices
-    sides: tuple[Indices, Indices]
+    pairs: Ints
+    sides: tuple[Ints, Ints]
 
 
 def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
@@ -69,7 +65,7 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
         triangulation.elements.level[:] = levels_of(bands, triangulation.nnodes)
 
 
-def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Indices] | None) -> dict[str, int]:
+def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Ints] | None) -> dict[str, int]:
     """How many layers each subdomain is to have."""
     if layers is None:
         return {}
@@ -85,7 +81,7 @@ def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Indices] 
     return {name: int(number) for name, number in layers.items()}
 
 
-def parts_of(elements: Elements, regions: Indices) -> Iterator[Mask]:
+def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
     """The regions of every connected part of a subdomain, as masks (r,)."""
     inside = np.zeros(len(elements.layered), dtype=bool)
     inside[regions] = True
@@ -132,7 +128,7 @@ def check_number(position: Floats, band: Band) -> None:
         )
 
 
-def levels_of(bands: list[Band], count: int) -> Indices:
+def levels_of(bands: list[Band], count: int) -> Ints:
     """Levels of the nodes: those of the sides, and between them as near to the middle as steps of 1 allow, (count,).
 
     Raises
@@ -155,7 +151,7 @@ def levels_of(bands: list[Band], count: int) -> Indices:
     return np.where(np.bincount(pairs.ravel(), minlength=count) > 0, np.minimum(most, np.maximum(-least, middle)), 0)
 
 
-def levels_of_sides(bands: list[Band], count: int) -> tuple[Indices, Mask]:
+def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
     """Levels of the nodes on sides, and which nodes those are; sides that share nodes have the same level."""
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])

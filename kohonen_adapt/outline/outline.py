@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
+from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.kernels.triangle.chains import (
     FREE,
     HELD,
@@ -43,9 +44,6 @@ __all__ = ["Outline", "pinned_nodes"]
 
 STILL = 1e-13  # of the size of the mesh: a node so near to its place on its curve is left there
 
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.integer]
-
 
 @dataclass
 class Outline:
@@ -69,7 +67,7 @@ class Outline:
     names: dict[str, NDArray[np.int8]]
     pinned: Mask
     curves: dict[str, Curve]
-    given: Indices
+    given: Ints
 
     @classmethod
     def of(
@@ -156,7 +154,7 @@ class Outline:
         mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
         return mesh
 
-    def _boundary(self, mesh: MeshTri, facet: Indices, triangulation: Triangulation, name: str) -> NDArray[np.integer]:
+    def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:
         """The facets on the chains that carry a name; with their sides if it had them."""
         chain = triangulation.elements.chain
         e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
@@ -168,7 +166,7 @@ class Outline:
         return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
 
 
-def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> Mask:
+def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Ints | str) -> Mask:
     """Mask (nodes,) of the nodes meant by node indices and names of boundaries and subdomains.
 
     Raises
@@ -192,7 +190,7 @@ def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Indices | str) -> 
     return mask
 
 
-def nodes_of_name(mesh: MeshTri, name: str) -> Indices:
+def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
     """The nodes of a named boundary or subdomain."""
     boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
     if name in boundaries and name in subdomains:
@@ -211,7 +209,7 @@ def cut_alike(
     joints: Joints,
     pairs: Pairs,
     pinned: Mask,
-    curve: Indices,
+    curve: Ints,
     curves: dict[str, Curve],
 ) -> tuple[Runs, Pieces, Mask]:
     """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
@@ -243,7 +241,7 @@ def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twin
     return Twins(pairs.partner, pairs.motion, pairs.motions, there)
 
 
-def make_mates(constraints: Constraints, pairs: Pairs, chain: Indices) -> None:
+def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
     """Let paired chains be the same but for their motion, and the parameters of paired nodes."""
     rows = np.flatnonzero(pairs.facet >= 0)
     mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
@@ -253,7 +251,7 @@ def make_mates(constraints: Constraints, pairs: Pairs, chain: Indices) -> None:
     constraints.parameter[pairs.partner[v]] = constraints.parameter[v]
 
 
-def mark_facets(triangulation: Triangulation, facets: Facets, chain: Indices) -> None:
+def mark_facets(triangulation: Triangulation, facets: Facets, chain: Ints) -> None:
     """Write the chain of every outline facet into the elements on both of its sides."""
     elements = triangulation.elements
     elements.chain[facets.element, facets.corner] = chain
@@ -274,7 +272,7 @@ def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
 
 
 def chains_of_nodes(
-    facets: Facets, joints: Joints, chain: Indices, sliding: Mask, occupied: Mask, junctions: bool
+    facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask, junctions: bool
 ) -> NDArray[np.int32]:
     """The chain of every sliding node, and those between which a corner may be left, JUNCTION where of three, (n, 2).
 
@@ -300,7 +298,7 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
     return inner
 
 
-def runs_along(triangulation: Triangulation, constraints: Constraints, element: Indices, corner: Indices) -> Mask:
+def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
     """Whether the edges opposite to these corners run counter-clockwise in the direction of their chains."""
     along = np.empty(len(element), dtype=np.bool_)
     mark_along(triangulation.position, triangulation.elements, constraints, element, corner, along)

@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import Facets, outline_facets
 
 __all__ = ["Pairs", "find_pairs", "image_nodes"]
 
 MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,8 @@ class Pairs:
     partner: NDArray[np.int32]
     motion: NDArray[np.int32]
     motions: Floats
-    facet: Indices
-    facet_motion: Indices
+    facet: Ints
+    facet_motion: Ints
 
 
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[tuple[str, str]]) -> Pairs:
@@ -69,7 +67,7 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
     return Pairs(partner, motion, np.array(motions).reshape(-1, 2, 3), mates_of(facets, partner), facet_motion)
 
 
-def image_nodes(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[Indices, Indices]]:
+def image_nodes(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[Ints, Ints]]:
     """For every pair of boundaries the nodes of the first, (k,), and those of the second that they are one with, (k,).
 
     Raises
@@ -113,7 +111,7 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
             )
 
 
-def matched(mesh: MeshTri, facets: Facets, one: str, other: str) -> tuple[Floats, Indices, Indices]:
+def matched(mesh: MeshTri, facets: Facets, one: str, other: str) -> tuple[Floats, Ints, Ints]:
     """The motion from one boundary to the other, the nodes of the one, and their partners on the other."""
     nodes, others = (np.unique(facets.nodes[facets.sides[name] > 0]) for name in (one, other))
     if len(nodes) != len(others):
@@ -137,7 +135,7 @@ def matched(mesh: MeshTri, facets: Facets, one: str, other: str) -> tuple[Floats
     return best, nodes, images
 
 
-def candidates(mesh: MeshTri, facets: Facets, one: str, other: str, nodes: Indices, others: Indices) -> list[Floats]:
+def candidates(mesh: MeshTri, facets: Facets, one: str, other: str, nodes: Ints, others: Ints) -> list[Floats]:
     """Motions that carry the two ends of one boundary to those of the other, where the mesh goes on."""
     ends, targets = (farthest(mesh.p[:, rows]) for rows in (nodes, others))
     return [
@@ -185,7 +183,7 @@ def outward(mesh: MeshTri, facets: Facets, name: str) -> Floats:
     return np.array([y, -x])
 
 
-def mates_of(facets: Facets, partner: Indices) -> Indices:
+def mates_of(facets: Facets, partner: Ints) -> Ints:
     """For every outline facet the one between the partners of its nodes, -1 where there is none, (f,)."""
     count = len(partner)
     images = partner[facets.nodes].astype(np.int64)

@@ -5,20 +5,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.trace import trace_runs
 
 __all__ = ["CORNER", "Polyline", "Runs", "polylines_of", "traced"]
 
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
 
-Indices = NDArray[np.integer]
-Floats = NDArray[np.float64]
-
 
 class Polyline(NamedTuple):
     """Nodes in order; a closed one goes on from the last to the first, which is not repeated."""
 
-    nodes: Indices
+    nodes: Ints
     closed: bool
 
 
@@ -28,10 +26,10 @@ class Runs(NamedTuple):
     node: NDArray[np.int32]  # (s,)
     facet: NDArray[np.int32]  # (s,) the segment after each node, -1 after the last of a run
     start: NDArray[np.int32]  # (r + 1,)
-    closed: NDArray[np.bool_]  # (r,)
+    closed: Mask  # (r,)
 
 
-def polylines_of(segments: Indices, position: Floats) -> list[Polyline]:
+def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
     """Join segments that meet two by two, cut where they turn by 35 degrees or more.
 
     Parameters
@@ -59,7 +57,7 @@ def polylines_of(segments: Indices, position: Floats) -> list[Polyline]:
     return polylines
 
 
-def traced(ends: Indices, through: Indices) -> Runs:
+def traced(ends: Ints, through: Ints) -> Runs:
     """Trace segments with the ends (m, 2) where `through` (n, 2) has two that go on into one another."""
     count = len(ends)
     node, facet = (np.empty(2 * count, dtype=np.int32) for _ in range(2))
@@ -69,7 +67,7 @@ def traced(ends: Indices, through: Indices) -> Runs:
     return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
 
 
-def _joints(segments: Indices, position: Floats) -> Indices:
+def _joints(segments: Ints, position: Floats) -> Ints:
     """The two segments of which one goes on into the other at a node, (n, 2); -1 at ends and corners."""
     end = segments[:, [0, -1]].ravel()
     order = np.argsort(end, kind="stable")
@@ -85,7 +83,7 @@ def _joints(segments: Indices, position: Floats) -> Indices:
     return through
 
 
-def _directions(segments: Indices, position: Floats) -> Floats:
+def _directions(segments: Ints, position: Floats) -> Floats:
     """Where every half leaves its end for, (2, 2 m): along the segment, or the parabola through its three nodes."""
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.outline.chains import Curve
 
 __all__ = ["Limits"]
@@ -17,7 +15,7 @@ class Limits:
 
     topology: str = "flip"
     min_quality: float = 0.3
-    pinned: Sequence[int | str] | NDArray[np.integer] | str = ()
+    pinned: Sequence[int | str] | Ints | str = ()
     curves: Mapping[str, Curve] | None = None
     periodic: Sequence[tuple[str, str]] = ()
     layers: Mapping[str, int] | None = None

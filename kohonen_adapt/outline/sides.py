@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, triu
 from scipy.sparse.csgraph import connected_components
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.across import Views, look_across
 from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -18,22 +18,16 @@ LOOKS = (8, 2_000)  # at least from every chain, and about so many from all toge
 FAR = 3.0  # of the median distance: what is farther away, or as much askance, is not across
 UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
 
-Indices = NDArray[np.integer]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 class Looks(NamedTuple):
     """What the chains of a part see, a row for each point looked from."""
 
-    start: Indices  # which of the chains
-    end: Indices  # and which it sees
+    start: Ints  # which of the chains
+    end: Ints  # and which it sees
     weight: Floats  # length of the chain that the point stands for, by distance, less where it looks askance
 
 
-def facing_sides(
-    triangulation: Triangulation, constraints: Constraints, inside: Mask
-) -> Iterator[tuple[Indices, Indices]]:
+def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
     """The nodes on both sides of a connected part, the regions `inside` (r,); a part may have several such pairs."""
     elements = triangulation.elements
     across = elements.neighbour
@@ -49,20 +43,20 @@ def facing_sides(
             yield one, other
 
 
-def joined(a: Indices, b: Indices, count: int) -> Indices:
+def joined(a: Ints, b: Ints, count: int) -> Ints:
     """Number the sets of things that pairs join, (count,)."""
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
-def ends_of(chain: Indices, nodes: Indices) -> Indices:
+def ends_of(chain: Ints, nodes: Ints) -> Ints:
     """The nodes in which chains meet: rows of a chain and a node of it, of the facets of these chains, (f, 2)."""
     rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
     return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
 
 def views_of(
-    triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Indices, k: Indices, chains: Indices
+    triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Ints, k: Ints, chains: Ints
 ) -> Looks:
     """What every one of the chains, to which the edges opposite to corners k of e belong, sees inward."""
     length = constraints.chains.length
@@ -88,7 +82,7 @@ def median(values: Floats, weights: Floats) -> float:
     return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
 
 
-def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
+def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
     """The side that every chain of a part is on, (count,): 2 i and 2 i + 1 face each other, -1 for none.
 
     Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot be, as
@@ -113,7 +107,7 @@ def sides_of(looks: Looks, ends: Indices, count: int) -> Indices:
     return with_runs(sides, heard, ends)
 
 
-def faced(sides: "Sides", looks: Looks, corners: Indices, count: int) -> Floats:
+def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
     """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,).
 
     Those that meet in a sharp corner see each other too, but nothing is between them.
@@ -128,7 +122,7 @@ def faced(sides: "Sides", looks: Looks, corners: Indices, count: int) -> Floats:
     return weight
 
 
-def with_runs(sides: "Sides", heard: Mask, ends: Indices) -> Indices:
+def with_runs(sides: "Sides", heard: Mask, ends: Ints) -> Ints:
     """The sides of the chains that were heard, and of the runs of others between chains of one side, (c,)."""
     runs = runs_between(ends, heard)
     for _, around in runs:
@@ -140,14 +134,14 @@ def with_runs(sides: "Sides", heard: Mask, ends: Indices) -> Indices:
     return side
 
 
-def touching(ends: Indices) -> Indices:
+def touching(ends: Ints) -> Ints:
     """Pairs of chains that end at the same node, each with the next one there; rows of `ends` are chain and node."""
     ends = ends[np.argsort(ends[:, 1], kind="stable")]
     same = ends[1:, 1] == ends[:-1, 1]
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
-def runs_between(ends: Indices, heard: Mask) -> list[tuple[list[int], list[int]]]:
+def runs_between(ends: Ints, heard: Mask) -> list[tuple[list[int], list[int]]]:
     """The chains that were not heard, in runs that only others part, each with those others it comes to."""
     is_heard = heard[ends[:, 0]]
     links = touching(ends[~np.isin(ends[:, 1], ends[is_heard, 1])])

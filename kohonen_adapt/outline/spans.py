@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
 
 __all__ = ["Spans", "cubics_through"]
 
@@ -16,9 +17,6 @@ HALVINGS = 20  # at most, should the spline have a cusp
 CHUNK = 256  # points that are looked up together: many spans may be about as near to each of them
 STEPS = 100  # of Newton's method; bisection alone takes 53
 EPSILON = np.finfo(float).eps
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class Spans:
         order = np.lexsort((span, distance, point))
         return foot[:, order[np.searchsorted(point, np.arange(len(within)))]]
 
-    def _may_be_nearest(self, point: Indices, span: Indices, x: Floats) -> NDArray[np.bool_]:
+    def _may_be_nearest(self, point: Ints, span: Ints, x: Floats) -> Mask:
         """Which pairs of a point and a span are left when every chord is surrounded by what its span may reach."""
         off = x[:, point] - self.middle[:, span]
         chord = self.chord[:, span]
@@ -96,7 +94,7 @@ class Spans:
         np.minimum.at(most, point, distance + self.bulge[span])
         return distance - self.bulge[span] <= most[point]
 
-    def _feet(self, span: Indices, x: Floats) -> Floats:
+    def _feet(self, span: Ints, x: Floats) -> Floats:
         """The nearest point of each span to the point that stands with it, (2, k) for (k,) and (2, k)."""
         cubic = self.coefficient[:, :, span]
         start = cubic[3].copy()
@@ -131,7 +129,7 @@ def cubics_through(points: Floats, closed: bool) -> Floats:
     return np.moveaxis(spline.c, 2, 1) * (np.diff(parameter) ** power)[:, None]
 
 
-def _cut(cubics: Floats, parts: Indices) -> Floats:
+def _cut(cubics: Floats, parts: Ints) -> Floats:
     """Every cubic in that many parts of equal parameter, each again over 0 to 1, by Taylor's formula."""
     a, b, c, d = np.repeat(cubics, parts, axis=2)
     width = 1.0 / np.repeat(parts, parts)

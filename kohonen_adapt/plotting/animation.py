@@ -11,9 +11,10 @@ import numpy as np
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import Pass
 from kohonen_adapt.plotting.drawing import draw_mesh
@@ -158,7 +159,7 @@ def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
         return film.read_bytes()
 
 
-def _page(size: NDArray[np.float64]) -> tuple[float, float]:
+def _page(size: Floats) -> tuple[float, float]:
     """Inches across and up, for a mesh of this size with a title."""
     width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
     return float(width) + 0.6, float(height) + 0.6

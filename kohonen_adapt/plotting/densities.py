@@ -1,12 +1,12 @@
 """A picture of how many nodes are asked for where."""
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.display import in_unit, one_per
 from kohonen_adapt.plotting.drawing import draw_indicators
 
@@ -52,7 +52,7 @@ def plot_density(mesh: MeshTri, density: ArrayLike, *, ax: Axes | None = None, u
     return axes
 
 
-def _ends(density: NDArray[np.float64]) -> tuple[float, float]:
+def _ends(density: Floats) -> tuple[float, float]:
     """The ends of the scale: all there is, but some decades at most; the same twice where there is nothing to scale."""
     high = float(density.max(initial=0.0)) or 1.0
     low = float(density.min(initial=high, where=density > 0.0))

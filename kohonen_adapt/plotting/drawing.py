@@ -6,16 +6,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.plotting.lengths import set_axes
 
 __all__ = ["BLUE", "VERMILION", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale"]
 
-Floats = NDArray[np.float64]
 
 # Okabe and Ito's colours, which the colour-blind tell apart.
 BLUE, VERMILION = "#0072b2", "#d55e00"
@@ -176,7 +176,7 @@ def _draw_elements(
     )
 
 
-def _draw_facets(axes: Axes, mesh: MeshTri, facets: NDArray[np.integer], unit: str, colour: str, width: float) -> None:
+def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
     """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
         ends = in_unit(unit) * mesh.p[:, mesh.facets[:, part]]

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -20,8 +21,6 @@ from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["plot_outlines"]
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 COLOURS = np.array(["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"])
 """Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white."""
@@ -39,7 +38,7 @@ STEP = np.deg2rad(2.0)
 def plot_outlines(
     mesh: MeshTri,
     *,
-    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    pinned: Sequence[int | str] | Ints | str = (),
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
     ax: Axes | None = None,
@@ -107,7 +106,7 @@ def plot_outlines(
     return axes
 
 
-def _facets_of_chains(triangulation: Triangulation) -> tuple[Indices, Indices]:
+def _facets_of_chains(triangulation: Triangulation) -> tuple[Ints, Ints]:
     """End nodes (f, 2) of all outline facets, each once, and their chains (f,)."""
     elements = triangulation.elements
     across = elements.neighbour
@@ -116,7 +115,7 @@ def _facets_of_chains(triangulation: Triangulation) -> tuple[Indices, Indices]:
     return ends, elements.chain[e, k]
 
 
-def _colours(ends: Indices, chain: Indices, count: int) -> NDArray[np.str_]:
+def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
     """A colour for every chain that no chain it meets has, as far as colours go; from one to the next they change."""
     pairs = np.unique(np.column_stack([ends.ravel(), np.repeat(chain, 2)]), axis=0)
     _, first, number = np.unique(pairs[:, 0], return_index=True, return_counts=True)
@@ -133,7 +132,7 @@ def _colours(ends: Indices, chain: Indices, count: int) -> NDArray[np.str_]:
     return COLOURS[found]
 
 
-def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Indices, unit: str) -> None:
+def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
     """The chains as they are, a line style for what they were taken for, with names and radii where there is room."""
     chains = outline.constraints.chains
     given = outline.given >= 0
@@ -166,7 +165,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
             taken.append(at)
 
 
-def _lines_of(outline: Outline, facets: Indices) -> list[Floats]:
+def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     """Points along every chain, as dense as its shape asks for; `facets` (c,) counts those of each."""
     chains = outline.constraints.chains
     turn = np.abs(chains.curvature) * chains.length
@@ -180,7 +179,7 @@ def _lines_of(outline: Outline, facets: Indices) -> list[Floats]:
     return np.split(points, stop[:-1])
 
 
-def _radii(outline: Outline, recognised: NDArray[np.bool_], unit: str) -> str:
+def _radii(outline: Outline, recognised: Mask, unit: str) -> str:
     """The radii of recognised circles, or from which to which they are."""
     if not recognised.any():
         return ""
@@ -191,7 +190,7 @@ def _radii(outline: Outline, recognised: NDArray[np.bool_], unit: str) -> str:
     return f",\nradius {', '.join(texts)} {unit}".rstrip()
 
 
-def _labels(outline: Outline, recognised: NDArray[np.bool_], unit: str) -> dict[int, str]:
+def _labels(outline: Outline, recognised: Mask, unit: str) -> dict[int, str]:
     """What is to be written at chains: the names they carry, and the radius that was recognised."""
     found: dict[int, list[str]] = defaultdict(list)
     for name, manner in outline.names.items():

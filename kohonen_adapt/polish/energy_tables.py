@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.triangle.nonlinear import STEPS
 from kohonen_adapt.problem.ritz import EnergyLaw
 
@@ -17,8 +17,6 @@ BELOW, ABOVE = 28, 8
 CHECKED = 20  # octaves below the largest, in which a law is checked
 ROUNDING = 1e-9  # of a field strength: so much it may fall in a step
 ROUGH = 0.01  # of the largest energy: so far one may be from the integral of the field strength
-
-Floats = NDArray[np.float64]
 
 
 class Tables(NamedTuple):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING, STRAIGHT
 from kohonen_adapt.kernels.triangle.descend import Trial
 from kohonen_adapt.kernels.triangle.nonlinear import Laws
@@ -16,9 +17,6 @@ from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, gradients
 __all__ = ["Functional", "VariesInside"]
 
 LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class VariesInside(ValueError):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.parts import mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import Constraints
@@ -40,7 +41,7 @@ def polish(
     sweeps: int = SWEEPS,
     topology: str = "flip",
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    pinned: Sequence[int | str] | Ints | str = (),
     seed: int = 0,
 ) -> MeshTri:
     """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.
@@ -136,8 +137,8 @@ def descend(
     triangulation: Triangulation,
     outline: Outline,
     functional: Functional,
-    values: NDArray[np.float64],
-    fixed: NDArray[np.bool_],
+    values: Floats,
+    fixed: Mask,
     *,
     sweeps: int,
     flips: bool,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.locate import barycentric, walk_each
 from kohonen_adapt.mesh.locate import Locator
@@ -14,9 +15,6 @@ from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Carrier"]
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Carrier:
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         return cls(functional, triangulation, values, fixed, fixed & (outline.constraints.kind == FREE))
 
-    def onto(self, triangulation: Triangulation, outline: Outline, hint: NDArray[np.integer]) -> tuple[Floats, Mask]:
+    def onto(self, triangulation: Triangulation, outline: Outline, hint: Ints) -> tuple[Floats, Mask]:
         """Values and whether they are given, (n,) each, at the nodes of what became of the triangulation.
 
         `hint` (n,) is an element of the old triangulation near every node, of a region that the node touches. Nodes are
@@ -67,7 +65,7 @@ class Carrier:
         values[exact] = start + rate * outline.constraints.parameter[exact]
         return values, fixed
 
-    def _located(self, points: Floats, hint: NDArray[np.integer]) -> tuple[NDArray[np.int32], Floats]:
+    def _located(self, points: Floats, hint: Ints) -> tuple[NDArray[np.int32], Floats]:
         """Corners of the old element that holds each point, (n, 3), and its barycentric coordinates there, none < 0."""
         old = self.base
         found, inside = np.array(hint, dtype=np.int32), np.empty(len(points), dtype=np.bool_)

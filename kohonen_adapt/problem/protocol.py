@@ -3,9 +3,10 @@
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = [
@@ -22,7 +23,6 @@ __all__ = [
     "why_without",
 ]
 
-Floats = NDArray[np.float64]
 
 SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
 
@@ -174,7 +174,7 @@ def _as_floats(values: ArrayLike) -> Floats:
     return array.astype(float)
 
 
-def _check_values(values: Floats, good: NDArray[np.bool_], wanted: str) -> None:
+def _check_values(values: Floats, good: Mask, wanted: str) -> None:
     if not good.all():
         first = int(np.argmin(good))
         raise ValueError(

@@ -8,16 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
+
 __all__ = ["EnergyLaw", "Ritz", "check_fits", "functional_value", "gradients"]
 
 
 class EnergyLaw(Protocol):
     """Nonlinear material: for arrays of b >= 0 a field strength H that rises from 0, and the energy that it makes."""
 
-    def field_strength(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def field_strength(self, b: Floats) -> Floats:
         """H(b)."""
 
-    def energy(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def energy(self, b: Floats) -> Floats:
         """``int_0^b H db``."""
 
 
@@ -96,7 +98,7 @@ class Ritz:
             object.__setattr__(self, name, own)
 
 
-def _floats(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def _floats(name: str, given: ArrayLike) -> Floats:
     array = np.array(given)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} of Ritz must be real numbers; got {array.dtype}.")
@@ -118,9 +120,7 @@ def _numbers(given: ArrayLike) -> NDArray[np.int64]:
     return number.astype(np.int64)
 
 
-def _constants(
-    name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None
-) -> NDArray[np.float64]:
+def _constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
     """A constant of this shape, or a table with one per region number in its last axis."""
     table = _floats(name, given)
     if table.shape == shape:
@@ -188,9 +188,7 @@ def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     return 0.5 * float(np.sum(np.abs(doubled) * density))
 
 
-def gradients(
-    corners: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def gradients(corners: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:
     """Doubled signed area and both parts of the gradient of P1 functions, for corners (2, 3, m) and values (3, m)."""
     (x0, x1, x2), (y0, y1, y2) = corners
     u0, u1, u2 = values

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import DECADES, in_unit, level_of_share, named_subdomains, one_per, outlined_facets
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area
@@ -19,7 +20,6 @@ __all__ = ["FieldOf", "view_data"]
 FieldOf = Callable[[Any], ArrayLike]
 """What gives the values of a field from the solution that a problem returned."""
 
-Floats = NDArray[np.float64]
 Results = Sequence[AdaptResult]
 
 NAMELESS = "no name"
@@ -158,7 +158,7 @@ def _subdomains(results: Results) -> Shown:
     return Shown(about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values])
 
 
-def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> NDArray[np.integer]:
+def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
     """For every element the number of its set of names, (nelements,); new sets are added to `names`."""
     subdomains = named_subdomains(mesh)
     codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])

@@ -6,19 +6,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import check_mesh
 
 __all__ = ["as_reals", "density_from_indicators", "density_from_sizes", "per_element"]
 
-Floats = NDArray[np.float64]
 
 QUIET = 1e-3  # of the median: an indicator below it says nothing
 
 
-def density_from_indicators(
-    mesh: MeshTri, indicators: ArrayLike, *, order: int = 1, norm: str = "energy"
-) -> NDArray[np.float64]:
+def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int = 1, norm: str = "energy") -> Floats:
     """Density of nodes for which all elements would carry the same error.
 
     Parameters
@@ -75,7 +73,7 @@ def density_from_indicators(
     return density * (mesh.p.shape[1] / np.sum(sizes * density))
 
 
-def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> NDArray[np.float64]:
+def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
     """Density of nodes of equilateral triangles with the wanted edge lengths.
 
     Parameters

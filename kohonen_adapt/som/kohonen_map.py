@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import HELD
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
@@ -29,9 +30,6 @@ __all__ = ["KohonenMap"]
 UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
 FEW = 5_000  # elements that are not worth another thread
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 class KohonenMap:
@@ -94,7 +92,7 @@ class KohonenMap:
         *,
         topology: str = "flip",
         min_quality: float | None = 0.3,
-        pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+        pinned: Sequence[int | str] | Ints | str = (),
         curves: Mapping[str, Curve] | None = None,
         periodic: Sequence[tuple[str, str]] = (),
         layers: Mapping[str, int] | None = None,
@@ -227,7 +225,7 @@ class KohonenMap:
         draw: Callable[[int, np.random.Generator], Draw],
         schedule: Schedule,
         rng: np.random.Generator,
-        starts: Indices | None = None,
+        starts: Ints | None = None,
     ) -> tuple[float, ...]:
         """Train with points whose elements in the mesh that they are drawn from are known.
 
@@ -268,7 +266,7 @@ class KohonenMap:
         return tuple(errors)
 
     def _carry(
-        self, draw: Callable[[int, np.random.Generator], Draw], rounds: int, rng: np.random.Generator, starts: Indices
+        self, draw: Callable[[int, np.random.Generator], Draw], rounds: int, rng: np.random.Generator, starts: Ints
     ) -> None:
         """Rounds of transport; `starts` learn where the winners of the elements' points are now."""
         tri = self.triangulation
@@ -284,8 +282,8 @@ class KohonenMap:
         draw: Callable[[int, np.random.Generator], Draw],
         schedule: Schedule,
         rng: np.random.Generator,
-        winners: Indices,
-    ) -> Iterator[tuple[Stage, float, Draw, Indices, Indices]]:
+        winners: Ints,
+    ) -> Iterator[tuple[Stage, float, Draw, Ints, Ints]]:
         """For every epoch its stage and rate, its points, and where each finds and leaves its last winner.
 
         Points of a set that is shown again remember their own winner; fresh ones take over that of the last point
@@ -343,7 +341,7 @@ class KohonenMap:
             self._flip()
         self._settle()
 
-    def along_curve(self) -> Indices:
+    def along_curve(self) -> Ints:
         """Neurons along a space-filling curve, region by region; those on interfaces in one of theirs, (n,)."""
         tri = self.triangulation
         region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.kernels.triangle.connectivity import fill_star
 from kohonen_adapt.kernels.triangle.geometry import Elements
@@ -19,10 +20,6 @@ RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits
 ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
 SETTLED = 0.01  # share of the nodes: a round with fewer splits is the last
 SPLITS = 100_000  # per compiled call: Python hears Ctrl-C at least every half second
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -41,9 +38,9 @@ class Recycled:
         How often an edge was split and collapsed.
     """
 
-    old: Indices
-    hint: Indices
-    starts: Indices
+    old: Ints
+    hint: Ints
+    starts: Ints
     splits: int
     collapses: int
 
@@ -94,9 +91,7 @@ class Surgery:
     origins: Origins
 
     @classmethod
-    def on(
-        cls, triangulation: Triangulation, outline: Outline, density: Floats, hint: Indices, target: int
-    ) -> "Surgery":
+    def on(cls, triangulation: Triangulation, outline: Outline, density: Floats, hint: Ints, target: int) -> "Surgery":
         """Copies with one node more than wanted, so that a split can come before its collapse, and elements enough.
 
         By Euler's formula there is one element more for every node that leaves the outer boundary for the interior.
@@ -181,7 +176,7 @@ class Surgery:
         self.origins = Origins(*(array[kept] for array in self.origins))
 
 
-def starts_of(before: Elements, old: Indices) -> Indices:
+def starts_of(before: Elements, old: Ints) -> Ints:
     """For every element before a node that it had and has not lost, or one that its region has near it."""
     now = np.full(before.node.max() + 1, -1, dtype=np.int32)
     survivors = np.flatnonzero(old >= 0)
@@ -191,7 +186,7 @@ def starts_of(before: Elements, old: Indices) -> Indices:
     return starts
 
 
-def outer_edges(elements: Elements) -> Indices:
+def outer_edges(elements: Elements) -> Ints:
     """The nodes of the edges on the outer boundary, (k, 2)."""
     e, k = np.nonzero(elements.neighbour < 0)
     return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
@@ -221,7 +216,7 @@ def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
     return longer
 
 
-def free_rows(used: int, rows: int) -> Indices:
+def free_rows(used: int, rows: int) -> Ints:
     """A stack of the rows that are free, with room for all, the first of them on top."""
     stack = np.empty(rows, dtype=np.int32)
     stack[: rows - used] = np.arange(rows - 1, used - 1, -1)

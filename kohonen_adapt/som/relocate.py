@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import Curve
@@ -57,7 +58,7 @@ class Relocation:
     max_displacement: float
     moved: int
     message: str
-    old: NDArray[np.integer]
+    old: Ints
     splits: int = 0
     collapses: int = 0
     polish_gain: float = 0.0
@@ -117,12 +118,12 @@ class Trained:
 
 def relocate(
     mesh: MeshTri,
-    density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
+    density: ArrayLike | Callable[[Floats], ArrayLike],
     *,
     schedule: Schedule | None = None,
     topology: str = "flip",
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | NDArray[np.integer] | str = (),
+    pinned: Sequence[int | str] | Ints | str = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
@@ -205,7 +206,7 @@ def relocate(
 
 def trained_map(
     mesh: MeshTri,
-    density: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike],
+    density: ArrayLike | Callable[[Floats], ArrayLike],
     *,
     schedule: Schedule | None,
     limits: Limits,
@@ -283,7 +284,7 @@ def start_radius(som: KohonenMap, wanted: ElementDensity | CallableDensity) -> i
     return radius
 
 
-def node_masses(triangulation: Triangulation, masses: NDArray[np.float64]) -> NDArray[np.float64]:
+def node_masses(triangulation: Triangulation, masses: Floats) -> Floats:
     """The mass that each node carries, a third of its elements', 1 on average in every region, (n,).
 
     Nodes cannot leave their region, so what one region has too much of is none of another's business.

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats
 
 __all__ = ["Schedule", "Stage"]
 
@@ -77,7 +78,7 @@ class Stage:
         rate = self.learning_rate
         return list(rate) if isinstance(rate, Iterable) else [rate, rate]
 
-    def rates(self) -> NDArray[np.float64]:
+    def rates(self) -> Floats:
         """Learning rate of each epoch, (epochs,)."""
         first, last = self._ends()
         return np.geomspace(first, last, self.epochs)
@@ -87,7 +88,7 @@ class Stage:
         cells = (self.radius, self.epochs, rate, f"{self.points_per_neuron:.3g}", self.neighbourhood)
         return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
-    def strength(self) -> NDArray[np.float64]:
+    def strength(self) -> Floats:
         """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
         ring = np.arange(self.radius + 1)
         if self.neighbourhood == "flat" or self.radius == 0:

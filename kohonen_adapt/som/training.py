@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.chains import Constraints
@@ -33,9 +33,6 @@ TILE = 250  # neurons, more for wide radii, whose points are presented together:
 UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
 FEW = 1_000  # stars or searches that are not worth another thread
 
-Indices = NDArray[np.integer]
-Mask = NDArray[np.bool_]
-
 
 @dataclass
 class Classroom:
@@ -56,8 +53,8 @@ class Classroom:
     triangulation: Triangulation
     constraints: Constraints
     floor: float
-    order: Indices
-    rank: Indices
+    order: Ints
+    rank: Ints
     rooms: list[Scratch]
 
     @classmethod
@@ -70,7 +67,7 @@ class Classroom:
         return cls(triangulation, constraints, floor, order, rank, rooms)
 
     def epoch(
-        self, stage: Stage, rate: float, shown: Draw, slot: Indices, winners: Indices, rng: np.random.Generator
+        self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
     ) -> tuple[float, float]:
         """Present every point once; returns the mean distance to the winners and the mean length of their search."""
         number, total, steps = len(slot), 0.0, 0
@@ -98,7 +95,7 @@ class Classroom:
         )
         return sound
 
-    def sweep(self, weight: NDArray[np.float64], circumcentres: bool) -> None:
+    def sweep(self, weight: Floats, circumcentres: bool) -> None:
         """Smooth once, with the given weight of every element."""
         tri, parts = self.triangulation, parts_for(self.triangulation.nnodes, 1)
         deep = self._deep_nodes(parts, 1)
@@ -121,7 +118,7 @@ class Classroom:
         mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
-    def search(self, batch: Draw, hints: Indices) -> tuple[Indices, NDArray[np.float64], int]:
+    def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats, int]:
         """Winner of every point, its distance, and the number of steps that all searches took."""
         tri = self.triangulation
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
@@ -136,8 +133,8 @@ class Classroom:
         return found, distances, sum(shared(task, even_cuts(len(hints), FEW, STRETCH)))
 
     def _by_parts(
-        self, winners: Indices, radius: int, parts: int, deep: Mask, rng: np.random.Generator
-    ) -> tuple[Indices, Indices]:
+        self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
+    ) -> tuple[Ints, Ints]:
         """Where every part begins in the order of the points, and that order; last come the points near cuts."""
         n = len(deep)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius)))))
@@ -145,7 +142,7 @@ class Classroom:
         sort_into_tiles(winners, self.rank, deep, n, tiles, rng, cuts, order)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
-    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Indices, sound: Mask, cuts: Indices) -> None:
+    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
         tri, strength = self.triangulation, stage.strength()
 
@@ -160,12 +157,12 @@ class Classroom:
         task(0, cuts[-2], cuts[-1])
 
 
-def starts_of_parts(neurons: int, parts: int) -> Indices:
+def starts_of_parts(neurons: int, parts: int) -> Ints:
     """Where every part begins in the order of the neurons, and the end, (parts + 1,)."""
     return -(-np.arange(parts + 1) * neurons // parts)
 
 
-def shares_of(starts: Indices) -> list[int]:
+def shares_of(starts: Ints) -> list[int]:
     """Of the places where parts begin those where the shares of threads do."""
     parts = len(starts) - 1
     shares = min(number_of_threads(), parts)

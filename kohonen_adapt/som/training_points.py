@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.curve import draw_points
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.geometry import Elements
@@ -24,7 +25,6 @@ from kohonen_adapt.som.density import as_reals, per_element
 
 __all__ = ["CallableDensity", "Draw", "ElementDensity", "density_of"]
 
-Floats = NDArray[np.float64]
 
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
@@ -45,7 +45,7 @@ class Draw(NamedTuple):
     region: NDArray[np.int32]
     weights: Floats
 
-    def reordered(self, order: NDArray[np.integer]) -> "Draw":
+    def reordered(self, order: Ints) -> "Draw":
         """These points in that order."""
         return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 

@@ -20,6 +20,7 @@ from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.kernels.triangle.transport import (
@@ -56,9 +57,6 @@ NEAREST = 0.1  # of the edges between them: of two clusters, one around the othe
 LEAKAGE = 1e-9  # of the conductance around a cluster
 FEW = 4_000  # nodes or elements that are not worth another thread
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
-
 
 @dataclass
 class Transport:
@@ -80,7 +78,7 @@ class Transport:
     constraints: Constraints
     floor: float
     flip: Callable[[], None]
-    cluster: Indices
+    cluster: Ints
 
     @classmethod
     def of(
@@ -89,12 +87,12 @@ class Transport:
         constraints: Constraints,
         floor: float,
         flip: Callable[[], None],
-        rank: Indices,
+        rank: Ints,
     ) -> "Transport":
         """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
         return cls(triangulation, constraints, floor, flip, clusters_of(triangulation, rank))
 
-    def carry(self, shown: Draw, winners: Indices) -> None:
+    def carry(self, shown: Draw, winners: Ints) -> None:
         """One round: let the nodes flow to where these points found too few winners."""
         move = self._moves(self._flow(shown, winners))
         far = self._reach(move)
@@ -104,7 +102,7 @@ class Transport:
             self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
             self.flip()
 
-    def _flow(self, shown: Draw, winners: Indices) -> Floats:
+    def _flow(self, shown: Draw, winners: Ints) -> Floats:
         """Mean displacement of the nodes of every cluster, (c, 2)."""
         tri, cluster = self.triangulation, self.cluster
         mass = np.empty(len(cluster))
@@ -136,7 +134,7 @@ class Transport:
             flow = np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
         return flow
 
-    def _crossings(self) -> tuple[Indices, Indices, Floats]:
+    def _crossings(self) -> tuple[Ints, Ints, Floats]:
         """Pairs of clusters that share edges which nodes may cross, and the length of those edges."""
         tri, cluster = self.triangulation, self.cluster
         most = 3 * len(cluster) // 2
@@ -218,7 +216,7 @@ class Step(NamedTuple):
 
     ahead: Floats
     parameter: Floats
-    spoiled: NDArray[np.bool_]
+    spoiled: Mask
     ring: NDArray[np.int32]
     queue: NDArray[np.int32]
 
@@ -235,7 +233,7 @@ class Step(NamedTuple):
         )
 
 
-def clusters_of(triangulation: Triangulation, rank: Indices) -> Indices:
+def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     """The cluster of every element, (m,) int32, by the rank of nodes along a space-filling curve, (n,)."""
     region, node = triangulation.elements.region, triangulation.elements.node
     order = np.argsort(rank[node[:, 0]], kind="stable")
@@ -270,7 +268,7 @@ def potential(links: csr_array, inflow: Floats) -> Floats:
     )
 
 
-def symmetric(values: Floats, row: Indices, column: Indices, count: int) -> csr_array:
+def symmetric(values: Floats, row: Ints, column: Ints, count: int) -> csr_array:
     """A matrix with these entries, and the same below its diagonal."""
     upper = coo_array((values, (row, column)), shape=(count, count)).tocsr()
     return upper + upper.T

@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.joints import Joints, Names, joints_of, with_middles
 from kohonen_adapt.magnetostatics.equations.robin import robin_matrix
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
@@ -18,9 +19,6 @@ __all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values",
 
 CONTRADICTION = 1e-9  # of the largest fixed value: values that joined nodes may differ by
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.integer]
 Value = float | Callable[[Floats], ArrayLike]
 
 
@@ -55,9 +53,9 @@ class Conditions:
         Nodes that are one, or None.
     """
 
-    fixed: Bools
+    fixed: Mask
     values: Floats
-    free: Indices
+    free: Ints
     robin: csc_array | None = None
     join: csc_array | None = None
     joints: Joints | None = None
@@ -111,7 +109,7 @@ def places(mesh: MeshTri, order: int) -> Floats:
     return mesh.p if order == 1 else np.hstack((mesh.p, mesh.p[:, mesh.facets].mean(axis=1)))
 
 
-def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) -> tuple[Bools, Floats]:
+def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) -> tuple[Mask, Floats]:
     """Which nodes have a given potential, (nnodes,) bool, and the values there, (nnodes,) with zeros elsewhere.
 
     A boundary hands its value to all nodes of its facets; at a node of several, the last in the mapping counts.
@@ -128,7 +126,7 @@ def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) 
     return fixed, values
 
 
-def _shared(x: Floats, joints: Joints, fixed: Bools, values: Floats) -> tuple[Bools, Floats]:
+def _shared(x: Floats, joints: Joints, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
     """A value given at one node holds at all that are one with it, up to the sign."""
     share, given = np.zeros(len(values)), np.flatnonzero(fixed)
     share[joints.master[given]] = joints.sign[given] * values[given]
@@ -147,7 +145,7 @@ def _shared(x: Floats, joints: Joints, fixed: Bools, values: Floats) -> tuple[Bo
     return all_fixed, np.where(fixed, values, shared)
 
 
-def _join(joints: Joints, free: Indices) -> csc_array:
+def _join(joints: Joints, free: Ints) -> csc_array:
     masters, column = np.unique(joints.master[free], return_inverse=True)
     return csc_array((joints.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
 
@@ -165,7 +163,7 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
     return everywhere
 
 
-def _check_tied(mesh: MeshTri, fixed: Bools, robin: csc_array | None, joints: Joints | None) -> None:
+def _check_tied(mesh: MeshTri, fixed: Mask, robin: csc_array | None, joints: Joints | None) -> None:
     """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
     nodes = mesh.p.shape[1]
     pairs, tied = mesh.facets, fixed[:nodes]

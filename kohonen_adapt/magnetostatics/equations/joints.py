@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.outline.pairs import image_nodes
 
 __all__ = ["Joints", "joints_of", "with_middles"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.integer]
 Names = Sequence[tuple[str, str]]
 
 
@@ -34,13 +32,13 @@ class Joints:
         Facets that are one, and the sign between them: three arrays (f,).
     """
 
-    master: Integers
+    master: Ints
     sign: Floats
-    zero: NDArray[np.bool_]
-    one: Integers
-    other: Integers
+    zero: Mask
+    one: Ints
+    other: Ints
     between: Floats
-    facets: tuple[Integers, Integers, Floats]
+    facets: tuple[Ints, Ints, Floats]
 
 
 def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
@@ -73,9 +71,7 @@ def with_middles(joints: Joints, nfacets: int) -> Joints:
     return _joined(nodes + nfacets, one, other, np.append(joints.between, sign), joints.facets)
 
 
-def _joined(
-    count: int, one: Integers, other: Integers, between: Floats, facets: tuple[Integers, Integers, Floats]
-) -> Joints:
+def _joined(count: int, one: Ints, other: Ints, between: Floats, facets: tuple[Ints, Ints, Floats]) -> Joints:
     master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
@@ -89,7 +85,7 @@ def _joined(
     return Joints(master, sign, zero[master], one, other, between, facets)
 
 
-def _image_facets(mesh: MeshTri, facets: Integers, nodes: Integers, images: Integers) -> Integers:
+def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> Ints:
     """The facets between the images of the ends of these facets."""
     count = mesh.p.shape[1]
     image = np.arange(count)

@@ -3,8 +3,9 @@
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_matrix
+
+from kohonen_adapt.arrays import Floats
 
 __all__ = ["LARGE", "by_multigrid"]
 
@@ -14,8 +15,6 @@ __all__ = ["LARGE", "by_multigrid"]
 LARGE = 300_000
 TOLERANCE = 1e-10  # of the residual, relative to the right-hand side
 MOST_ITERATIONS = 200  # 20 to 30 are what it takes
-
-Floats = NDArray[np.float64]
 
 
 def by_multigrid(matrix: csc_array, right: Floats) -> Floats | None:

@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
@@ -24,7 +24,6 @@ MOST_STEPS = 60
 DESCENT = 1e-4  # share of the descent that the slope promises, which a step must bring (Armijo)
 SHORTEST = 2.0**-40  # of a step
 
-Floats = NDArray[np.float64]
 
 logger = logging.getLogger("kohonen_adapt")
 

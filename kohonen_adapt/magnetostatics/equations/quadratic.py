@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from skfem import Basis, ElementTriP2, MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, Piece
@@ -15,9 +15,6 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, Pi
 __all__ = ["Quadratic", "repeated"]
 
 INTEGRATED = 4  # degree that the quadrature integrates exactly: nu |grad u|^2 needs 2 where nu is constant
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Quadratic:
         return Basis(self.mesh, ElementTriP2(), intorder=INTEGRATED)
 
     @cached_property
-    def unknowns(self) -> Integers:
+    def unknowns(self) -> Ints:
         """Numbers of the unknowns of every element, (6, nelements)."""
         return self.basis.element_dofs
 

@@ -1,10 +1,10 @@
 """The open boundary: beyond a circle the field is that of a dipole at its centre, which a Robin condition says."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import named
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -19,8 +19,6 @@ MASS = {
     1: np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0,
     2: np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0,
 }
-
-Floats = NDArray[np.float64]
 
 
 def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry, order: int = 1) -> csc_array:

@@ -4,16 +4,14 @@ The unknown u solves ``-div(nu' grad u - flux') = source'`` in the plane of the 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["AXISYMMETRIC", "PLANAR", "Axisymmetric", "Planar", "Symmetry"]
 
 AXIS = 1e-12  # of the size of the mesh: nodes this near to the axis are on it
-
-Floats = NDArray[np.float64]
 
 
 class Planar:
@@ -27,7 +25,7 @@ class Planar:
         """The nodal potential of u."""
         return unknown
 
-    def on_axis(self, mesh: MeshTri) -> NDArray[np.bool_]:
+    def on_axis(self, mesh: MeshTri) -> Mask:
         """Which nodes have u = 0 by symmetry."""
         return np.zeros(mesh.p.shape[1], dtype=bool)
 
@@ -71,7 +69,7 @@ class Axisymmetric:
         axis = self.on_axis(mesh)
         return np.where(axis, 0.0, unknown / np.where(axis, 1.0, mesh.p[0]))
 
-    def on_axis(self, mesh: MeshTri) -> NDArray[np.bool_]:
+    def on_axis(self, mesh: MeshTri) -> Mask:
         """Which nodes have u = 0 by symmetry."""
         near = AXIS * np.max(np.ptp(mesh.p, axis=1))
         outside = np.flatnonzero(mesh.p[0] < -near)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import SuperLU, splu
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.multigrid import by_multigrid
@@ -26,9 +26,6 @@ __all__ = [
     "solve_scalar",
     "solved",
 ]
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ def solve_scalar(mesh: MeshTri, given: Scalar, conditions: Conditions) -> Floats
     return potential
 
 
-def equations(mesh: MeshTri, given: Scalar, values: Floats, free: Indices) -> tuple[csc_array, Floats]:
+def equations(mesh: MeshTri, given: Scalar, values: Floats, free: Ints) -> tuple[csc_array, Floats]:
     """Matrix of ``int nu grad u . grad v`` over the free nodes, and the right-hand side that belongs to it."""
     size, hats = area(mesh), hat_gradients(mesh)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -120,7 +117,7 @@ def check_finite(values: Floats) -> None:
         )
 
 
-def assembled(mesh: MeshTri, own: Floats, next_one: Floats, free: Indices) -> csc_array:
+def assembled(mesh: MeshTri, own: Floats, next_one: Floats, free: Ints) -> csc_array:
     """The symmetric matrix of the free nodes whose elements add `own` on the diagonal, for each of their corners, and
     `next_one` for each corner and the next, (3, nelements) each.
     """

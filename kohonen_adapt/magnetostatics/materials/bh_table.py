@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, VACUUM_RELUCTIVITY, Continued
 
 __all__ = ["Table", "read_bh"]
@@ -22,8 +23,6 @@ STEEL = 1.7
 
 SHOWN = 60  # characters of a wrong line
 SATURATED = 100.0  # relative differential permeability above which a table ends far from saturation
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, init=False)

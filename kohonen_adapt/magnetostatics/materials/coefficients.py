@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.materials.laws import Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements", "named"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -22,7 +20,7 @@ class Piece:
     """The elements of one nonlinear material, and its law."""
 
     law: Law
-    elements: Integers
+    elements: Ints
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Coefficients:
         The nonlinear materials.
     """
 
-    number: Integers
+    number: Ints
     reluctivity: Floats
     remanence: Floats
     coercivity: Floats
@@ -128,7 +126,7 @@ def coefficients(
     return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces))
 
 
-def _magnet(mesh: MeshTri, material: Material, rows: Integers, name: str) -> tuple[Floats, Floats]:
+def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
     """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given."""
     given = material.remanence if material.coercivity is None else material.coercivity
     kind = "remanence" if material.coercivity is None else "coercivity"

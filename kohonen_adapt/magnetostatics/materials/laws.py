@@ -5,8 +5,9 @@ from math import isfinite, pi
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from kohonen_adapt.arrays import Floats
 
 __all__ = [
     "VACUUM_PERMEABILITY",
@@ -21,8 +22,6 @@ __all__ = [
 
 VACUUM_PERMEABILITY = 4e-7 * pi  # H/m
 VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
-
-Floats = NDArray[np.float64]
 
 
 @runtime_checkable

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats
 
 __all__ = ["halbach", "radial"]
-
-Floats = NDArray[np.float64]
 
 
 def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:

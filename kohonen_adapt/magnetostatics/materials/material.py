@@ -6,14 +6,15 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
 __all__ = ["VACUUM_PERMEABILITY", "Material", "Vector"]
 
-Vector = tuple[float, float] | Callable[[NDArray[np.float64]], ArrayLike]
+Vector = tuple[float, float] | Callable[[Floats], ArrayLike]
 
 
 @dataclass(frozen=True)

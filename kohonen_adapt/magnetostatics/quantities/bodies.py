@@ -3,22 +3,21 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Mask
 from kohonen_adapt.magnetostatics.materials.coefficients import named
 from kohonen_adapt.magnetostatics.materials.material import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.solved import SolvedField
 
-__all__ = ["Bools", "Names", "air_elements", "elements_of", "isolated_body"]
+__all__ = ["Names", "air_elements", "elements_of", "isolated_body"]
 
 AIR_TOLERANCE = 1e-6  # of the relative permeability: air as it is (1.0000004) is air
 
-Bools = NDArray[np.bool_]
 Names = str | Sequence[str]
 
 
-def elements_of(mesh: MeshTri, names: Names) -> Bools:
+def elements_of(mesh: MeshTri, names: Names) -> Mask:
     """Which elements are in one of these subdomains, (nelements,)."""
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
     for name in _listed(names):
@@ -28,13 +27,13 @@ def elements_of(mesh: MeshTri, names: Names) -> Bools:
     return inside
 
 
-def air_elements(field: SolvedField) -> Bools:
+def air_elements(field: SolvedField) -> Mask:
     """Which elements have permeability 1, no current and no remanence, (nelements,)."""
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
-def isolated_body(field: SolvedField, names: Names) -> Bools:
+def isolated_body(field: SolvedField, names: Names) -> Mask:
     """Which elements are in the body, (nelements,), where there is nothing but air around it.
 
     Raises

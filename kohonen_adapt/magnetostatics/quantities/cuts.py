@@ -3,17 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
 
 __all__ = ["Cut", "mirror_cut", "sector_cut"]
 
 NEAR = 1e-9  # of the size of the mesh
 ROUND = 1e-3  # of the length of a facet: how much its ends may differ in radius on a circle
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Integers = NDArray[np.integer]
 
 
 class Cut(NamedTuple):
@@ -29,12 +26,12 @@ class Cut(NamedTuple):
         (nnodes,): of each node the one that it is an image of, else itself.
     """
 
-    facets: Integers
+    facets: Ints
     direction: Floats | None
-    twin: Integers
+    twin: Ints
 
 
-def mirror_cut(mesh: MeshTri, inside: Bools) -> Cut:
+def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
     """The lines of one direction along which the outer boundary cuts the body.
 
     Raises
@@ -60,7 +57,7 @@ def mirror_cut(mesh: MeshTri, inside: Bools) -> Cut:
     return Cut(outer[along], direction, twin)
 
 
-def sector_cut(mesh: MeshTri, inside: Bools, centre: Floats) -> Cut:
+def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     """The two sides of a periodic sector about the centre, along which the outer boundary cuts the body.
 
     On circles about the centre the body may end at the outer boundary: where A is constant they have no torque.
@@ -94,12 +91,12 @@ def sector_cut(mesh: MeshTri, inside: Bools, centre: Floats) -> Cut:
     return Cut(np.concatenate(sides), None, twin)
 
 
-def _outer_facets(mesh: MeshTri, inside: Bools) -> Integers:
+def _outer_facets(mesh: MeshTri, inside: Mask) -> Ints:
     outer = mesh.boundary_facets()
     return outer[inside[mesh.f2t[0, outer]]]
 
 
-def _edges(mesh: MeshTri, facets: Integers) -> Floats:
+def _edges(mesh: MeshTri, facets: Ints) -> Floats:
     start, end = mesh.p[:, mesh.facets[:, facets]].swapaxes(0, 1)
     return end - start
 
@@ -120,11 +117,11 @@ def _rays(x: Floats) -> list[Floats]:
     return rays
 
 
-def _on_ray(ray: Floats, x: Floats, near: float) -> Bools:
+def _on_ray(ray: Floats, x: Floats, near: float) -> Mask:
     """Which points (2, ...) are on the half-line from the origin."""
     return (np.abs(_cross(ray, x)) < near) & (np.tensordot(ray, x, 1) > -near)
 
 
-def _by_radius(facets: Integers, radial: Floats) -> Integers:
+def _by_radius(facets: Ints, radial: Floats) -> Ints:
     nodes = np.unique(facets)
     return nodes[np.argsort(np.hypot(*radial[:, nodes]))]

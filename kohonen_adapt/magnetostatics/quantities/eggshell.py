@@ -1,13 +1,13 @@
 """The eggshell around a body: a weight that falls from 1 on it to 0 on everything else, through the air between."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.system import solved
-from kohonen_adapt.magnetostatics.quantities.bodies import Bools, air_elements
+from kohonen_adapt.magnetostatics.quantities.bodies import air_elements
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut
 from kohonen_adapt.magnetostatics.solved import SolvedField
 from kohonen_adapt.mesh.measures import area
@@ -20,11 +20,8 @@ __all__ = ["weight_gradient"]
 #     the same meshes adapted          106.0 / 106.0 / 106.0        scatter  0.031 / 0.012 / 0.014
 # two magnets on a regular grid, 5265 nodes: error of force 1.2 / 3.1 / 1.1 %, of order 1.5 for Laplace's, 2 for this
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.integer]
 
-
-def weight_gradient(field: SolvedField, inside: Bools, cut: Cut) -> Floats:
+def weight_gradient(field: SolvedField, inside: Mask, cut: Cut) -> Floats:
     """Gradient of the weight, (2, nelements) in 1/m; zero but in the air around the body.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
@@ -41,7 +38,7 @@ def weight_gradient(field: SolvedField, inside: Bools, cut: Cut) -> Floats:
     return np.where(air, gradient(mesh, level**2 * (3.0 - 2.0 * level)), 0.0)
 
 
-def _free_nodes(mesh: MeshTri, air: Bools, cut: Cut) -> Bools:
+def _free_nodes(mesh: MeshTri, air: Mask, cut: Cut) -> Mask:
     """Nodes that have air all around, on the cut too."""
     free = np.ones(mesh.p.shape[1], dtype=bool)
     free[mesh.t[:, ~air]] = False
@@ -49,7 +46,7 @@ def _free_nodes(mesh: MeshTri, air: Bools, cut: Cut) -> Bools:
     return free
 
 
-def _laplace(mesh: MeshTri, air: Bools, twin: Integers, values: Floats, held: Bools) -> Floats:
+def _laplace(mesh: MeshTri, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
     """The solution, (nnodes,): as given at the nodes held, solved for at the others; twins have the same."""
     hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
     corner = twin[mesh.t[:, air]]

@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.material import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Bools, Names, air_elements, elements_of, isolated_body
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_of, isolated_body
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, mirror_cut, sector_cut
 from kohonen_adapt.magnetostatics.quantities.eggshell import weight_gradient
 from kohonen_adapt.magnetostatics.solved import SolvedField
@@ -27,8 +28,6 @@ __all__ = [
 
 NARROW = 1e-6  # of the radius: a gap of less width is none
 ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
-
-Floats = NDArray[np.float64]
 
 
 class Lever(NamedTuple):
@@ -241,7 +240,7 @@ def _current_force(field: SolvedField, coil: Names) -> Floats:
     return field.volume * current * np.stack((-up, right))
 
 
-def _radii(field: SolvedField, ring: Bools, centre: Floats, gap: Names) -> tuple[float, float]:
+def _radii(field: SolvedField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
     """Inner and outer radius of a ring."""
     mesh = field.mesh
     one, other = mesh.f2t

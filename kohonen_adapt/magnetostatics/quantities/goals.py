@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
 from kohonen_adapt.magnetostatics.quantities.forces import (
     Lever,
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from kohonen_adapt.magnetostatics.quantities.field import Field
 
 __all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
-
-Floats = NDArray[np.float64]
 
 
 @runtime_checkable

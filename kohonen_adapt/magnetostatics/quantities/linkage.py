@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
 from kohonen_adapt.magnetostatics.solved import SolvedField
 from kohonen_adapt.mesh.measures import area
@@ -23,7 +23,6 @@ __all__ = [
 
 EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
 
-Floats = NDArray[np.float64]
 
 _NUMBERS = (int, float, np.integer, np.floating)
 

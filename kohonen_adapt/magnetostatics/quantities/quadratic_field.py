@@ -4,15 +4,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic, repeated
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["QuadraticField"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
