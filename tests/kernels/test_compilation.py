@@ -59,6 +59,18 @@ def test_another_time_of_a_file_changes_nothing(kernels):
     assert run(kernels) == ([2.0], 1, 0)
 
 
+def test_an_index_of_types_that_are_gone_is_an_empty_one(kernels):
+    types = "from typing import NamedTuple\n\nclass {name}(NamedTuple):\n    x: float\n"
+    caller = "from .compilation import kernel\n\n@kernel\ndef scaled(pair):\n    return 2 * pair.x\n"
+    pairs = "(__import__('copied.{module}').{module}.{name}(1.0),)"
+    (kernels / "caller.py").write_text(caller)
+    (kernels / "before.py").write_text(types.format(name="Before"))
+    assert run(kernels, pairs.format(module="before", name="Before")) == ([2.0], 0, 1)
+    (kernels / "before.py").rename(kernels / "after.py")
+    (kernels / "after.py").write_text(types.format(name="After"))
+    assert run(kernels, pairs.format(module="after", name="After")) == ([2.0], 0, 1)
+
+
 def test_code_is_named_by_its_signature_and_old_code_is_removed(kernels):
     run(kernels, "(1.0, 1)")
     cache = kernels / "__pycache__"
