@@ -8,7 +8,7 @@ from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.outline.curves import Arc, Line, Spline
 from kohonen_adapt.polish.polish import polish
-from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -21,6 +21,7 @@ __all__ = [
     "Arc",
     "KohonenMap",
     "Line",
+    "NotOffered",
     "Pass",
     "Problem",
     "Ritz",

@@ -30,7 +30,7 @@ from kohonen_adapt.io import read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
 from kohonen_adapt.loop.result import AdaptResult, Pass, Status
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["main"]

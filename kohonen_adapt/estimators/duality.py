@@ -8,10 +8,9 @@ from skfem import ElementTriP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.estimators.inputs import checked
-from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.mesh.measures import area, gradient
+from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["duality_gap"]
 

@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
+from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["DiscreteFlux", "checked", "discrete_flux"]
 

@@ -9,6 +9,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import is_count
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import UNSOLVED, Ending, Finished, Journal, StepFailed
@@ -21,7 +22,7 @@ from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.problem.outputs import Output, check_outputs, output_value
 from kohonen_adapt.problem.protocol import Problem, check_problem, energy_norm, estimate, norm_of, solve, solve_again
 from kohonen_adapt.som.relocate import Relocation, guarded_map
-from kohonen_adapt.som.schedule import Schedule, check_training, is_count
+from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = ["PASSES", "adapt"]
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from skfem import MeshTri
 
-from kohonen_adapt.som.schedule import is_count
+from kohonen_adapt.checks import is_count
 
 __all__ = ["Growth"]
 

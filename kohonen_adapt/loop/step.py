@@ -11,7 +11,7 @@ from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.polish.functional import Functional, VariesInside
 from kohonen_adapt.polish.polish import SWEEPS, descend
 from kohonen_adapt.polish.transfer import Carrier
-from kohonen_adapt.problem.protocol import Problem, norm_of, offers, order_of, ritz_of, why_without
+from kohonen_adapt.problem.protocol import NotOffered, Problem, norm_of, offers, order_of, ritz_of, why_without
 from kohonen_adapt.problem.ritz import Ritz, functional_value
 from kohonen_adapt.som.density import density_from_indicators
 from kohonen_adapt.som.relocate import Trained, guarded_map, trained_map
@@ -56,7 +56,12 @@ class Improvement:
         """
         if self.skipped:
             return None
-        first, self._ritz = self._ritz is None, ritz_of(self._problem, mesh, solution)
+        first = self._ritz is None
+        try:
+            self._ritz = ritz_of(self._problem, mesh, solution)
+        except NotOffered as reason:
+            self.skipped = str(reason)
+            return None
         value = functional_value(mesh, self._ritz)
         given = np.asarray(self._ritz.values)[np.asarray(self._ritz.fixed)]
         if first or (self.comparable and np.ptp(given) > 0.0):

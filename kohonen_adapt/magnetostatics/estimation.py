@@ -6,7 +6,6 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
 from kohonen_adapt.magnetostatics.equations.joints import joints_of
 from kohonen_adapt.magnetostatics.equations.system import Scalar, scalar_of
@@ -14,6 +13,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quadratic_residual import quadratic_residual
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
+from kohonen_adapt.mesh.measures import gradient
 
 __all__ = ["ESTIMATORS", "RESIDUAL_SCALE", "estimated"]
 

@@ -7,12 +7,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.estimators import goal_error, goal_oriented
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import tangent_solution
+from kohonen_adapt.mesh.measures import gradient
 
 __all__ = ["error_of_goal", "goal_indicators"]
 

@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
-from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]

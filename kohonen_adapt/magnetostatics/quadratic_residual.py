@@ -4,11 +4,10 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.gradients import hat_gradients
 from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic, repeated
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.measures import area, signed_area
+from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
 
 __all__ = ["quadratic_residual"]
 

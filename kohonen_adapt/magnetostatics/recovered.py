@@ -4,8 +4,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.gradients import hat_gradients
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, hat_gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["at_corners", "linear_between"]

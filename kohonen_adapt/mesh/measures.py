@@ -1,11 +1,12 @@
-"""Areas, orientation and quality of triangles, and what "overturned" means."""
+"""Measure the triangles of a mesh: area, orientation, quality, and gradients of P1 functions."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 
-__all__ = ["area", "quality", "signed_area"]
+__all__ = ["area", "gradient", "hat_gradients", "quality", "signed_area"]
 
 
 def signed_area(mesh: MeshTri) -> Floats:
@@ -58,3 +59,47 @@ def quality(mesh: MeshTri) -> Floats:
     corners = mesh.p[:, mesh.t]
     edges = corners - np.roll(corners, 1, axis=1)
     return 4.0 * np.sqrt(3.0) * area(mesh) / np.sum(edges**2, axis=(0, 1))
+
+
+def hat_gradients(mesh: MeshTri) -> Floats:
+    """Gradients of the three hat functions of every element, constant on it.
+
+    ``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)`` with i, j, k in the order of ``mesh.t`` and the area signed, so
+    the orientation of an element does not matter.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh without elements of zero area.
+
+    Returns
+    -------
+    ndarray (2, 3, nelements)
+        Per mesh unit. Component, local node, element.
+    """
+    x, y = mesh.p[:, mesh.t]
+    along_x = x[[2, 0, 1]] - x[[1, 2, 0]]
+    along_y = y[[1, 2, 0]] - y[[2, 0, 1]]
+    twice_area = along_y[0] * along_x[1] - along_y[1] * along_x[0]
+    return np.stack((along_y, along_x)) / twice_area
+
+
+def gradient(mesh: MeshTri, values: ArrayLike, hats: Floats | None = None) -> Floats:
+    """Gradient of the P1 function with the given nodal values.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh without elements of zero area.
+    values : (nnodes,)
+        Nodal values.
+    hats : (2, 3, nelements), optional
+        What :func:`hat_gradients` returns for this mesh, where it is at hand.
+
+    Returns
+    -------
+    ndarray (2, nelements)
+        In units of `values` per mesh unit.
+    """
+    hats = hat_gradients(mesh) if hats is None else hats
+    return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)

@@ -1,13 +1,32 @@
-"""Number the sets of names that elements, facets and nodes carry."""
+"""Look up the names of a mesh, and number the sets of names that its elements and facets carry."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import listed
 
-__all__ = ["codes_of_names", "combinations"]
+__all__ = ["codes_of_names", "combinations", "named", "named_sets"]
+
+
+def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
+    """Name to elements or facets; what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of these."""
+    return {name: np.asarray(rows) for name, rows in (sets or {}).items() if not name.startswith("gmsh:")}
+
+
+def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
+    """The set of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none; it lists the names there are, and calls them by `kind`, "subdomain" or "boundary".
+    """
+    if sets is None or name not in sets:
+        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(named_sets(sets))}.")
+    return sets[name]
 
 
 def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDArray[np.uint64]:

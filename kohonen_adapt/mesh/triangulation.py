@@ -5,15 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
-from skfem.mesh import MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
 from kohonen_adapt.kernels.triangle.geometry import Elements, Star
-from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Triangulation", "check_mesh", "empty_star"]
+__all__ = ["Triangulation", "empty_star"]
 
 
 @dataclass
@@ -113,93 +112,6 @@ class Triangulation:
             named[self.region_of_input[rows]] = True
             found[name] = np.flatnonzero(named[self.elements.region]).astype(np.asarray(rows).dtype)
         return found
-
-
-def check_mesh(mesh: MeshTri) -> None:
-    """Refuse what is not a mesh of straight, connected, non-degenerate triangles.
-
-    Raises
-    ------
-    ValueError
-        If `mesh` is not exactly a `skfem.MeshTri` (the message names the remedy), is empty, or has isolated nodes,
-        coordinates that are not finite, elements without area, or names for elements or facets that do not exist.
-    """
-    if type(mesh) is not MeshTri1:
-        raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
-    if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
-        raise ValueError("mesh must have at least one element; got an empty mesh.")
-    if mesh.p.shape[0] != 2:
-        raise ValueError(f"mesh must have coordinates of shape (2, n); got {mesh.p.shape}.")
-    if not np.all(np.isfinite(mesh.p)):
-        bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
-        raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
-    check_nodes_used(mesh)
-    check_areas(mesh)
-    check_names(mesh)
-
-
-def remedy_for(mesh: object) -> str:
-    """What to do with a mesh of another class."""
-    name = type(mesh).__name__
-    if "Quad" in name:
-        return "Split the quadrilaterals: mesh.to_meshtri()."
-    if name.endswith("DG"):
-        return "Connect its elements: MeshTri(mesh.p, mesh.dofs.element_dofs).remove_duplicate_nodes()."
-    if name.startswith("MeshTri"):
-        return "Keep its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
-    if "Tet" in name or "Hex" in name or "Line" in name:
-        return "Only two-dimensional meshes can be adapted."
-    return "Build one with skfem.MeshTri or kohonen_adapt.read_mesh."
-
-
-def check_nodes_used(mesh: MeshTri) -> None:
-    """Refuse nodes that belong to no element, and elements whose nodes do not exist."""
-    count = mesh.p.shape[1]
-    if mesh.t.min() < 0 or mesh.t.max() >= count:
-        raise ValueError(f"mesh.t must hold node numbers from 0 to {count - 1}; got {mesh.t.min()} to {mesh.t.max()}.")
-    unused = np.flatnonzero(np.bincount(mesh.t.ravel(), minlength=count) == 0)
-    if len(unused):
-        raise ValueError(
-            f"every node must belong to an element; {len(unused)} do not, the first is node {unused[0]}. "
-            "Drop them with mesh.remove_unused_nodes()."
-        )
-
-
-def check_areas(mesh: MeshTri) -> None:
-    """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
-    (ax, bx, cx), (ay, by, cy) = mesh.p[:, mesh.t]
-    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
-    longest = np.maximum(np.maximum(ux**2 + uy**2, vx**2 + vy**2), (cx - bx) ** 2 + (cy - by) ** 2)
-    flat = np.flatnonzero(~(np.abs(ux * vy - vx * uy) > 1e-14 * longest))
-    if len(flat):
-        raise ValueError(
-            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
-            "Mesh again, or take them out."
-        )
-
-
-def check_names(mesh: MeshTri) -> None:
-    """Refuse named sets that do not hold numbers of elements or facets; what scikit-fem calls ``gmsh:*`` is none."""
-    subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
-    if boundaries:
-        number_facets(mesh)
-    named = [("subdomain", name, rows, mesh.t.shape[1]) for name, rows in subdomains.items()]
-    named += [("boundary", name, rows, mesh.facets.shape[1]) for name, rows in boundaries.items()]
-    for kind, name, rows, count in named:
-        if not isinstance(name, str):
-            raise ValueError(f"the name of a {kind} must be text; got {name!r}.")
-        if name.startswith("gmsh:"):
-            continue
-        rows = np.asarray(rows)
-        if rows.ndim != 1 or rows.dtype.kind not in "iu":
-            raise ValueError(
-                f"{kind} '{name}' must be an array (k,) of integers; got {rows.dtype} of shape {rows.shape}. "
-                "Masks: numpy.flatnonzero(mask)."
-            )
-        if len(rows) and (rows.min() < 0 or rows.max() >= count):
-            raise ValueError(
-                f"{kind} '{name}' must have indices from 0 to {count - 1}; got {rows.min()} to {rows.max()}."
-            )
 
 
 def counter_clockwise(position: Floats, t: ArrayLike) -> NDArray[np.int32]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import is_count
 from kohonen_adapt.kernels.parts import mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import Constraints
@@ -16,9 +17,9 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.polish.functional import Functional
-from kohonen_adapt.problem.protocol import Problem, offers, order_of, ritz_of, why_without
+from kohonen_adapt.problem.protocol import NotOffered, Problem, offers, order_of, ritz_of, why_without
 from kohonen_adapt.som.relocate import guarded_map
-from kohonen_adapt.som.schedule import check_training, is_count
+from kohonen_adapt.som.schedule import check_training
 
 __all__ = ["SWEEPS", "descend", "polish"]
 
@@ -106,7 +107,10 @@ def polish(
     check_training(None, seed)
     check_polish(problem, sweeps, topology)
     som = guarded_map(mesh, Limits(topology, min_quality, pinned))
-    ritz = ritz_of(problem, mesh, problem.solve(mesh))
+    try:
+        ritz = ritz_of(problem, mesh, problem.solve(mesh))
+    except NotOffered as reason:
+        raise ValueError(f"polish needs the functional of the problem, which offers none: {reason}.") from None
     functional = Functional.of(ritz, som.triangulation, som.outline)
     descend(
         som.triangulation, som.outline, functional, np.array(ritz.values), np.array(ritz.fixed),

@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = [
+    "NotOffered",
     "Problem",
     "check_problem",
     "energy_norm",
@@ -27,14 +28,28 @@ __all__ = [
 SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
 
 
+class NotOffered(Exception):
+    """What an optional method of a problem raises that has nothing to give; its text says why.
+
+    The text completes the sentence "it is not offered, because ...", as "its elements are of order 2".
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka
+    >>> class Curl:
+    ...     def ritz(self, mesh, solution):
+    ...         raise ka.NotOffered("its functional has no minimum")
+    """
+
+
 class Problem(Protocol):
     """Anything with these two methods can be adapted.
 
     It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
-    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises. A class that offers
-    some of it for some of its problems only raises AttributeError for the others, which says why.
+    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises. A method that a
+    class has for some of its problems only raises `NotOffered` for the others, with the reason.
     """
 
     def solve(self, mesh: MeshTri) -> Any:
@@ -132,7 +147,10 @@ def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
     """
     if not offers(problem, "energy_norm"):
         return None
-    value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
+    try:
+        value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
+    except NotOffered:
+        return None
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value

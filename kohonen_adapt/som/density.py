@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.triangulation import check_mesh
+from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["as_reals", "density_from_indicators", "density_from_sizes", "per_element"]
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import is_count, is_number
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import HELD
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
@@ -20,7 +21,7 @@ from kohonen_adapt.outline.chains import Curve
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline, pinned_nodes
 from kohonen_adapt.som.recycling import Recycled, recycle_nodes
-from kohonen_adapt.som.schedule import Schedule, Stage, check_training, is_count, is_number
+from kohonen_adapt.som.schedule import Schedule, Stage, check_training
 from kohonen_adapt.som.training import Classroom
 from kohonen_adapt.som.training_points import CallableDensity, Draw, ElementDensity
 from kohonen_adapt.som.transport import POINTS, Transport

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import is_count, is_number
 
 __all__ = ["Schedule", "Stage"]
 
@@ -262,16 +263,6 @@ def check_training(schedule: object, seed: object) -> None:
         raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
     if not is_count(seed):
         raise ValueError(f"seed must be an integer >= 0; got {seed!r}.")
-
-
-def is_count(value: object) -> bool:
-    """Whether it is an integer of at least 0."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
-
-
-def is_number(value: object) -> bool:
-    """Whether it is a real number."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def are_two_rates(rates: Iterable[float]) -> bool:

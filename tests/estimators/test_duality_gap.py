@@ -10,8 +10,7 @@ from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, M
 from skfem.helpers import dot, grad
 
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux
-from kohonen_adapt.estimators.gradients import gradient
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, gradient
 
 
 class Sinh:

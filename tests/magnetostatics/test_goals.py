@@ -14,7 +14,6 @@ from test_forces import HALF, PLACES, turned_magnet, two_magnets
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators import equilibrated
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics import (
     Brauer,
     FluxLinkage,
@@ -27,7 +26,7 @@ from kohonen_adapt.magnetostatics import (
 )
 from kohonen_adapt.magnetostatics.equations.system import loads
 from kohonen_adapt.magnetostatics.solution import tangent_solution
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, gradient
 
 AIR, STEEL = Material(), Material(bh=Brauer(100.0, 10.0, 1.8))
 TURNS = 5e4  # A in a coil side of the actuator

@@ -10,12 +10,11 @@ from scipy.sparse import csc_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import assembled, check_finite, solved
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
 __all__ = ["TOLERANCE", "Functional", "NewtonStep", "Nonlinear", "iterate", "whole_step"]
 

@@ -8,12 +8,11 @@ from scipy.sparse.linalg import SuperLU, splu
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.multigrid import by_multigrid
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
 __all__ = [
     "Scalar",

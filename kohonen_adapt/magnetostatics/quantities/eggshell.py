@@ -5,12 +5,11 @@ from scipy.sparse import coo_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.gradients import gradient, hat_gradients
 from kohonen_adapt.magnetostatics.equations.system import solved
 from kohonen_adapt.magnetostatics.quantities.bodies import air_elements
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut
 from kohonen_adapt.magnetostatics.solved import SolvedField
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
 __all__ = ["weight_gradient"]
 

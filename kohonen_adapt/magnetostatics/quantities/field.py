@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.gradients import gradient
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
@@ -17,6 +16,7 @@ from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggsh
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
 from kohonen_adapt.magnetostatics.recovered import at_corners, linear_between
 from kohonen_adapt.mesh.locate import find_elements, interpolate
+from kohonen_adapt.mesh.measures import gradient
 
 __all__ = ["Field"]
 

@@ -1,0 +1,80 @@
+"""Check arguments, each kind of check with one wording: what was expected, what came, what to do."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kohonen_adapt.arrays import Floats
+
+__all__ = ["as_reals", "check_count", "finite_reals", "is_count", "is_number", "listed"]
+
+
+def is_count(value: object) -> bool:
+    """Whether it is an integer of at least 0."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
+
+
+def is_number(value: object) -> bool:
+    """Whether it is a real number."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def check_count(name: str, value: object) -> None:
+    """Refuse what is not an integer of at least 0.
+
+    Raises
+    ------
+    ValueError
+        With the name of the argument and what came.
+    """
+    if not is_count(value):
+        raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names for the end of a message, in order and in quotes, or "none"."""
+    return ", ".join(repr(name) for name in sorted(names)) or "none"
+
+
+def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:
+    """A copy of an argument as floats.
+
+    Parameters
+    ----------
+    name
+        Of the argument, for messages.
+    given
+        What came.
+    shape
+        The wanted shape, each length under the name by which the documentation calls it.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another, or the numbers are not real.
+    """
+    array, wanted = np.asarray(given), tuple(shape.values())
+    if array.shape != wanted:
+        names = ", ".join(shape) + ("," if len(shape) == 1 else "")
+        raise ValueError(f"{name} must have shape ({names}) = {wanted}; got {array.shape}.")
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be real numbers; got {array.dtype}.")
+    return array.astype(np.float64)
+
+
+def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: str) -> Floats:
+    """The same, and every number finite; `place` is what the last axis counts, for messages: "node", "element".
+
+    Raises
+    ------
+    ValueError
+        As `as_reals`, and if a number is not finite.
+    """
+    array = as_reals(name, given, shape)
+    bad = np.flatnonzero(~np.isfinite(array).reshape(-1, array.shape[-1]).all(axis=0))
+    if bad.size:
+        raise ValueError(
+            f"{name} must be finite; it is not at {bad.size} of {array.shape[-1]} {place}s, first {bad[0]}."
+        )
+    return array
