@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from os import PathLike
 from pathlib import Path
@@ -16,6 +16,7 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.history import Finished
+from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.som.relocate import Relocation
 
 __all__ = ["Checkpoint", "digest"]
@@ -196,12 +197,12 @@ def _move(mesh: MeshTri, about: dict[str, Any], arrays: Arrays) -> Relocation:
     numbers = {name: about["move"][name] for name in MOVE_NUMBERS}
     numbers["quantization_errors"] = tuple(numbers["quantization_errors"])
     subdomains = about["subdomains"]
-    moved = replace(
+    moved = remade(
         mesh,
-        doflocs=arrays["p"],
-        t=arrays["t"],
-        _boundaries=_boundaries(about["boundaries"], arrays),
-        _subdomains=None if subdomains is None else {k: arrays[f"subdomain {n}"] for n, k in enumerate(subdomains)},
+        arrays["p"],
+        arrays["t"],
+        boundaries=_boundaries(about["boundaries"], arrays),
+        subdomains=None if subdomains is None else {k: arrays[f"subdomain {n}"] for n, k in enumerate(subdomains)},
     )
     return Relocation(mesh=moved, old=arrays["old"], **numbers)
 

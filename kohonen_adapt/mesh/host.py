@@ -1,10 +1,37 @@
-"""Facets of a mesh, numbered as scikit-fem numbers them, and kept where it keeps them."""
+"""Reach into a scikit-fem mesh where it has no public way: its cache of facets, and names put on without a check."""
+
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-__all__ = ["number_facets"]
+from kohonen_adapt.arrays import Floats, Ints
+
+__all__ = ["number_facets", "remade", "set_boundaries"]
+
+Names = Mapping[str, Ints] | None
+
+
+def remade(mesh: MeshTri, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
+    """A mesh of the same kind with other nodes, elements and names.
+
+    Parameters
+    ----------
+    mesh
+        What it is like.
+    p, t
+        (2, nnodes) and (3, nelements); they are not copied.
+    boundaries, subdomains
+        Name to facets and to elements, or None.
+    """
+    return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
+
+
+def set_boundaries(mesh: MeshTri, boundaries: Names) -> None:
+    """Name the boundaries of a mesh in place: a copy, as `with_boundaries` makes, would number its facets again."""
+    mesh._boundaries = boundaries
 
 
 def number_facets(mesh: MeshTri) -> None:

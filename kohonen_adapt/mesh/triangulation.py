@@ -9,7 +9,8 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
 from kohonen_adapt.kernels.triangle.geometry import Elements, Star
-from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.host import remade
+from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation", "empty_star"]
@@ -96,7 +97,7 @@ class Triangulation:
         t, node = self.mesh.t, ascending(*self.elements.node.T)
         t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
         position = np.ascontiguousarray(self.position.T)
-        return replace(self.mesh, doflocs=position, t=t, _boundaries=None, _subdomains=self._subdomains())
+        return remade(self.mesh, position, t, boundaries=None, subdomains=self._subdomains())
 
     def _subdomains(self) -> dict[str, Ints] | None:
         """The elements of every name, as many as there are now: an element carries the names of its region."""
@@ -136,12 +137,8 @@ def empty_star(nnodes: int, nelements: int) -> Star:
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
-
-    What scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no subdomain: its numbers are not those of elements.
-    """
-    subdomains = {name: rows for name, rows in (mesh.subdomains or {}).items() if not name.startswith("gmsh:")}
-    codes = codes_of_names([(np.asarray(rows), 0) for rows in subdomains.values()], len(neighbour))
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names."""
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], len(neighbour))
     region = np.empty(len(neighbour), dtype=np.int32)
     number_regions(neighbour, codes, region, np.empty_like(region))
     return region

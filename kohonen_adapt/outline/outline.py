@@ -24,6 +24,7 @@ from kohonen_adapt.kernels.triangle.chains import (
     mark_along,
 )
 from kohonen_adapt.kernels.triangle.geometry import settle
+from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import (
     Curve,
@@ -150,8 +151,7 @@ class Outline:
         if triangulation.mesh.boundaries is None:
             return mesh
         facet = facet_of_edge(mesh, triangulation.elements.node)
-        boundaries = {name: self._boundary(mesh, facet, triangulation, name) for name in self.names}
-        mesh._boundaries = boundaries  # in place: a copy would have to number its facets again
+        set_boundaries(mesh, {name: self._boundary(mesh, facet, triangulation, name) for name in self.names})
         return mesh
 
     def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:

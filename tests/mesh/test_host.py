@@ -1,12 +1,13 @@
-"""Facets are numbered exactly as scikit-fem numbers them, and are kept with the mesh."""
+"""scikit-fem still keeps its facets and names where we put them, and facets are numbered exactly as it numbers them."""
 
 import numpy as np
 import pytest
+import skfem
 from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
 from skfem import MeshTri
 
 from kohonen_adapt import density_from_sizes, relocate
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
 
 MESHES = {
     "one triangle": MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]])),
@@ -49,6 +50,40 @@ def test_what_is_known_is_not_worked_out_again():
     known = mesh.facets, mesh.t2f, mesh.f2t
     number_facets(mesh)
     assert all(mine is before for mine, before in zip((mesh.facets, mesh.t2f, mesh.f2t), known, strict=True))
+
+
+@pytest.fixture
+def no_sorting(monkeypatch):
+    """Let scikit-fem fail where it would number facets itself."""
+
+    def refuse(*_):
+        raise AssertionError("scikit-fem works out again what it was given")
+
+    monkeypatch.setattr(skfem.Mesh, "build_entities", staticmethod(refuse))
+    monkeypatch.setattr(skfem.Mesh, "build_inverse", staticmethod(refuse))
+
+
+def test_scikit_fem_takes_the_facets_that_it_was_given(no_sorting):
+    """Were it to keep them under other names one day, nothing would be wrong but everything slow."""
+    mesh = l_shape(3)
+    with pytest.raises(AssertionError, match="works out again"):
+        MeshTri(mesh.p, mesh.t).facets  # noqa: B018
+    number_facets(mesh)
+    assert mesh.facets.shape == (2, mesh.t2f.max() + 1) and mesh.f2t.shape == mesh.facets.shape
+    assert len(mesh.boundary_facets()) == np.sum(mesh.f2t[1] < 0)
+
+
+def test_names_are_put_on_where_scikit_fem_looks_for_them(no_sorting):
+    mesh = l_shape(3)
+    number_facets(mesh)
+    rows, facets = np.array([1, 4]), np.array([0, 2, 3])
+    set_boundaries(mesh, {"side": facets})
+    assert mesh.boundaries["side"] is facets
+    moved = remade(mesh, 2.0 * mesh.p, mesh.t, boundaries=mesh.boundaries, subdomains={"core": rows})
+    assert moved.boundaries["side"] is facets and moved.subdomains["core"] is rows and mesh.subdomains is None
+    assert type(moved) is type(mesh)
+    np.testing.assert_array_equal(moved.p, 2.0 * mesh.p)
+    assert remade(mesh, mesh.p, mesh.t, boundaries=None, subdomains=None).boundaries is None
 
 
 @pytest.mark.parametrize("topology", ["fixed", "flip"])
