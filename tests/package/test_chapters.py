@@ -12,10 +12,11 @@ PACKAGE = Path(__file__).parents[2] / "kohonen_adapt"
 
 # From the bottom up; chapters that stand side by side do not know each other. The README's table is this list.
 LAYERS = [
-    ("arrays", "checks", "files", "display"),
+    ("arrays",),
+    ("checks", "files"),
     ("kernels",),
     ("mesh",),
-    ("outline", "problem", "estimators"),
+    ("outline", "problem", "estimators", "display"),
     ("som", "polish", "magnetostatics", "io"),
     ("loop",),
     ("warmup",),
