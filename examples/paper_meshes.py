@@ -167,6 +167,11 @@ def node_at(mesh, x):
     return int(node), float(distance)
 
 
+def nearest_nodes(mesh, points):
+    """The node nearest to each point: its winner, in a convex region."""
+    return cKDTree(mesh.p.T).query(points.T)[1]
+
+
 def training_set(effort):
     """Start mesh and training points of figures 2 to 7."""
     start = quadrilateral(effort.columns, 2 * effort.columns // 3)
@@ -211,14 +216,44 @@ def find_jump(mesh):
     raise RuntimeError("no corner changed hands.")
 
 
+def neighbours(mesh):
+    """Every node (rows) and the nodes around it, rows filled up with the node itself."""
+    node, other = np.hstack([mesh.facets, mesh.facets[::-1]])
+    order = np.argsort(node)
+    node, other = node[order], other[order]
+    count = np.bincount(node)
+    around = np.tile(np.arange(len(count))[:, None], count.max() + 1)
+    around[node, 1 + np.arange(len(node)) - (np.cumsum(count) - count)[node]] = other
+    return around
+
+
+def walks(mesh, points, starts):
+    """The nodes that walks to points visit (columns): to the closest neighbour, and on until none is closer."""
+    around, visited = neighbours(mesh), [starts]
+    while True:
+        near = around[visited[-1]]
+        closest = np.hypot(*(mesh.p[:, near] - points[:, :, None])).argmin(axis=1)
+        if not closest.any():
+            return np.array(visited)
+        visited.append(np.take_along_axis(near, closest[:, None], axis=1)[:, 0])
+
+
+def mean_steps(mesh, points, starts):
+    """Mean number of steps of walks to points."""
+    return float(np.mean((np.diff(walks(mesh, points, starts), axis=0) != 0).sum(axis=0)))
+
+
 @cache
 def searched(effort):
-    """A trained mesh, and the paths of searches for random points from random neurons: (point, path) of each."""
+    """A trained mesh, and the paths of searches for random points from random neurons: (point, path) of each.
+
+    A path is a walk, and the winner after it where the check of the circle betters the walk's last neuron.
+    """
     mesh, rng = converged(effort)[2], np.random.default_rng(3)
-    som = ka.KohonenMap(mesh, topology="fixed", min_quality=ONLY_OVERLAPS)
     points = training_points(mesh, lambda x: np.ones(x.shape[1]), 600, rng)
-    starts = rng.integers(0, mesh.p.shape[1], points.shape[1])
-    return mesh, [(x, som.search(x, int(start))) for x, start in zip(points.T, starts, strict=True)]
+    visited = walks(mesh, points, rng.integers(0, mesh.p.shape[1], points.shape[1]))
+    ways = np.vstack([visited, nearest_nodes(mesh, points)]).T
+    return mesh, [(x, way[np.append(True, np.diff(way) != 0)]) for x, way in zip(points.T, ways, strict=True)]
 
 
 def trained_ratios(mesh, effort, schedule, per_neuron=2.0):
@@ -266,18 +301,23 @@ def cost(count):
     rows = round(np.sqrt(count / 1.5))
     mesh, rng = quadrilateral(round(1.5 * rows), rows), np.random.default_rng(11)
     points = training_points(mesh, DENSITY, 2 * mesh.p.shape[1], rng)
-    seconds, steps = {}, []
+    seconds, later = {}, []
     for radius in (2, 1, 0):
         som = ka.KohonenMap(mesh, topology="fixed", min_quality=ONLY_OVERLAPS)
+        stage = ka.Stage(radius, 4, 0.1, neighbourhood="flat")
         begin = process_time()
-        som.train(points, ka.Schedule((ka.Stage(radius, 4, 0.1, neighbourhood="flat"),), fresh=False))
+        som.train(points, ka.Schedule((stage,), fresh=False))
         seconds[radius] = (process_time() - begin) / 4
-        steps.append(som.search_steps)
-    first, later = np.mean(steps, axis=0)[0], np.mean(steps, axis=0)[1:].mean()
-    tried = zip(points.T[:40], rng.integers(0, mesh.p.shape[1], 40), strict=True)
-    random = np.mean([len(som.search(x, int(start))) - 1 for x, start in tried])
-    steps = {"random": float(random), "first": float(first), "later": float(later)}
-    return {"neurons": mesh.p.shape[1], "seconds": seconds, **steps}
+        last_winners = nearest_nodes(som.mesh, points)
+        som.train(points, ka.Schedule((replace(stage, epochs=1),), fresh=False))
+        later.append(mean_steps(som.mesh, points, last_winners))
+    return {
+        "neurons": mesh.p.shape[1],
+        "seconds": seconds,
+        "random": mean_steps(som.mesh, points[:, :40], rng.integers(0, mesh.p.shape[1], 40)),
+        "first": mean_steps(mesh, points, mesh.t[0, ka.find_elements(mesh, points)]),
+        "later": float(np.mean(later)),
+    }
 
 
 def slope(n, values):

@@ -10,7 +10,6 @@ from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.polish.polish import descend
 from kohonen_adapt.polish.transfer import Carrier
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.recycling import unchanged
 from kohonen_adapt.som.relocate import guarded_map, relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
@@ -37,7 +36,6 @@ def warmup() -> None:
     relocate(
         mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
     )
-    KohonenMap(mesh).search(np.array([0.3, 0.4]), 0)
     interpolate(mesh, mesh.p[0], mesh.p)
     _polish(mesh)
     _equilibrate()

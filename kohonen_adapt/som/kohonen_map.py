@@ -5,15 +5,14 @@ from dataclasses import replace
 from math import ceil
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import is_count, is_number
+from kohonen_adapt.checks import is_number
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.chains import HELD
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
-from kohonen_adapt.kernels.triangle.search import search_path
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -62,8 +61,6 @@ class KohonenMap:
     ----------
     mesh
         The mesh as it is now, with all its names.
-    search_steps
-        Mean number of elements that the search for a winner walked through, one per epoch trained so far.
 
     Raises
     ------
@@ -105,7 +102,6 @@ class KohonenMap:
             self.triangulation, pinned_nodes(mesh, pinned), curves, periodic, junctions=self._flips
         )
         lay(self.triangulation, self.outline.constraints, layers)
-        self.search_steps: list[float] = []
         self._floor = UNGUARDED if min_quality is None else float(min_quality)
         self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
 
@@ -256,9 +252,7 @@ class KohonenMap:
         if schedule.rounds:
             self._carry(draw, schedule.rounds, rng, starts)
         for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts):
-            error, steps = self._classroom.epoch(stage, rate, shown, slot, winners, rng)
-            errors.append(error)
-            self.search_steps.append(steps)
+            errors.append(self._classroom.epoch(stage, rate, shown, slot, winners, rng))
             self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
                 break
@@ -372,40 +366,6 @@ class KohonenMap:
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide; a corner is only left to one that slides."""
         return bool(np.any(self.outline.constraints.kind != HELD))
-
-    def search(self, x: ArrayLike, start: int) -> NDArray[np.int32]:
-        """The nodes that the search for the winner of one point visits.
-
-        Parameters
-        ----------
-        x
-            (2,): the point, in mesh units.
-        start
-            The node that the search starts from; it must touch the region of the point.
-
-        Returns
-        -------
-        ndarray (k,)
-            From `start` by ever closer neighbours to the winner, which is last.
-
-        Raises
-        ------
-        ValueError
-            If `x` is no point of the mesh, or `start` no node of its region.
-        """
-        tri, elements = self.triangulation, self.triangulation.elements
-        if np.shape(x) != (2,):
-            raise ValueError(f"x must have shape (2,); got {np.shape(x)}.")
-        point = self._located(Locator(tri), np.reshape(x, (2, 1)), None)
-        region = point.region[0]
-        if not is_count(start) or not np.any(elements.node[elements.region == region] == start):
-            raise ValueError(f"start must be a node of the region that x lies in; got {start!r}.")
-        path = np.empty(tri.nnodes + 1, dtype=np.int32)
-        count = search_path(
-            tri.position, elements, tri.star, self.outline.constraints, int(start), point.points[0], region,
-            self._classroom.rooms[0], path,
-        )  # fmt: skip
-        return path[:count]
 
 
 def check_options(topology: str, min_quality: float | None) -> None:

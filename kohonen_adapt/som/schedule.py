@@ -84,11 +84,6 @@ class Stage:
         first, last = self._ends()
         return np.geomspace(first, last, self.epochs)
 
-    def _html_row(self) -> str:
-        rate = " to ".join(dict.fromkeys(f"{end:.3g}" for end in self._ends()))
-        cells = (self.radius, self.epochs, rate, f"{self.points_per_neuron:.3g}", self.neighbourhood)
-        return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
-
     def strength(self) -> Floats:
         """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
         ring = np.arange(self.radius + 1)
@@ -151,17 +146,6 @@ class Schedule:
                 raise ValueError(f"{name} must be an integer >= 0; got {getattr(self, name)!r}.")
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):
             raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows: a table of the stages, and what holds for all of them."""
-        titles = "".join(
-            f"<th>{title}</th>" for title in ("radius", "epochs", "rate", "points per neuron", "neighbourhood")
-        )
-        rows = "".join(stage._html_row() for stage in self.stages)
-        said = f"{self.rounds} rounds of transport before them, " if self.rounds else ""
-        said += f"{self.sweeps} sweeps after them" + ("" if self.fresh else ", one set of points")
-        said += "" if self.tolerance is None else f", until a mean distance of {self.tolerance:g}"
-        return f"<table><thead><tr>{titles}</tr></thead><tbody>{rows}</tbody></table><p>Stages of training; {said}.</p>"
 
     @classmethod
     def paper(

