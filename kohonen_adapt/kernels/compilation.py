@@ -59,6 +59,8 @@ def _contents_of_all_kernels() -> str:
 class _KernelFiles(IndexDataCacheFile):
     """The machine code of one function, in a file per signature and state of the kernels."""
 
+    _version: str
+
     def __init__(self, cache_path: str, filename_base: str, stamp: str) -> None:
         super().__init__(cache_path, filename_base, stamp)
         # read before the rest of an index, which may hold types of modules that are no longer there
