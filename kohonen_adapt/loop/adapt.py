@@ -240,7 +240,7 @@ class _Loop:
             solution = solve(self.problem, mesh, *journal.last)
         with journal.timed("estimate"):
             indicators = estimate(self.problem, mesh, solution)
-            energy = energy_norm(self.problem, mesh, solution)
+            energy = energy_norm(self.problem, mesh, solution, self.stop.rtol)
             functional = improvement.functional(mesh, solution)
         values = {}
         for name, function in self.outputs.items():

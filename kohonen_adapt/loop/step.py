@@ -11,7 +11,7 @@ from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.polish.functional import Functional, VariesInside
 from kohonen_adapt.polish.polish import SWEEPS, descend
 from kohonen_adapt.polish.transfer import Carrier
-from kohonen_adapt.problem.protocol import NotOffered, Problem, norm_of, offers, order_of, ritz_of, why_without
+from kohonen_adapt.problem.protocol import NotOffered, Problem, norm_of, order_of, ritz_of
 from kohonen_adapt.problem.ritz import Ritz, functional_value
 from kohonen_adapt.som.density import density_from_indicators
 from kohonen_adapt.som.relocate import Trained, guarded_map, trained_map
@@ -124,11 +124,5 @@ class Improvement:
 
 
 def why_skipped(problem: Problem) -> str:
-    """What a problem lacks for the polish, or empty."""
-    if not offers(problem, "ritz"):
-        return why_without(problem, "ritz") or f"{type(problem).__name__} has no method ritz(mesh, solution)"
-    if order_of(problem) != 1:
-        return f"the order of its elements is {order_of(problem)}, not 1"
-    if norm_of(problem) != "energy":
-        return f"its norm is {norm_of(problem)!r}, not 'energy'"
-    return ""
+    """Why a problem's energy is not polished, or empty: `ritz_of` has reasons of its own."""
+    return "" if norm_of(problem) == "energy" else f"its norm is {norm_of(problem)!r}, not 'energy'"

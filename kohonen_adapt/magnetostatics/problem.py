@@ -1,6 +1,6 @@
 """The magnetostatic problem of a user: materials by subdomain, conditions by boundary, solve and indicators."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -20,6 +20,7 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]
@@ -181,6 +182,11 @@ class Magnetostatics:
             raise ValueError(f"an axisymmetric problem has no depth, its results are totals; got depth {self.depth!r}.")
         if not isinstance(self.depth, int | float | np.number) or not 0.0 < self.depth < np.inf:
             raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {self.depth!r}.")
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones."""
+        return (*self.periodic, *self.antiperiodic)
 
     @property
     def _symmetry(self) -> Symmetry:
@@ -355,48 +361,64 @@ class Magnetostatics:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
         return error_of_goal(field.mesh, field, self.goal, self._boundaries)
 
-    @property
-    def energy_norm(self) -> Callable[[MeshTri, Field], float]:
+    def energy_norm(self, mesh: MeshTri, field: Field) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`.
 
-        A method, called with a mesh and what `solve` returned for it.
+        Parameters
+        ----------
+        mesh
+            The mesh of the solution.
+        field
+            What `solve` returned for it.
+
+        Returns
+        -------
+        float
+            In sqrt(J/m) whatever the depth; axisymmetric in sqrt(J).
 
         Raises
         ------
-        AttributeError
+        NotOffered
             If there is a goal: no share of the energy is its error.
         """
         if self.goal is not None:
-            raise AttributeError("its indicators are those of a goal, of which the energy is no measure")
-        return _energy_norm
+            raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
+        return float(np.sqrt(field.squared_norm))
 
-    @property
-    def ritz(self) -> Callable[[MeshTri, Field], Ritz]:
-        """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, as a method.
+    def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
+        """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, and the A that does.
 
-        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``. Called with a mesh and what
-        `solve` returned for it, it gives a `Ritz` in J/m, one number per material. Of a solution it lies above the
-        exact minimum by half the square of the error in `energy_norm`; for nonlinear material nearly by that of the
-        norm in which `indicators` are. Nodes of periodic and antiperiodic sides count as given, for the polish looks at
-        one side at a time.
+        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``. Of a solution it lies above
+        the exact minimum by half the square of the error in `energy_norm`; for nonlinear material nearly by that of the
+        norm in which `indicators` are.
+
+        Parameters
+        ----------
+        mesh
+            The mesh of the solution.
+        field
+            What `solve` returned for it.
+
+        Returns
+        -------
+        Ritz
+            In J/m, one number per material. Nodes of periodic and antiperiodic sides count as given, for the polish
+            looks at one side at a time.
 
         Raises
         ------
-        AttributeError
+        NotOffered
             If the functional is of another form: for an axis, order 2 and an open boundary; and with a goal, for which
             another mesh is best than for the energy.
         """
         if self.goal is not None:
-            raise AttributeError("it is adapted for a goal, and the polish lowers the energy")
+            raise NotOffered("it is adapted for a goal, and the polish lowers the energy")
         if self.axisymmetric:
-            raise AttributeError("it is axisymmetric, so its coefficients vary inside a region of the mesh")
+            raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
         if self.order == 2:
-            raise AttributeError("its elements are of order 2")
+            raise NotOffered("its elements are of order 2")
         if self.open_boundary is not None:
-            raise AttributeError("its open boundary adds to the energy, which the polish does not see")
-        return self._ritz
-
-    def _ritz(self, mesh: MeshTri, field: Field) -> Ritz:
+            raise NotOffered("its open boundary adds to the energy, which the polish does not see")
         given = self._coefficients(mesh)
         conditions = conditions_of(mesh, self._boundaries, self._symmetry)
         fixed = conditions.fixed.copy()
@@ -409,10 +431,6 @@ class Magnetostatics:
         filled = list(self.materials.values())
         laws = () if self._linear else tuple(filled[index].bh for index in given.number[first])
         return Ritz(field.potential, fixed, *tables, place, laws)
-
-
-def _energy_norm(mesh: MeshTri, field: Field) -> float:
-    return float(np.sqrt(field.squared_norm))
 
 
 def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:

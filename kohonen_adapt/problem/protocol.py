@@ -85,10 +85,7 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
             f"{kind} has no {' and no '.join(missing)}."
         )
     if rtol is not None and not offers(problem, "energy_norm"):
-        reason = why_without(problem, "energy_norm") or "add it"
-        raise ValueError(
-            f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: {reason}, or use atol."
-        )
+        raise without_norm(problem, why_without(problem, "energy_norm") or "add it")
     if norm_of(problem) not in ("energy", "L2"):
         raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
     if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
@@ -137,23 +134,33 @@ def solve_again(problem: Problem, mesh: MeshTri, indicators: Floats) -> Any:
     return solution
 
 
-def energy_norm(problem: Problem, mesh: MeshTri, solution: Any) -> float | None:
+def energy_norm(problem: Problem, mesh: MeshTri, solution: Any, rtol: float | None = None) -> float | None:
     """The problem's energy norm of the solution, or None where it offers none.
 
     Raises
     ------
     ValueError
-        If it is not a finite number >= 0.
+        If it is not a finite number >= 0, or there is none though there is an `rtol`.
     """
     if not offers(problem, "energy_norm"):
         return None
     try:
         value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
-    except NotOffered:
+    except NotOffered as reason:
+        if rtol is not None:
+            raise without_norm(problem, reason) from None
         return None
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value
+
+
+def without_norm(problem: Problem, reason: object) -> ValueError:
+    """The error of an `rtol` for a problem that has no energy norm, for this reason."""
+    kind = type(problem).__name__
+    return ValueError(
+        f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: {reason}, or use atol."
+    )
 
 
 def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
@@ -161,10 +168,17 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
 
     Raises
     ------
+    NotOffered
+        If it has none, or its elements are not of degree 1.
     ValueError
         If it is no `Ritz`.
     """
+    if not offers(problem, "ritz"):
+        reason = why_without(problem, "ritz") or f"{type(problem).__name__} has no method ritz(mesh, solution)"
+        raise NotOffered(reason)
     ritz = problem.ritz(mesh, solution)  # type: ignore[attr-defined]
+    if order_of(problem) != 1:
+        raise NotOffered(f"the order of its elements is {order_of(problem)}, not 1")
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
     return ritz
