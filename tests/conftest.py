@@ -1,8 +1,17 @@
-"""What holds for every test."""
+"""Set up what holds for every test: hypothesis's profiles, and a quiet logger."""
 
 import logging
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# By the clock nothing fails: a busy machine, or one that has to compile first, is no fault of the code.
+STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+
+# The same examples in every run, so that a red suite means a change; `--hypothesis-profile=fresh` looks for new ones.
+settings.register_profile("steady", derandomize=True, **STEADY)
+settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
+settings.load_profile("steady")
 
 
 @pytest.fixture(autouse=True)

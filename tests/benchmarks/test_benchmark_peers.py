@@ -5,8 +5,9 @@ from itertools import takewhile
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import area_of, length_of, named
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -20,7 +21,7 @@ from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from benchmarks.problems.variants import DEFAULT
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(seed=st.integers(0, 2**32 - 1), rounds=st.integers(1, 5))
 def test_bisection_conforms_and_keeps_areas_and_names(seed, rounds):
     rng = np.random.default_rng(seed)

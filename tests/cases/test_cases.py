@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import disk
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.cases import case_of, read_case
@@ -357,7 +358,7 @@ def spoilt_cases(draw):
         place = place[key]
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(st.dictionaries(st.sampled_from(WORDS) | st.text(max_size=3), TREES, max_size=5) | spoilt_cases())
 def test_any_tree_is_a_case_or_a_value_error(tree):
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -370,7 +371,7 @@ def test_any_tree_is_a_case_or_a_value_error(tree):
     assert isinstance(it.problem, Magnetostatics) and math.isfinite(it.scale) and it.scale > 0.0
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.binary(max_size=80) | st.text(max_size=80).map(lambda text: text.encode("utf-8", "ignore")))
 def test_any_bytes_are_a_case_or_a_value_error(tmp_path_factory, content):
     file = tmp_path_factory.mktemp("case") / "case.toml"

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.mesh_files import two_rooms
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -98,7 +99,7 @@ def test_a_mesh_without_names_says_what_it_lacks(tmp_path):
         case_of(tomllib.loads(text), tmp_path)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.text(min_size=1), st.text(min_size=1), st.text(min_size=1))
 def test_any_name_comes_back(subdomain, boundary, file):
     if subdomain.startswith("gmsh:") or boundary.startswith("gmsh:"):

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import generic_square, inset
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, MeshTri
@@ -104,7 +105,7 @@ class Nonlinear:
         return duality_gap(self.mesh, self.potential, field, law.energy, law.coenergy, flux=self.flux)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(n=st.integers(3, 6), seed=st.integers(0, 10**6), load=st.sampled_from([0.1, 3.0, 30.0]))
 def test_the_gap_bounds_the_height_above_the_minimum(n, seed, load):
     mesh, rng = generic_square(n, seed), np.random.default_rng(seed)

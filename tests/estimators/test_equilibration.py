@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import comb, generic_square, holed, inset, slit, square
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, MeshQuad, MeshTri, MeshTri2
@@ -138,7 +139,7 @@ def net_outflow(mesh, sigma):
     return np.sum(means * outward(mesh), axis=(0, 1))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @hostile
 def test_the_flux_is_in_equilibrium(shape, n, seed, share, contrast):
     data = random_data(MESHES[shape](n, seed), seed, share, contrast)
@@ -150,7 +151,7 @@ def test_the_flux_is_in_equilibrium(shape, n, seed, share, contrast):
     assert np.max(np.abs(sums[:, ~given_values])) < 1e-11 * size
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @hostile
 def test_the_estimate_bounds_the_error(shape, n, seed, share, contrast):
     data = random_data(MESHES[shape](n, seed), seed, share, contrast)

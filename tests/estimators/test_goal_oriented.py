@@ -4,8 +4,9 @@ from functools import cached_property
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import generic_square, square
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import Basis, ElementTriP1
 
@@ -75,7 +76,7 @@ class Pair:
 # --- theorems ----------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(n=st.integers(3, 8), seed=st.integers(0, 10**6))
 def test_the_goal_lies_between_two_bounds(n, seed):
     """|J(u) - J(u_h) - estimate / 2| <= product of the equilibrated estimates / 2, on finer and finer meshes."""

@@ -13,9 +13,10 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.hostile_files import bomb, mesh_seeds, raw_vtu, spoilt
 from helpers.mesh_files import assert_same, two_rooms
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
@@ -75,7 +76,7 @@ def within_memory(read):
         tracemalloc.stop()
 
 
-FUZZ = settings(max_examples=150, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
+FUZZ = examples(150, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu"])

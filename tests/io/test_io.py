@@ -6,8 +6,9 @@ import meshio
 import numpy as np
 import pytest
 import skfem
+from helpers.examples import examples
 from helpers.mesh_files import SUFFIXES, assert_same, two_rooms
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
@@ -48,7 +49,7 @@ NAMES = st.dictionaries(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(subdomains=NAMES, boundaries=NAMES, seed=st.integers(0, 2**32 - 1), suffix=st.sampled_from(SUFFIXES))
 def test_any_names_on_any_sets_come_back(tmp_path_factory, subdomains, boundaries, seed, suffix):
     mesh = MeshTri().refined(2)

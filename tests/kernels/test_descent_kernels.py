@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from helpers.alternatives import functional, ritz_solution, slow_descent, star_derivatives
+from helpers.examples import examples
 from helpers.meshes import generic_square, inset, junction, perturbed, square
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.triangle import descend as kernels
@@ -150,7 +151,7 @@ def test_a_sweep_equals_its_slow_twin(build, load):
 
 
 @given(seed=st.integers(0, 10**6), load=st.floats(0, 100), name=st.sampled_from(sorted(MESHES)))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_more(seed, load, name):
     at = Setting(MESHES[name](), seed, load=load)
     for _ in range(2):

@@ -9,8 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import inset, ring
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
@@ -356,7 +357,7 @@ def whole(tmp_path_factory):
 
 
 @given(place=st.floats(0.0, 1.0, exclude_max=True), cut=st.booleans(), bit=st.integers(0, 7))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_a_damaged_file_is_refused_or_not_damaged_where_it_counts(whole, place, cut, bit):
     file, content = whole
     at = int(place * len(content))

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.sheets import MU0, line_potential, rectangle_force, rectangle_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from skfem import MeshTri
@@ -198,7 +199,7 @@ MAGNETS_FIELD = MAGNETS[1].solve(MAGNETS[0])
 
 
 @given(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_torque_about_another_centre(centre):
     """T(c) = T(0) - c x F."""
     force, torque = MAGNETS_FIELD.force("b"), MAGNETS_FIELD.torque("b")
@@ -207,7 +208,7 @@ def test_torque_about_another_centre(centre):
 
 
 @given(st.integers(1, 3))
-@settings(max_examples=3, deadline=None)
+@examples(3)
 def test_force_turns_with_the_body(quarters):
     turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarters)
     mesh, problem = MAGNETS

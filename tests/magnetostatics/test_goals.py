@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.sheets import rectangle_force
 from helpers.tensor_meshes import box, disk, equal_rings, sector
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from test_axisymmetric_forces import rings_mesh
 from test_forces import HALF, PLACES, turned_magnet, two_magnets
@@ -108,7 +109,7 @@ def shifted(field, change):
 
 @pytest.mark.parametrize("case", CASES)
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=5, deadline=None)
+@examples(5)
 def test_derivatives_are_those_of_the_values(case, seed):
     make, goal = CASES[case]
     field = FIELDS[make]

@@ -4,7 +4,8 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from helpers.examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -84,7 +85,7 @@ def test_a_table_that_falls_below_vacuum_is_continued_from_there():
         lambda steps: sum(step for step, _ in steps) < 1.6
     )
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_any_rising_table_is_a_rising_law(steps):
     points = np.cumsum([(db, share * db / MU0) for db, share in steps], axis=0)
     with warnings.catch_warnings():

@@ -5,9 +5,10 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import disk, square
 from helpers.steel import STEEL
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from skfem import Basis, ElementTriP1, MeshTri
 
@@ -172,7 +173,7 @@ def test_newton_converges_for_any_current(law, current):
     st.lists(st.tuples(st.floats(0.02, 0.5), st.floats(1e-4, 1.0)), min_size=2, max_size=10),
     st.floats(-1e5, 1e5),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_newton_converges_for_any_rising_table(steps, current):
     """Kinks, plateaus and S-shapes: the energy stays convex."""
     points = np.cumsum([(rise, share * rise / MU0) for rise, share in steps], axis=0)

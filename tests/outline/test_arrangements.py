@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 from skfem import MeshTri
@@ -20,7 +21,7 @@ from kohonen_adapt.som.training_points import density_of
 pytestmark = needs_gmsh
 
 SIDE = 4.0  # of the frame that all arrangements have
-FEW = settings(max_examples=40, deadline=None, derandomize=True)
+FEW = examples(40)
 TOPOLOGIES = ["fixed", "flip", "recycle"]
 
 

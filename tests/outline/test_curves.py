@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import skfem
 from helpers.curved_meshes import annulus
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
@@ -60,7 +61,7 @@ def made(kind, points):
     return Spline(points, closed=kind == "closed")
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(some_curves())
 def test_to_project_again_moves_nothing(case):
     kind, points, x = case
@@ -70,7 +71,7 @@ def test_to_project_again_moves_nothing(case):
     assert np.abs(curve.project(once) - once).max() <= 1e-14 * size
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(some_curves(), st.integers(-20, 20))
 def test_scaling_by_a_power_of_two_is_exact(case, power):
     kind, points, x = case
@@ -79,7 +80,7 @@ def test_scaling_by_a_power_of_two_is_exact(case, power):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(some_curves())
 def test_every_point_goes_its_own_way(case):
     """What else is asked for at the same time has no say, and the input stays as it is."""
@@ -92,7 +93,7 @@ def test_every_point_goes_its_own_way(case):
     assert curve.project(np.empty((2, 0))).shape == (2, 0)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(some_curves())
 def test_no_point_of_a_spline_is_nearer(case):
     """Also for points as good as equally far from two places, and splines with sharp bends."""
@@ -111,7 +112,7 @@ def test_no_point_of_a_spline_is_nearer(case):
     assert np.all(off <= np.hypot(*np.diff(along[:, :20_001], axis=1)).max())
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(POINT, POINT, POINT)
 def test_the_foot_on_a_line_is_on_it_and_the_way_there_is_square_to_it(start, end, x):
     along = np.subtract(end, start)
@@ -310,7 +311,7 @@ def test_a_loop_with_one_corner_begins_and_ends_there():
     assert_array_equal(np.sort(line.nodes[1:]), np.arange(40))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.sets(st.integers(0, 55), min_size=1), st.integers(0, 2**32 - 1), st.sampled_from([2, 3]))
 def test_pieces_hold_every_segment_once_and_are_cut_at_corners_only(facets, seed, columns):
     mesh = MeshTri().refined(2)

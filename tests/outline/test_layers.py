@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import centres, inset
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -138,7 +139,7 @@ def test_layers_are_kept_where_they_would_be_lost(case, topology):
 
 
 @given(st.sampled_from(sorted(CASES)), st.integers(1, 4), st.integers(0, 2**31), st.sampled_from(["flip", "recycle"]))
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_any_number_of_layers_is_kept_under_any_density(case, rows, seed, topology):
     mesh = CASES[case](rows)
     assert layers_of(again_and_again(mesh, topology, {"gap": rows}, seed, times=3)) >= rows

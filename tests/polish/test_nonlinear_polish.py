@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.alternatives import functional, slow_descent, star_derivatives
+from helpers.examples import examples
 from helpers.meshes import generic_square, inset, junction, perturbed, square
 from helpers.steel import STEEL
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -314,7 +315,7 @@ def test_a_sweep_equals_its_slow_twin(build, load, law):
     name=st.sampled_from(sorted(MESHES)),
     law=st.sampled_from(sorted(LAWS)),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_more(seed, load, name, law):
     at = Setting(MESHES[name](), seed, LAWS[law], load=load)
     for _ in range(2):
@@ -393,7 +394,7 @@ def functional_of(problem, mesh):
     topology=st.sampled_from(["flip", "fixed"]),
     sweeps=st.integers(1, 12),
 )
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_the_functional_of_the_next_solution_has_not_grown(law, n, seed, current_density, topology, sweeps):
     mesh, problem = blocks(n, seed), problem_of(Material(bh=LAWS[law]), current_density)
     result = ka.polish(mesh, problem, topology=topology, sweeps=sweeps)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.alternatives import ritz_solution
+from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshQuad
 from skfem.generic_utils import OrientedBoundary
@@ -82,7 +83,7 @@ MESHES = {
     topology=st.sampled_from(["flip", "fixed"]),
     min_quality=st.sampled_from([0.0, 0.3, 0.6]),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_the_functional_of_the_next_solution_has_not_grown(name, seed, contrast, load, sweeps, topology, min_quality):
     mesh, problem = MESHES[name](seed % 5), Diffusion(seed, contrast, load, right=lambda y: 1 - 2 * y)
     result = ka.polish(mesh, problem, sweeps=sweeps, topology=topology, min_quality=min_quality)

@@ -9,8 +9,9 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.reports import HOSTILE, a_mesh, a_pass, a_result, before_and_after, hostile_report
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
@@ -99,7 +100,7 @@ def test_names_are_text_wherever_they_stand(page):
     assert set(names) == {"left", HOSTILE}
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.text())
 def test_any_text_leaves_the_page_as_it_was_built(text):
     """Whatever a title, a name or a setting holds, the elements of the page are the same."""

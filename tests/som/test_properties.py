@@ -1,8 +1,9 @@
 """What holds for every result, on random meshes with random names, densities and options."""
 
 import numpy as np
+from helpers.examples import examples
 from helpers.meshes import area_of, length_of, square, without_flat_elements
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -100,7 +101,7 @@ def facets_at_random(coarse, mesh, rng):
     return OrientedBoundary(rows, np.where(mesh.f2t[1, rows] >= 0, rng.integers(0, 2, len(rows)), 0))
 
 
-@settings(max_examples=180, deadline=None, derandomize=True)
+@examples(180)
 @given(cases())
 def test_area_outline_names_orientation_and_quality_are_kept(case):
     mesh, density, options = case

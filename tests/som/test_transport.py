@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.alternatives import signed_quality
 from helpers.curved_meshes import annulus
+from helpers.examples import examples
 from helpers.meshes import (
     area_of,
     comb,
@@ -18,7 +19,7 @@ from helpers.meshes import (
     slit,
     square,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -156,7 +157,7 @@ def test_clusters_lie_in_one_region_and_are_of_one_size(kind):
 
 
 @given(seed=st.integers(0, 2**32 - 1), length=st.floats(0.0, 1.0))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_what_is_held_back_spoils_nothing(seed, length):
     mesh = perturbed(generic_square(7), seed % 7)
     tri, constraints = parts_of(mesh)
