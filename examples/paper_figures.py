@@ -22,6 +22,7 @@ from paper_meshes import (
     QUADRILATERAL,
     QUICK,
     RATE,
+    area,
     circle_inside,
     converged,
     cost,
@@ -48,7 +49,6 @@ from paper_meshes import (
 )
 
 import kohonen_adapt as ka
-from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.plotting import draw_mesh
 
 BLUE, ORANGE, GREEN, VERMILION, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9"  # Okabe and Ito's

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.mesh.measures import area, signed_area
 
 QUADRILATERAL = np.array([[0.0, 4.0, 3.4, 0.5], [0.0, 0.0, 2.6, 2.2]])  # corners, counter-clockwise
 
@@ -118,6 +117,17 @@ def training_points(mesh, density, number, rng):
 def mean_distance(mesh, points):
     """Mean distance of points to the nearest node: equation 2 over the number of points, in convex regions."""
     return float(cKDTree(mesh.p.T).query(points.T)[0].mean())
+
+
+def signed_area(mesh):
+    """Area of every element, negative where its nodes run clockwise."""
+    (ax, ay), (bx, by), (cx, cy) = mesh.p[:, mesh.t].swapaxes(0, 1)
+    return 0.5 * ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+
+
+def area(mesh):
+    """Area of every element."""
+    return np.abs(signed_area(mesh))
 
 
 def overturned(mesh, start):

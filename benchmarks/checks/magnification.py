@@ -7,9 +7,9 @@ import numpy as np
 from skfem import MeshTri
 
 from benchmarks.problems.helmholtz import square_mesh
+from benchmarks.problems.p1 import area
 from benchmarks.table import aligned
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.mesh.measures import area
 
 STEEPNESS = 2.0  # the ramp is exp(2 x) on the unit square
 SECTOR_SIDES = 32

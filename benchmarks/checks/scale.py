@@ -4,12 +4,12 @@ import resource
 import time
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.table import aligned
-from kohonen_adapt.kernels.compilation import number_of_threads
 
 SQUARES = (64, 182, 577)  # per unit: 12 545, 99 008 and about a million nodes; the last takes some minutes
 GROWTH = 2.0  # time per node at a million nodes over that of the smallest mesh
@@ -30,10 +30,10 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         "limit",
     ]
     costs = [_cost(squares, seeds[0]) for squares in ((16, 32) if quick else SQUARES)]
-    rows = []
+    rows, threads = [], f"{numba.config.NUMBA_NUM_THREADS} threads"
     for nodes, micros, memory in costs:
         relative = micros / costs[0][1]
-        rows.append([f"{number_of_threads()} threads", nodes, micros, relative, GROWTH, _verdict(relative <= GROWTH)])
+        rows.append([threads, nodes, micros, relative, GROWTH, _verdict(relative <= GROWTH)])
         rows[-1] += [memory, MEMORY, _verdict(memory <= MEMORY)]
     return aligned([*header, ""], rows)
 

@@ -10,10 +10,9 @@ import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from benchmarks.problems.p1 import area
 from benchmarks.table import aligned
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
-from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.outline.pairs import image_nodes
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ORDER = 3
@@ -168,9 +167,15 @@ def netgen_mesh(mesh: MeshTri, problem: Magnetostatics) -> Any:
 
 
 def _images(mesh: MeshTri, problem: Magnetostatics) -> np.ndarray:
-    """Pairs of nodes that are one, (npairs, 2)."""
-    found = [np.stack(pair, axis=1) for pair in image_nodes(mesh, problem.antiperiodic)]
+    """Pairs of nodes that are one, (npairs, 2); every side of a pair is a ray from the origin."""
+    found = [np.stack([_outwards(mesh, name) for name in pair], axis=1) for pair in problem.antiperiodic]
     return np.concatenate([np.empty((0, 2), dtype=int), *found])
+
+
+def _outwards(mesh: MeshTri, name: str) -> np.ndarray:
+    """The nodes of a boundary by their distance from the origin."""
+    nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    return nodes[np.argsort(np.hypot(*mesh.p[:, nodes]))]
 
 
 def _is_air(given: Material) -> bool:

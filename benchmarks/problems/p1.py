@@ -17,6 +17,11 @@ def shape_gradients(mesh: MeshTri) -> tuple[Array, Array]:
     return abs(twice) / 2, gradients
 
 
+def area(mesh: MeshTri) -> Array:
+    """Area of every element, (nelements,)."""
+    return shape_gradients(mesh)[0]
+
+
 def gradient(mesh: MeshTri, values: Array) -> Array:
     """Gradient (2, nelements) of the P1 function with these nodal values."""
     return np.einsum("ke,kde->de", values[mesh.t], shape_gradients(mesh)[1])

@@ -1,0 +1,80 @@
+"""Benchmarks and examples use the package as its users do: by public names, and no object's insides."""
+
+import ast
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FACES = ["", ".cases", ".estimators", ".magnetostatics", ".plotting", ".report"]
+PUBLIC = {f"kohonen_adapt{face}": set(importlib.import_module(f"kohonen_adapt{face}").__all__) for face in FACES}
+
+
+def notebook_text(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    return "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+
+
+def programs():
+    """Every program outside of the package and its tests, by its path; of a notebook the code."""
+    for folder in (ROOT / "benchmarks", ROOT / "examples"):
+        for path in sorted(folder.rglob("*.py")):
+            yield str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+        for path in sorted(folder.rglob("*.ipynb")):
+            yield str(path.relative_to(ROOT)), notebook_text(path)
+
+
+PROGRAMS = dict(programs())
+
+
+def imported(tree):
+    """Pairs of a module of the package and a name taken from it; of whole modules the name is None."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            yield from ((name, None) for name in names if name.split(".")[0] == "kohonen_adapt")
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "kohonen_adapt":
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+def parts_of(node):
+    """The parts of a dotted name; an expression that such a name begins with is left out as one empty part."""
+    if isinstance(node, ast.Attribute):
+        return (*parts_of(node.value), node.attr)
+    return (node.id,) if isinstance(node, ast.Name) else ("",)
+
+
+def dotted_names(program):
+    return {parts_of(node) for node in ast.walk(ast.parse(program)) if isinstance(node, ast.Attribute)}
+
+
+@pytest.mark.parametrize("path", PROGRAMS)
+def test_it_imports_public_names(path):
+    wrong = [
+        (module, name)
+        for module, name in imported(ast.parse(PROGRAMS[path]))
+        if (module != "kohonen_adapt" if name is None else name not in PUBLIC.get(module, ()))
+    ]
+    assert not wrong, f"{path} imports {wrong}"
+
+
+@pytest.mark.parametrize("path", PROGRAMS)
+def test_it_takes_public_names_of_what_it_imports(path):
+    names = dotted_names(PROGRAMS[path])
+    known = {("ka", name) for name in PUBLIC["kohonen_adapt"] | {"__version__"}}
+    known |= {("ka", "estimators", name) for name in PUBLIC["kohonen_adapt.estimators"]}
+    wrong = {name for name in names if name[0] == "ka" and name[: 3 if name[1] == "estimators" else 2] not in known}
+    assert not wrong, f"{path} uses {sorted(map('.'.join, wrong))}"
+
+
+@pytest.mark.parametrize("path", PROGRAMS)
+def test_it_leaves_the_insides_of_objects_alone(path):
+    names = {name for name in dotted_names(PROGRAMS[path]) if name[0] != "self"}
+    private = {name for name in names if name[-1].startswith("_") and not name[-1].endswith("__")}
+    assert not private, f"{path} uses {sorted(map('.'.join, private))}"
+
+
+def test_there_are_programs():
+    assert {"benchmarks/__main__.py", "examples/motor.py", "examples/tour.ipynb"} <= PROGRAMS.keys()
