@@ -5,10 +5,9 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
-__all__ = ["DECADES", "in_unit", "level_of_share", "named_subdomains", "one_per", "outlined_facets"]
-
+__all__ = ["DECADES", "counted", "in_unit", "level_of_share", "one_per", "outlined_facets"]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 """Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
@@ -24,17 +23,16 @@ def in_unit(unit: str) -> float:
     return UNITS[unit]
 
 
-def named_subdomains(mesh: MeshTri) -> dict[str, Ints]:
-    """Name to elements; what scikit-fem calls ``gmsh:*`` is no subdomain."""
-    found = mesh.subdomains or {}
-    return {name: np.asarray(rows, dtype=np.int64) for name, rows in found.items() if not name.startswith("gmsh:")}
-
-
 def outlined_facets(mesh: MeshTri) -> Ints:
     """Facets on the rim and between elements of different subdomain names."""
-    codes = codes_of_names([(rows, 0) for rows in named_subdomains(mesh).values()], mesh.t.shape[1])
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
+
+
+def counted(count: int, what: str) -> str:
+    """A number of things: 1 node, 2 nodes."""
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:

@@ -70,15 +70,15 @@ def whole_files(folder: Path) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def remove_drafts(folder: Path, process: int | None = None) -> None:
-    """Remove the drafts that a process left in a folder because it was killed; by default those of every process.
+def remove_drafts(folder: Path, *names: str) -> None:
+    """Remove the drafts of files of these names, without names of any, that killed processes left in a folder.
 
     Raises
     ------
     OSError
         If one cannot be removed.
     """
-    pattern = re.compile(rf"\..+\.{r'[0-9]+' if process is None else process}\.draft")
+    pattern = re.compile(rf"\.({'|'.join(map(re.escape, names)) or '.+'})\.[0-9]+\.draft")
     for draft in folder.iterdir():
         if pattern.fullmatch(draft.name) and draft.is_dir():
             shutil.rmtree(draft)

@@ -1,1 +1,1 @@
-"""What the subcommands of ``kohonen-adapt`` do, without a word to the terminal."""
+"""The subcommands of ``kohonen-adapt``: read arguments and files, call the library, write files and lines."""

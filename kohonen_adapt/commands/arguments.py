@@ -1,4 +1,4 @@
-"""The arguments of the command: subcommands, options, and the help that says what they mean and in which unit."""
+"""Define the arguments of the command: subcommands, options, and help that says what they mean, with units."""
 
 import argparse
 from collections.abc import Callable, Mapping
@@ -36,7 +36,7 @@ def command_parser(description: str | None, run: Mapping[str, Handler]) -> argpa
     demo = commands.add_parser(
         "demo",
         help="adapt an example and write its files",
-        description="Adapt an example that comes along, and write its mesh, fields and picture.",
+        description="Adapt an example that comes along, and write its mesh, fields, picture and report.",
     )
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
     demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
@@ -134,8 +134,8 @@ def _add_run(commands: Any) -> None:
         "run",
         help="adapt the mesh of a case and write what comes of it",
         description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
-        "metres), history.csv (a row for every pass), pictures and report.html. Ctrl-C ends it with the best pass "
-        "written.",
+        "metres), history.csv (a row for every pass), pictures and report.html. Ctrl-C ends it at once; the best "
+        "pass so far is written then, and --resume goes on.",
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
     where = run.add_mutually_exclusive_group()

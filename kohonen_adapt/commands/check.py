@@ -1,4 +1,4 @@
-"""What would go wrong with a mesh: units, names, seams, hanging and pinched nodes, bad elements, thin parts."""
+"""Describe a mesh in words, and say what would go wrong with it: units, names, seams, bad elements, thin parts."""
 
 from collections.abc import Iterator
 
@@ -6,18 +6,102 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
-from kohonen_adapt.commands.description import counted, memberships
-from kohonen_adapt.mesh.measures import quality
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.display import counted
+from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
+from kohonen_adapt.mesh.measures import area, quality
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.som.kohonen_map import KohonenMap
 
-__all__ = ["faults", "thin_parts", "unit_doubts"]
+__all__ = ["described", "faults", "outlines_described", "thin_parts", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
 MIN_QUALITY = 0.3  # what `adapt` keeps where nothing else is asked
 SHOWN = 3  # places of a kind
+LISTED = 6  # radii; of more than that the least and the greatest are told
+
+
+def described(mesh: MeshTri) -> list[str]:
+    """Lines about the size, the groups, the coverage and the quality of a mesh."""
+    width, height = np.ptp(mesh.p, axis=1)
+    return [
+        f"size: {width:.4g} x {height:.4g} m, {mesh.p.shape[1]} nodes, {mesh.t.shape[1]} triangles",
+        *_groups(mesh),
+        _coverage(mesh),
+        *_quality(mesh),
+    ]
+
+
+def _memberships(mesh: MeshTri) -> Ints:
+    """In how many subdomains every element is, (nelements,)."""
+    count = np.zeros(mesh.t.shape[1], dtype=np.int64)
+    for rows in named_sets(mesh.subdomains).values():
+        count[rows] += 1
+    return count
+
+
+def outlines_described(som: KohonenMap) -> list[str]:
+    """Lines about the chains of a map by kind, and about what its nodes may do."""
+    constraints = som.outline.constraints
+    chains, kind = constraints.chains, constraints.kind
+    round_ = chains.shape == ROUND
+    held, (one, other) = kind == HELD, constraints.chain.T
+    jumps = held & ((other >= 0) | (one == JUNCTION))
+    return [
+        f"outlines: {counted(len(chains.shape), 'chain')}, {np.sum(chains.shape == STRAIGHT)} straight, "
+        f"{np.sum(round_)} on arcs{_radii(1.0 / np.abs(chains.curvature[round_]))}, "
+        f"{np.sum(chains.closed)} closed",
+        f"nodes: {np.sum(kind == FREE)} free, {np.sum(kind == SLIDING)} slide on outlines, "
+        f"{np.sum(jumps)} in corners that others may take, {np.sum(held & ~jumps)} held for good",
+    ]
+
+
+def _groups(mesh: MeshTri) -> list[str]:
+    areas = area(mesh)
+    return [
+        *(
+            f"subdomain '{name}': {counted(len(rows), 'triangle')}, {areas[rows].sum():.4g} m^2"
+            for name, rows in sorted(named_sets(mesh.subdomains).items())
+        ),
+        *(
+            f"boundary '{name}': {counted(len(rows), 'facet')}"
+            for name, rows in sorted(named_sets(mesh.boundaries).items())
+        ),
+    ]
+
+
+def _coverage(mesh: MeshTri) -> str:
+    count = _memberships(mesh)
+    return f"coverage: {np.sum(count == 1)} triangles in one subdomain, {np.sum(count == 0)} in none, " + (
+        f"{np.sum(count > 1)} in two or more"
+    )
+
+
+def _quality(mesh: MeshTri) -> list[str]:
+    value = quality(mesh)
+    worst = int(np.argmin(value))
+    x, y = mesh.p[:, mesh.t[:, worst]].mean(axis=1)
+    return [
+        f"quality: worst {value[worst]:.3g} (triangle {worst} near ({x:.6g}, {y:.6g}) m), mean {value.mean():.3g}",
+        f"angles: from {_smallest_angle(mesh):.3g} degrees on",
+    ]
+
+
+def _smallest_angle(mesh: MeshTri) -> float:
+    corners = mesh.p[:, mesh.t]
+    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
+    return float(np.degrees(np.arctan2(np.abs(across), along).min()))
+
+
+def _radii(radii: Floats) -> str:
+    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
+    if not texts:
+        return ""
+    said = ", ".join(texts) if len(texts) <= LISTED else f"{texts[0]} to {texts[-1]}"
+    return f" (radius {said} m)"
 
 
 def faults(mesh: MeshTri) -> Iterator[str]:
@@ -46,10 +130,8 @@ def faults(mesh: MeshTri) -> Iterator[str]:
 def thin_parts(som: KohonenMap) -> Iterator[str]:
     """Sentences about subdomains with one layer of elements between two sides; of a map without layers."""
     triangulation, constraints = som.triangulation, som.outline.constraints
-    for name, rows in (triangulation.mesh.subdomains or {}).items():
-        if name.startswith("gmsh:") or not len(rows):
-            continue
-        for inside in parts_of(triangulation.elements, triangulation.region_of_input[np.asarray(rows)]):
+    for name, rows in named_sets(triangulation.mesh.subdomains).items():
+        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
             try:
                 bands = bands_of(triangulation, constraints, name, 2, inside)
             except ValueError:  # no sides that face each other: it is not thin
@@ -72,7 +154,7 @@ def unit_doubts(mesh: MeshTri) -> Iterator[str]:
 
 
 def _names(mesh: MeshTri) -> Iterator[str]:
-    count = memberships(mesh)
+    count = _memberships(mesh)
     for which, said in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
         if which.any():
             x, y = mesh.p[:, mesh.t[:, np.argmax(which)]].mean(axis=1)
@@ -81,7 +163,7 @@ def _names(mesh: MeshTri) -> Iterator[str]:
                 "material for each. Give every surface one physical group, or name the materials so that they do not "
                 "overlap."
             )
-    if not any(not name.startswith("gmsh:") for name in mesh.boundaries or ()):
+    if not named_sets(mesh.boundaries):
         yield "no boundary has a name, so a case can fix no potential: give the rim a physical group of lines."
 
 

@@ -1,11 +1,9 @@
-"""The command ``kohonen-adapt``: what it does, what it says, and how it ends."""
+"""The command ``kohonen-adapt``: do what the arguments ask, and end with a status that says how it went."""
 
 import argparse
 import logging
 import os
-import runpy
 import shlex
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -16,19 +14,19 @@ from typing import Any, TypeVar
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.cases import case_text, read_case
+from kohonen_adapt import __doc__ as description
+from kohonen_adapt.cases import Case, case_text, read_case
 from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.commands.arguments import command_parser
-from kohonen_adapt.commands.check import faults, thin_parts, unit_doubts
-from kohonen_adapt.commands.description import described, outlines_described
-from kohonen_adapt.commands.relocate import MEANINGS, STEPS, field_source, relocate_file
-from kohonen_adapt.commands.results import RESULTS, write_pictures
+from kohonen_adapt.commands.check import described, faults, outlines_described, thin_parts, unit_doubts
+from kohonen_adapt.commands.relocate import MEANINGS, field_source, relocate_file
+from kohonen_adapt.commands.results import RESULTS, write_fields, write_overview, write_pictures
 from kohonen_adapt.commands.run import CaseRun
-from kohonen_adapt.commands.terminal import Interrupted, LineHandler, Terminal
-from kohonen_adapt.files import whole_file
+from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
+from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.loop.result import AdaptResult, Status
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -41,7 +39,7 @@ EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 
 PLOT_REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
 
-DONE, FAILED, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, WRONG_USE = 0, 1, 2
 
 Drawn = TypeVar("Drawn")
 
@@ -52,14 +50,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv
-        Arguments, by default those of the process.
+        Arguments, by default those of the process: then Ctrl-C ends the process at once, by that signal, as SIGTERM
+        does.
 
     Returns
     -------
     int
         0 if all went well, 1 if the problem could not be solved or `check` found faults, 2 for wrong arguments and
-        files that cannot be read or written, 130 for Ctrl-C. Where that, or SIGTERM (143), comes while a thread is at
-        work, the process ends with that number, or while it draws by that signal, and nothing is returned.
+        files that cannot be read or written.
 
     Raises
     ------
@@ -67,45 +65,41 @@ def main(argv: Sequence[str] | None = None) -> int:
         Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
         without any, after the help.
     """
+    if argv is None:
+        let_signals_end_the_process()
     commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate}
-    parser = command_parser(sys.modules[__package__].__doc__, commands)
+    parser = command_parser(description, commands)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())
     quiet = getattr(arguments, "quiet", False)
     terminal = Terminal(quiet)
-    logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[LineHandler()])
-    logging.getLogger(__package__).setLevel(logging.WARNING if quiet else logging.INFO)
+    logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[terminal])
+    logging.getLogger("kohonen_adapt").setLevel(logging.WARNING if quiet else logging.INFO)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = terminal.warn
-            return terminal.wait_for(lambda: arguments.run(arguments, terminal))
-    except np.linalg.LinAlgError as error:
-        terminal.complain(error)
-        return FAILED
+            return arguments.run(arguments, terminal)
     except (OSError, ValueError) as error:
         terminal.complain(error)
-        return WRONG_USE
-    except Interrupted as interrupt:
-        terminal.leave(interrupt)
-    except KeyboardInterrupt:
-        terminal.complain("interrupted.")
-        return INTERRUPTED
+        return FAILED if isinstance(error, np.linalg.LinAlgError) else WRONG_USE
 
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Run an example step by step, so that its files are there even if there can be no picture."""
-    folder = _writable(arguments.out)
-    terminal.writes_to(folder)
-    example = runpy.run_path(str(_example(f"{arguments.name}.py")))
-    passes = _Passes(terminal, example["PASSES"])
-    before, after = example["adapt"](callback=passes.report, progress=passes.show)
+    """Adapt a case that comes along; its files are there even if there can be no picture."""
+    folder, name = _writable(arguments.out), arguments.name
+    mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
+    remove_drafts(folder, *(path.name for path in (mesh_file, fields, picture, report)))
+    case = read_case(_example(f"{name}.toml"))
+    mesh, passes = case.fitting_mesh(), _Passes.of(case, terminal)
+    after = adapt(
+        mesh, case.problem, outputs=case.labelled_outputs, interim=passes.report, progress=passes.show, **case.adapt
+    )
     terminal.say(after)
-    example["write"](after, folder)
-    passes.draw()
-    _drawn(terminal, folder, lambda: example["draw"](before, after, folder))
-    files = sorted(file.name for file in folder.glob(f"{arguments.name}.*"))
-    terminal.say(f"Files in {folder}: {', '.join(files)}.")
+    write_fields(case, after, mesh_file, fields)
+    before, command = passes.before or after, f"kohonen-adapt demo {name}"
+    _drawn(terminal, folder, lambda: write_overview(case, before, after, picture, report, command))
+    terminal.say(f"Files in {folder}: {', '.join(sorted(file.name for file in folder.glob(f'{name}.*')))}.")
     return FAILED if after.status is Status.FAILED else DONE
 
 
@@ -114,8 +108,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     case = read_case(arguments.case)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
-    passes = _Passes(terminal, case.adapt.get("passes", PASSES))
-    terminal.show("read", 0, passes.passes + 1)
+    terminal.show("read")
     with about(arguments.case):
         mesh = case.fitting_mesh()
     _doubt(mesh, terminal)
@@ -123,18 +116,16 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
     folder = _writable(arguments.out) if arguments.resume is None else arguments.resume
-    told = _Told(arguments.case, folder, passes)
-    run = CaseRun(case, mesh, folder, progress=passes.show, told=told)
+    passes = _Passes.of(case, terminal)
+    run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
     finished = run.go_on() if arguments.resume else run.start_anew()
-    terminal.writes_to(folder)
-    terminal.writes_to(run.passes)
     if finished:
         terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
-    terminal.hint(told.hint())
+    command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])
+    terminal.say(f"The best pass so far is always in {folder}; if this is cut short, go on with: {command}")
     result = run.result()
     terminal.say(result)
-    passes.draw()
-    before = run.before or adapt(mesh, case.problem, passes=0)
+    before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = _drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*RESULTS, *(pictures or [])])}.")
     if result.status is Status.FAILED:
@@ -145,41 +136,27 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 @dataclass
 class _Passes:
-    """Shows what pass and what step a loop is in, and reports finished passes."""
+    """Show what pass and what step a loop is in, report finished passes, and keep the input as it was solved."""
 
     terminal: Terminal
     passes: int
     known: str = ""
+    before: AdaptResult | None = None
+
+    @classmethod
+    def of(cls, case: Case, terminal: Terminal) -> "_Passes":
+        return cls(terminal, case.adapt.get("passes", PASSES))
 
     def show(self, number: int, step: str) -> None:
-        self.terminal.show(f"pass {number} of {self.passes}: {step}", number, self.passes + 1, self.known)
+        self.terminal.show(f"pass {number} of {self.passes}: {step}{self.known and f', {self.known}'}")
 
-    def draw(self) -> None:
-        self.terminal.show("draw", self.passes + 1, self.passes + 1, self.known)
-
-    def report(self, step: Pass) -> None:
+    def report(self, result: AdaptResult) -> None:
+        step = result.history[-1]
+        if step.number == 0:
+            self.before = result
         share = f" ({100.0 * step.estimate / step.energy_norm:.2f} %)" if step.energy_norm else ""
         self.known = f"{step.mesh.p.shape[1]} nodes, estimate {step.estimate:.4g}{share}"
         self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
-
-
-@dataclass(frozen=True)
-class _Told:
-    """Reports the passes of a run, and what an interruption leaves of it."""
-
-    case: Path
-    folder: Path
-    passes: _Passes
-
-    def __call__(self, result: AdaptResult) -> None:
-        self.passes.report(result.history[-1])
-        best = next(step.number for step in result.history if step.mesh is result.mesh)
-        so_far = f"pass {best}, the best of {len(result.history)}, is in {self.folder}: {', '.join(RESULTS)}"
-        self.passes.terminal.hint(self.hint(so_far))
-
-    def hint(self, so_far: str = "no further pass was finished") -> str:
-        command = shlex.join(["kohonen-adapt", "run", str(self.case), "--resume", str(self.folder)])
-        return f"{so_far}. To go on: {command}"
 
 
 def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
@@ -211,7 +188,7 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Relocate a mesh from file to file."""
-    terminal.writes_to(_writable(arguments.out.parent))
+    remove_drafts(_writable(arguments.out.parent), arguments.out.name)
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
     before, after = relocate_file(
         arguments.mesh,
@@ -225,7 +202,7 @@ def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
         seed=arguments.seed,
         periodic=[(one, other) for one, other in arguments.periodic],
         layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
-        progress=lambda number, step: terminal.show(step, number, len(STEPS)),
+        progress=terminal.show,
     )
     worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
     terminal.say(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
@@ -245,7 +222,7 @@ def _number_or_name(word: str) -> Any:
 def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn | None:
     """What the drawing gives, or None without matplotlib; everything else is written by then."""
     terminal.say(f"Results are in {folder}; now pictures and the report, which Ctrl-C leaves out.")
-    terminal.leave_signals()
+    terminal.show("draw")
     try:
         return draw()
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""A mesh file and a field file in, a better mesh file out: the map for any solver."""
+"""Relocate the nodes of a mesh file by a field file, for any solver."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -13,9 +13,7 @@ from kohonen_adapt.io.fields import FIELD_SUFFIXES, read_field
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.relocate import relocate
 
-__all__ = ["MEANINGS", "STEPS", "field_source", "relocate_file"]
-
-STEPS = ("read", "relocate", "write")
+__all__ = ["MEANINGS", "field_source", "relocate_file"]
 
 
 def _as_it_is(mesh: MeshTri, values: NDArray[Any]) -> NDArray[Any]:
@@ -67,7 +65,7 @@ def relocate_file(
     seed: int = 0,
     periodic: Sequence[tuple[str, str]] = (),
     layers: Mapping[str, int] | None = None,
-    progress: Callable[[int, str], Any] = lambda number, step: None,
+    progress: Callable[[str], Any] = lambda step: None,
 ) -> tuple[MeshTri, MeshTri]:
     """Read a mesh and a field on it, relocate, and write the mesh in the unit it came in, with the same groups.
 
@@ -86,7 +84,7 @@ def relocate_file(
     topology, min_quality, pinned, seed, periodic, layers
         As `relocate` takes them.
     progress
-        Called with number and name of each of the `STEPS` when it begins.
+        Called with the name of each step when it begins: "read", "relocate", "write".
 
     Returns
     -------
@@ -102,10 +100,10 @@ def relocate_file(
     """
     if target.suffix.lower() not in (*MSH_VERSION, ".vtu"):
         raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{target.name}'.")
-    progress(0, STEPS[0])
+    progress("read")
     mesh, groups = read_mesh(source), read_groups(source)
     values = read_field(*field, mesh, scale)
-    progress(1, STEPS[1])
+    progress("relocate")
     after = relocate(
         mesh,
         MEANINGS[meaning](mesh, values),
@@ -116,6 +114,6 @@ def relocate_file(
         periodic=periodic,
         layers=layers,
     )
-    progress(2, STEPS[2])
+    progress("write")
     write_mesh(target, after, groups=groups)
     return mesh, after

@@ -1,21 +1,27 @@
-"""The files that a run leaves: mesh, fields, table of passes, pictures and report, each whole or not at all."""
+"""Write the files of a run: mesh, fields, table of passes, pictures and report, each whole or not at all."""
 
 import csv
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases import Case
-from kohonen_adapt.commands.reporting import energy_unit, length_unit, magnitude, write_run_report
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.io import write_mesh
+from kohonen_adapt.loop.adapt import PASSES
 from kohonen_adapt.loop.result import AdaptResult, Pass
+from kohonen_adapt.report import FieldOf, write_report
 from kohonen_adapt.som.density import density_from_indicators
 
-__all__ = ["RESULTS", "write_history", "write_pictures", "write_results"]
+__all__ = ["RESULTS", "write_fields", "write_history", "write_overview", "write_pictures", "write_results"]
 
 MESH, FIELDS, HISTORY, REPORT = "adapted.msh", "adapted.vtu", "history.csv", "report.html"
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
-OUTLINES, PASSES = "outlines.png", "passes.gif"
+OUTLINES, ANIMATION = "outlines.png", "passes.gif"
 
 CAPTIONS = {
     PICTURE: "Meshes, error indicators before and after on one scale, flux lines over |B|, estimate over the passes",
@@ -23,23 +29,31 @@ CAPTIONS = {
     QUALITY: "Quality of the elements before and after",
     ESTIMATE: "Estimate over the number of nodes, with the slope of the best refinement",
     OUTLINES: "Outlines of the adapted mesh: where nodes may go",
-    PASSES: "The mesh, pass by pass",
+    ANIMATION: "The mesh, pass by pass",
 }
 """Of the pictures in a report, in its order."""
 
 RESULTS = (MESH, FIELDS, HISTORY)
 
+MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
-def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
+
+def write_results(case: Case, result: AdaptResult, folder: Path) -> None:
     """Write ``adapted.msh``, ``adapted.vtu`` and ``history.csv``.
 
-    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place; the
-    VTU file is in metres.
+    Raises
+    ------
+    OSError
+        If one cannot be written.
+    """
+    write_fields(case, result, folder / MESH, folder / FIELDS)
+    write_history(result.history, folder)
 
-    Returns
-    -------
-    list of str
-        The names of the files.
+
+def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
+    """Write the mesh for Gmsh, and in metres with the fields for ParaView.
+
+    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place.
 
     Raises
     ------
@@ -47,74 +61,13 @@ def write_results(case: Case, result: AdaptResult, folder: Path) -> list[str]:
         If one cannot be written.
     """
     field = result.solution
-    write_mesh(folder / MESH, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
+    write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
     write_mesh(
-        folder / FIELDS,
+        fields,
         result.mesh,
         point_data={"A (Wb per m)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
-    write_history(result.history, folder)
-    return list(RESULTS)
-
-
-def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    """Draw the pictures and write the report that shows them; without matplotlib a report without them.
-
-    Returns
-    -------
-    list of str
-        The names of the files.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Without matplotlib, when the report is written.
-    OSError
-        If one cannot be written.
-    """
-    try:
-        names = _draw(case, before, after, folder)
-    except ModuleNotFoundError:
-        write_run_report(folder / REPORT, case, before, after, {})
-        raise
-    write_run_report(folder / REPORT, case, before, after, {CAPTIONS[name]: folder / name for name in names})
-    return [*names, REPORT]
-
-
-def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
-
-    unit, problem = length_unit(after), case.problem
-    names = [pin for pin in case.adapt.get("pinned", ()) if isinstance(pin, str)]  # nodes have other numbers now
-    density = density_from_indicators(before.mesh, before.indicators, order=problem.order)
-    figures = {
-        PICTURE: plotting.adaptation_figure(
-            before,
-            after,
-            potential=after.solution.unknown,
-            magnitude=magnitude(after.solution),
-            magnitude_label="flux density |B| (T)",
-            indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{energy_unit(case)}}}}}$",
-            lines_title="Flux lines",
-            unit=unit,
-        ),
-        DENSITY: plotting.plot_density(before.mesh, density, unit=unit).figure,
-        QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
-        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-0.5 * problem.order).figure,
-        OUTLINES: plotting.plot_outlines(
-            after.mesh, pinned=names, periodic=case.adapt.get("periodic", ()), unit=unit
-        ).figure,
-    }
-    for name, figure in figures.items():
-        _save(folder / name, figure)
-    plotting.animate_passes(folder / PASSES, after.history, unit=unit)
-    return [*figures, PASSES]
-
-
-def _save(path: Path, figure: Any) -> None:
-    with whole_file(path) as draft:
-        figure.savefig(draft, format="png")
 
 
 def write_history(history: tuple[Pass, ...], folder: Path) -> None:
@@ -143,3 +96,142 @@ def _row(step: Pass) -> dict[str, object]:
         **{f"seconds {name}": step.seconds.get(name, 0.0) for name in ("solve", "estimate", "relocate", "polish")},
         **{f"output {name}": value for name, value in step.outputs.items()},
     }
+
+
+def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
+    """Draw the pictures and write the report that shows them; without matplotlib a report without them.
+
+    Returns
+    -------
+    list of str
+        The names of the files.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without matplotlib, when the report is written.
+    OSError
+        If one cannot be written.
+    """
+    command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", "--out", folder.name or "."])
+    try:
+        names = _draw(case, before, after, folder)
+    except ModuleNotFoundError:
+        _write_report(folder / REPORT, case, before, after, {}, command)
+        raise
+    pictures = {CAPTIONS[name]: folder / name for name in names}
+    _write_report(folder / REPORT, case, before, after, pictures, command)
+    return [*names, REPORT]
+
+
+def write_overview(
+    case: Case, before: AdaptResult, after: AdaptResult, picture: Path, report: Path, command: str
+) -> None:
+    """Draw the first of the pictures, and write the report that shows it and names a command.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without matplotlib.
+    OSError
+        If one cannot be written.
+    """
+    _save(picture, _overview(case, before, after))
+    _write_report(report, case, before, after, {CAPTIONS[PICTURE]: picture}, command)
+
+
+def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
+    from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
+
+    unit, order = _length_unit(after), case.problem.order
+    names = [pin for pin in case.adapt.get("pinned", ()) if isinstance(pin, str)]  # nodes have other numbers now
+    density = density_from_indicators(before.mesh, before.indicators, order=order)
+    figures = {
+        PICTURE: _overview(case, before, after),
+        DENSITY: plotting.plot_density(before.mesh, density, unit=unit).figure,
+        QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
+        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-0.5 * order).figure,
+        OUTLINES: plotting.plot_outlines(
+            after.mesh, pinned=names, periodic=case.adapt.get("periodic", ()), unit=unit
+        ).figure,
+    }
+    for name, figure in figures.items():
+        _save(folder / name, figure)
+    plotting.animate_passes(folder / ANIMATION, after.history, unit=unit)
+    return [*figures, ANIMATION]
+
+
+def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
+    from kohonen_adapt import plotting
+
+    return plotting.adaptation_figure(
+        before,
+        after,
+        potential=after.solution.unknown,
+        magnitude=_magnitude(after.solution),
+        magnitude_label="flux density |B| (T)",
+        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{_energy_unit(case)}}}}}$",
+        lines_title="Flux lines",
+        unit=_length_unit(after),
+    )
+
+
+def _save(path: Path, figure: Any) -> None:
+    with whole_file(path) as draft:
+        figure.savefig(draft, format="png")
+
+
+def _write_report(
+    path: Path, case: Case, before: AdaptResult, after: AdaptResult, pictures: Mapping[str, Path], command: str
+) -> None:
+    write_report(
+        path,
+        after,
+        before=before,
+        title=f"Adaptation of {case.mesh.name}",
+        asked=_asked(case, before),
+        point_data=_potentials(case),
+        cell_data={"flux density |B| (T)": _magnitude},
+        indicator_label=f"error indicator of an element (√({_energy_unit(case)}))",
+        unit=_length_unit(after),
+        pictures=pictures,
+        settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
+    )
+
+
+def _asked(case: Case, before: AdaptResult) -> str:
+    """What was to be done, in words."""
+    options, problem = case.adapt, case.problem
+    target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
+    limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]
+    until = f", until {' or '.join(limits)}" if limits else ""
+    passes = options.get("passes", PASSES)
+    outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
+    return (
+        f"Asked for: adapt {case.mesh.name} ({before.mesh.p.shape[1]} nodes, {before.mesh.t.shape[1]} elements)"
+        f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, by the {problem.estimator} estimate of "
+        f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
+    )
+
+
+def _potentials(case: Case) -> dict[str, FieldOf]:
+    """Per node; the contours of the first are the flux lines."""
+    flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown}
+    return {
+        **(flux if case.problem.axisymmetric else {}),
+        "vector potential A (Wb/m)": lambda field: field.potential,
+    }
+
+
+def _magnitude(field: Any) -> Floats:
+    """|B| of every element, (nelements,), T."""
+    return np.hypot(*field.flux_density)
+
+
+def _length_unit(result: AdaptResult) -> str:
+    return "mm" if np.ptp(result.mesh.p, axis=1).max() < MILLIMETRES else "m"
+
+
+def _energy_unit(case: Case) -> str:
+    """Unit of energies: of squared indicators."""
+    return "J" if case.problem.axisymmetric else "J/m"

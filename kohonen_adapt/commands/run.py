@@ -1,4 +1,4 @@
-"""A case adapted in a folder: what is best is written after every pass, and a run that was cut short can go on."""
+"""Adapt a case in a folder: write what is best after every pass, and go on with a run that was cut short."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,11 +31,6 @@ class CaseRun:
         As `adapt` takes it; there is the step "write" besides.
     told
         Called after every pass with the result so far, when that is written.
-
-    Attributes
-    ----------
-    before
-        The input mesh, solved; None if that was done by a run before.
     """
 
     def __init__(
@@ -47,7 +42,6 @@ class CaseRun:
         progress: Callable[[int, str], Any],
         told: Callable[[AdaptResult], Any],
     ) -> None:
-        self.before: AdaptResult | None = None
         self._case, self._mesh, self._folder = case, mesh, folder
         self._progress, self._told = progress, told
         self._written: MeshTri | None = None
@@ -144,8 +138,6 @@ class CaseRun:
 
     def _interim(self, result: AdaptResult) -> None:
         (self.passes / ENDED).unlink(missing_ok=True)
-        if len(result.history) == 1:
-            self.before = result
         self._write(result)
         self._told(result)
 

@@ -13,7 +13,9 @@ __all__ = ["codes_of_names", "combinations", "named", "named_sets"]
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
     """Name to elements or facets; what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of these."""
-    return {name: np.asarray(rows) for name, rows in (sets or {}).items() if not name.startswith("gmsh:")}
+    return {
+        name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if not name.startswith("gmsh:")
+    }
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:

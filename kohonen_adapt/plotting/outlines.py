@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.display import in_unit
+from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import Curve
@@ -152,7 +152,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
         if mask.any():
             some = [lines[c] for c in np.flatnonzero(mask)]
             axes.add_collection(LineCollection(some, colors=colours[mask], linewidths=1.8, linestyles=style))
-            axes.plot([], [], color="black", linestyle=style, label=f"{_counted(len(some), 'chain')} {label}")
+            axes.plot([], [], color="black", linestyle=style, label=f"{counted(len(some), 'chain')} {label}")
     labels = _labels(outline, recognised, unit)
     low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
     middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
@@ -222,10 +222,6 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     )  # fmt: skip
 
 
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
-
-
 def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
     """A marker for every node: what it may do."""
     kind, (one, other) = outline.constraints.kind, outline.constraints.chain.T
@@ -239,7 +235,7 @@ def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str)
     ):
         if mask.any():
             x, y = in_unit(unit) * position[mask].T
-            label = f"{_counted(len(x), 'node')} {label}"
+            label = f"{counted(len(x), 'node')} {label}"
             edge = face if face != "white" else "black"
             axes.plot(
                 x, y, marker, color=face, markeredgecolor=edge, markersize=width, label=label, zorder=3,

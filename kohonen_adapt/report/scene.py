@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, named_subdomains, one_per, outlined_facets
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.report.packing import packed
 
 __all__ = ["FieldOf", "view_data"]
@@ -160,7 +160,7 @@ def _subdomains(results: Results) -> Shown:
 
 def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
     """For every element the number of its set of names, (nelements,); new sets are added to `names`."""
-    subdomains = named_subdomains(mesh)
+    subdomains = named_sets(mesh.subdomains)
     codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])
     _, first, number = np.unique(codes, return_index=True, return_inverse=True)
     sets = [[name for name, rows in subdomains.items() if np.any(rows == one)] for one in first]

@@ -1,5 +1,6 @@
 """An adaptation in words: how it ended, what it gained, what became of the outputs."""
 
+from kohonen_adapt.display import counted
 from kohonen_adapt.loop.result import AdaptResult, Pass
 
 __all__ = ["key_figures", "sentences"]
@@ -24,7 +25,7 @@ def sentences(result: AdaptResult) -> list[str]:
     first, last = result.history[0], _best(result)
     relocations = len(result.history) - 1
     said = [
-        f"{_counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
+        f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
         f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
         f"{_from_to(*(step.mesh.p.shape[1] for step in (first, last)))} nodes.",
@@ -61,7 +62,3 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
     change = f", by {100.0 * (after - before) / abs(before):+.3g}\u00a0%" if before else ""
     return f"{name} went from {before:.5g} to {after:.5g}{change}." if last is not first else f"{name} is {after:.5g}."
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"

@@ -1,11 +1,10 @@
-"""What the command shows while it works: steps on a terminal, nothing where nobody looks."""
+"""The command shows its steps on a terminal, in one line, and nothing where nobody looks."""
 
 import fcntl
 import logging
 import os
 import pty
 import re
-import signal
 import struct
 import subprocess
 import sys
@@ -19,28 +18,25 @@ import pytest
 
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
-from kohonen_adapt.commands.terminal import LineHandler, Terminal
+from kohonen_adapt.commands.terminal import Terminal
 
 ROOT = Path(__file__).parents[2]
 
 SCRIPT = """
-import logging, sys, time, warnings
-from kohonen_adapt.terminal import LineHandler, Terminal
+import logging, sys, warnings
+from kohonen_adapt.commands.terminal import Terminal
 
 terminal = Terminal(quiet="--quiet" in sys.argv)
-logging.basicConfig(format="%(message)s", handlers=[LineHandler()])
+logging.basicConfig(format="%(message)s", handlers=[terminal])
 warnings.showwarning = terminal.warn
 
-def work():
-    terminal.show("pass 1 of 4: solve", 1, 5, "899 nodes")
-    time.sleep(1.0)
-    terminal.say("a line")
-    logging.warning("a remark")
-    warnings.warn("mind this")
-    terminal.show("pass 2 of 4: polish", 2, 5)
-    time.sleep(0.5)
-
-terminal.wait_for(work)
+terminal.show("pass 1 of 4: relocate, 899 nodes")
+terminal.show("pass 1 of 4: solve")
+terminal.say("a line")
+terminal.show("x" * 200)
+logging.warning("a remark")
+warnings.warn("mind this")
+terminal.show("pass 2 of 4: polish")
 terminal.say("the end")
 """
 
@@ -69,11 +65,11 @@ def lines_left(written):
     return [[part for part in line.split("\r") if part.strip()][-1:] for line in written.split("\n")]
 
 
-def test_steps_are_shown_below_the_lines():
+def test_steps_are_shown_below_the_lines_and_give_way_to_them():
     written, code = on_a_terminal("-c", SCRIPT)
     assert code == 0
-    assert re.search(r"\rpass 1 of 4: solve \S+ +00:00, 899 nodes\r", written)
-    assert re.search(r"\rpass 2 of 4: polish \S+ +00:01\r", written)
+    assert written.startswith("\rpass 1 of 4: relocate, 899 nodes\rpass 1 of 4: solve              \r")
+    assert f"\r{99 * 'x'}\r" in written  # what is wider than the terminal would take another line
     assert lines_left(written) == [["a line"], ["a remark"], ["kohonen-adapt: warning: mind this"], ["the end"], []]
 
 
@@ -91,11 +87,6 @@ def test_nothing_is_drawn_where_nobody_looks():
         "a line\nthe end\n",
         "a remark\nkohonen-adapt: warning: mind this\n",
     )
-
-
-def test_what_is_done_at_once_shows_nothing():
-    code = "from kohonen_adapt.commands.terminal import Terminal; Terminal().wait_for(lambda: None)"
-    assert on_a_terminal("-c", code) == ("", 0)
 
 
 CASE = """
@@ -116,98 +107,49 @@ passes = 1
 
 @pytest.fixture
 def case(tmp_path):
-    ka.write_mesh(tmp_path / "mesh.msh", ka.read_mesh(ROOT / "examples" / "c_core.msh").refined(2))
+    ka.write_mesh(tmp_path / "mesh.msh", ka.read_mesh(ROOT / "examples" / "c_core.msh"))
     (tmp_path / "case.toml").write_text(CASE)
     return tmp_path / "case.toml"
 
 
-@pytest.mark.slow
-def test_run_shows_its_passes_and_steps(case, tmp_path):
-    with (tmp_path / "stdout").open("w") as stdout:
-        arguments = ["-m", "kohonen_adapt", "run", case, "--out", tmp_path / "out"]
-        written, code = on_a_terminal(*arguments, stdout=stdout)
-    assert code == 0
-    steps = re.findall(r"\r(?:pass (\d) of 1: )?(read|solve|relocate|polish|write|draw) \S* *\d\d:\d\d", written)
-    assert {("1", "relocate"), ("", "draw")} <= set(steps)
-    assert re.search(r"\rpass 1 of 1: \w+ .*, 13769 nodes, estimate [\d.]+ \([\d.]+ %\)", written)
-    assert "\r" not in (tmp_path / "stdout").read_text()
-
-
-def shown_by(arguments, monkeypatch):
-    """The steps that a command shows, in order, each once."""
-    shown = []
-    monkeypatch.setattr(Terminal, "show", lambda self, step, *more: shown.append(step))
-    assert cli.main([str(argument) for argument in arguments]) == 0
-    return list(dict.fromkeys(shown))
+def shown_by(*arguments):
+    """The steps that a command shows on a terminal, in order, each once, and what it knows then."""
+    written, code = on_a_terminal("-m", "kohonen_adapt", *arguments)
+    assert code == 0, written
+    shown = re.findall(r"\r((?:pass \d of \d: )?[a-z ]*[a-z])(?:, (.*?))? *(?=\r)", written)
+    return list(dict.fromkeys(step for step, _ in shown)), [known for _, known in shown]
 
 
 STEPS = ["relocate", "polish", "solve", "estimate"]
 
 
-def test_demo_shows_every_step(tmp_path, monkeypatch):
+def test_demo_shows_every_step(tmp_path):
     steps = [f"pass {number} of 4: {step}" for number in (1, 2, 3, 4) for step in STEPS]
     first = [f"pass 0 of 4: {step}" for step in ("solve", "estimate")]
-    assert shown_by(["demo", "magnet", "--out", tmp_path], monkeypatch) == [*first, *steps, "draw"]
+    assert shown_by("demo", "magnet", "--out", tmp_path)[0] == [*first, *steps, "draw"]
 
 
-def test_run_shows_every_step(case, tmp_path, monkeypatch):
+def test_run_shows_every_step(case, tmp_path):
     first = [f"pass 0 of 1: {step}" for step in ("solve", "estimate", "write", "checkpoint")]
     second = [f"pass 1 of 1: {step}" for step in (*STEPS, "write", "checkpoint")]
-    assert shown_by(["run", case, "--out", tmp_path / "out"], monkeypatch) == ["read", *first, *second, "draw"]
+    shown, known = shown_by("run", case, "--out", tmp_path / "out")
+    assert shown == ["read", *first, *second, "draw"]
+    assert re.fullmatch(r"899 nodes, estimate [\d.]+ \([\d.]+ %\)", known[-4])
 
 
-def test_relocate_shows_every_step(case, tmp_path, monkeypatch):
+def test_relocate_shows_every_step(case, tmp_path):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
     arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
-    assert shown_by([*arguments, "--out", tmp_path / "after.msh"], monkeypatch) == ["read", "relocate", "write"]
+    assert shown_by(*arguments, "--out", tmp_path / "after.msh")[0] == ["read", "relocate", "write"]
 
 
-# ---- the thread that works ----
-
-
-def test_the_work_is_done_in_another_thread_and_its_result_comes_back():
-    assert Terminal().wait_for(threading.current_thread) is not threading.main_thread()
-
-
-@pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), TimeoutError("late")], ids=repr)
-def test_what_the_work_raises_comes_through(error):
-    def work():
-        raise error
-
-    with pytest.raises(type(error)) as raised:
-        Terminal().wait_for(work)
-    assert raised.value is error
-
-
-def test_signals_are_left_to_the_system_until_the_work_is_done():
-    def work():
-        heard = signal.getsignal(signal.SIGINT)
-        terminal.leave_signals()
-        return heard, signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-
-    terminal, sigterm = Terminal(), signal.getsignal(signal.SIGTERM)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # it may be ignored: see the next test
-    try:
-        assert terminal.wait_for(work) == (signal.default_int_handler, signal.SIG_DFL, signal.SIG_DFL)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        assert signal.getsignal(signal.SIGTERM) == sigterm
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_what_is_ignored_stays_ignored():
-    """As Ctrl-C is in the background of a shell script."""
-
-    def work():
-        terminal.leave_signals()
-        return signal.getsignal(signal.SIGINT)
-
-    terminal, before = Terminal(), signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        assert terminal.wait_for(work) is signal.SIG_IGN is signal.getsignal(signal.SIGINT)
-    finally:
-        signal.signal(signal.SIGINT, before)
+def test_nothing_is_shown_in_a_file(case, tmp_path):
+    with (tmp_path / "stdout").open("w") as stdout:
+        arguments = ["-m", "kohonen_adapt", "run", case, "--out", tmp_path / "out"]
+        written, code = on_a_terminal(*arguments, stdout=stdout)
+    assert code == 0 and "\rpass 1 of 1: solve" in written
+    assert "\r" not in (tmp_path / "stdout").read_text()
 
 
 def test_a_command_within_a_thread(capsys):
@@ -221,11 +163,12 @@ def test_a_command_within_a_thread(capsys):
 
 
 def test_remarks_and_warnings_are_lines(capsys):
-    logger = logging.getLogger("kohonen_adapt.tests")
-    logger.addHandler(LineHandler())
+    logger, terminal = logging.getLogger("kohonen_adapt.tests"), Terminal()
+    logger.addHandler(terminal)
     logger.warning("a remark")
+    logger.removeHandler(terminal)
     with warnings.catch_warnings():
-        warnings.showwarning = Terminal().warn
+        warnings.showwarning = terminal.warn
         warnings.warn("mind this", stacklevel=1)
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err == "a remark\nkohonen-adapt: warning: mind this\n"

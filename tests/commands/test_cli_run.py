@@ -4,12 +4,12 @@ import csv
 import json
 import os
 import re
-import sys
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
@@ -198,10 +198,7 @@ def test_a_warning_is_one_line(case, capsys):
 
 def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, monkeypatch):
     case.write_text(CASE.replace("passes = 2", "passes = 0"))
-    for name in [each for each in sys.modules if each.startswith(("matplotlib", "kohonen_adapt.plotting"))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("kohonen_adapt.plotting", raising=False)
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    without_matplotlib(monkeypatch)
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
     assert names_in(tmp_path / "out") == ["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html"]
     assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -33,7 +33,6 @@ GUESTS = {
     "matplotlib": {"plotting"},
     "pyamg": {"magnetostatics"},
     "gmsh": set(),
-    "tqdm": {"commands"},
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))
