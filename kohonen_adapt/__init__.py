@@ -6,7 +6,8 @@ from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.result import AdaptResult, Pass, Status
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.outline.curves import Arc, Line, Spline
+from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.spline import Spline
 from kohonen_adapt.polish.polish import polish
 from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.cases.kinds import Kind, about, checked, choice, flag, number, table, vector
-from kohonen_adapt.outline.curves import Arc, Line, Spline
+from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["shape"]
 

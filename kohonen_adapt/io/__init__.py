@@ -18,7 +18,7 @@ from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.second_order import to_curves
 from kohonen_adapt.io.vtu import read_vtu, write_vtu
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.outline.curves import Spline
+from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["Groups", "read_curves", "read_groups", "read_mesh", "write_mesh"]
 

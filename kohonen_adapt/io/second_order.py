@@ -8,8 +8,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.io.content import TRIANGLE, Content, shape_of
-from kohonen_adapt.outline.curves import Spline
 from kohonen_adapt.outline.polylines import polylines_of
+from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["to_curves"]
 

@@ -17,7 +17,7 @@ from kohonen_adapt.loop.identity import fingerprint
 from kohonen_adapt.loop.result import AdaptResult, Pass, Status
 from kohonen_adapt.loop.step import Improvement, Settings
 from kohonen_adapt.loop.stopping import StopTest, failed, interrupted, not_moved, remarked, under_way
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.problem.outputs import Output, check_outputs, output_value
 from kohonen_adapt.problem.protocol import Problem, check_problem, energy_norm, estimate, norm_of, solve, solve_again

@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Ints
 from kohonen_adapt.loop.checkpoint import digest
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.step import Settings
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.problem.protocol import Problem, norm_of, order_of
 
 __all__ = ["fingerprint"]

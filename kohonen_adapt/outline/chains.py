@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -11,17 +10,15 @@ from scipy.interpolate import CubicSpline
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.chains import LENGTH, MERGED, REACH, ROUND, TABLED, Chains
 from kohonen_adapt.kernels.triangle.trace import cut_runs, lengths_and_angles
-from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.curves import Arc, Curve, Line
 from kohonen_adapt.outline.facets import Facets
 from kohonen_adapt.outline.polylines import Runs
 
 logger = logging.getLogger(__package__)
 
 __all__ = [
-    "Curve",
     "Pieces",
     "chains_of",
-    "check_curves",
     "curve_of_facets",
     "cut",
     "pair_chains",
@@ -36,13 +33,6 @@ NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from 
 BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
-
-
-class Curve(Protocol):
-    """What a boundary may be given as its curve."""
-
-    def project(self, x: Floats) -> Floats:
-        """The points of the curve nearest to x, (2, n)."""
 
 
 @dataclass(frozen=True)
@@ -73,30 +63,6 @@ class Pieces:
         """The slots of the first nodes of all facets, piece by piece."""
         first, length = self.rows[:, 0], self.rows[:, 1] - self.rows[:, 0]
         return np.arange(length.sum()) + np.repeat(first - np.cumsum(length) + length, length)
-
-
-def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, Ints] | None) -> dict[str, Curve]:
-    """The curves that were given for boundaries of a mesh.
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping, a name is not that of a boundary, or a curve has no method `project`.
-    """
-    if curves is None:
-        return {}
-    if not isinstance(curves, Mapping):
-        raise ValueError(f"curves must map names of boundaries to curves; got {type(curves).__name__}.")
-    for name, curve in curves.items():
-        if name not in (boundaries or {}):
-            known = ", ".join(repr(known) for known in sorted(boundaries or {})) or "none"
-            raise ValueError(f"curves has {name!r}, which is no boundary of the mesh; its boundaries are: {known}.")
-        if not callable(getattr(curve, "project", None)):
-            raise ValueError(
-                f"the curve of boundary {name!r} must be a kohonen_adapt.Line, Arc or Spline, or have a method "
-                f"project(x (2, n)) -> (2, n); got {curve!r}."
-            )
-    return dict(curves)
 
 
 def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:

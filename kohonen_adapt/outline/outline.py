@@ -27,16 +27,15 @@ from kohonen_adapt.kernels.triangle.geometry import settle
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import (
-    Curve,
     Pieces,
     chains_of,
-    check_curves,
     curve_of_facets,
     cut,
     pair_chains,
     projected,
     without_corner,
 )
+from kohonen_adapt.outline.curves import Curve, check_curves
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.polylines import Runs

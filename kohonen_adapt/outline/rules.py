@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 
 __all__ = ["Limits"]
 

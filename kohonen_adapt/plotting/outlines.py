@@ -14,7 +14,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.plotting.lengths import set_axes
 from kohonen_adapt.som.kohonen_map import KohonenMap

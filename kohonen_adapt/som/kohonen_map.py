@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline, pinned_nodes
 from kohonen_adapt.som.recycling import Recycled, recycle_nodes

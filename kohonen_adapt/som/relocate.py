@@ -11,7 +11,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import Curve
+from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.som.kohonen_map import KohonenMap
