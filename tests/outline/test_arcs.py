@@ -440,7 +440,7 @@ def test_any_number_of_threads_gives_the_same_bits():
 import hashlib, sys
 sys.path.insert(0, "tests")
 import numpy as np, kohonen_adapt as ka
-from meshes import peak, ring
+from helpers.meshes import peak, ring
 class Own:
     def project(self, x):
         return ka.Arc((0.0, 0.0), 0.5).project(x)
