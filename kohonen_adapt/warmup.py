@@ -3,7 +3,7 @@
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, Problem, equilibrate, fan_of
+from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.rules import Limits
 from kohonen_adapt.polish.functional import Functional
@@ -56,5 +56,5 @@ def _equilibrate() -> None:
     """Equilibrate nothing in one triangle: the estimators stand beside the tower, but their loop is a kernel too."""
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
-    problem = Problem(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))
+    problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))
     equilibrate(problem, fan_of(1), np.zeros((1, 3, 2)), np.zeros(3))

@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
+from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of

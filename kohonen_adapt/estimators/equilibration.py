@@ -6,7 +6,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
-from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, Problem, equilibrate, fan_of
+from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["equilibrated", "equilibrated_correction", "equilibrated_flux"]
@@ -162,7 +162,7 @@ def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
     return held
 
 
-def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[Problem, NDArray[np.int64]]:
+def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxData, NDArray[np.int64]]:
     """What the kernel takes, and the place in ``mesh.t`` of the corners of its counter-clockwise elements."""
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
@@ -172,7 +172,7 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[Problem
     given = held[node[:, [1, 2, 0]]] & held[node[:, [2, 0, 1]]]
     neighbour = np.where(neighbour >= 0, neighbour, np.where(given, GIVEN, NATURAL)).astype(np.int32)
     outflow = np.ascontiguousarray(np.take_along_axis(outflow.T, order, axis=1))
-    return Problem(triangulation.position, node, neighbour, outflow, discrete.source, discrete.reluctivity), order
+    return FluxData(triangulation.position, node, neighbour, outflow, discrete.source, discrete.reluctivity), order
 
 
 def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: Mask, imbalance: Floats) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.curve import hilbert_keys
+from kohonen_adapt.kernels.ordering import hilbert_keys
 
 __all__ = ["along_curve"]
 

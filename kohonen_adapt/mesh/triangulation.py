@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
-from kohonen_adapt.kernels.triangle.geometry import Elements, Star
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.validity import check_mesh

@@ -8,7 +8,20 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.triangle.chains import LENGTH, MERGED, REACH, ROUND, TABLED, Chains
+from kohonen_adapt.kernels.arrays import (
+    AT,
+    AT_X,
+    AT_Y,
+    FIRST,
+    IS_CLOSED,
+    IS_ROUND,
+    LAST,
+    RATE_X,
+    RATE_Y,
+    ROUND,
+    TABLED,
+    Chains,
+)
 from kohonen_adapt.kernels.triangle.trace import cut_runs, lengths_and_angles
 from kohonen_adapt.outline.curves import Arc, Curve, Line
 from kohonen_adapt.outline.facets import Facets
@@ -32,6 +45,7 @@ ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
+POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
 
 
@@ -54,15 +68,40 @@ class Pieces:
     curve: Ints
 
     @property
+    def first(self) -> Ints:
+        """Slots of the first nodes, (p,)."""
+        return self.rows[:, FIRST]
+
+    @property
+    def last(self) -> Ints:
+        """Slots of the last nodes, (p,)."""
+        return self.rows[:, LAST]
+
+    @property
+    def facets(self) -> Ints:
+        """Numbers of facets, (p,)."""
+        return self.last - self.first
+
+    @property
+    def is_round(self) -> Mask:
+        """Which are arcs or circles, (p,)."""
+        return self.rows[:, IS_ROUND] == 1
+
+    @property
+    def closed(self) -> Mask:
+        """Which are closed, (p,)."""
+        return self.rows[:, IS_CLOSED] == 1
+
+    @property
     def of_slot(self) -> Ints:
         """The piece of the facet after every slot, for the slots of pieces one after another."""
-        return np.repeat(np.arange(len(self.rows)), self.rows[:, 1] - self.rows[:, 0])
+        return np.repeat(np.arange(len(self.rows)), self.facets)
 
     @property
     def slots(self) -> Ints:
         """The slots of the first nodes of all facets, piece by piece."""
-        first, length = self.rows[:, 0], self.rows[:, 1] - self.rows[:, 0]
-        return np.arange(length.sum()) + np.repeat(first - np.cumsum(length) + length, length)
+        count = self.facets
+        return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 
 
 def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
@@ -105,12 +144,12 @@ def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) 
     most = len(facet) + len(of_run)
     rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
     count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
-    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, 0]]])
+    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, FIRST]]])
     for p in np.flatnonzero(pieces.curve >= 0).tolist():
         name, given = list(curves.items())[pieces.curve[p]]
         check_near(nodes_of(position, node, pieces, p), given, name)
         if isinstance(given, Arc):
-            pieces.rows[p, 2], pieces.circle[p] = 1, (*given.centre, given.radius)
+            pieces.rows[p, IS_ROUND], pieces.circle[p] = 1, (*given.centre, given.radius)
     return runs._replace(node=node, facet=facet), pieces
 
 
@@ -122,7 +161,7 @@ def without_noise(circle: Floats) -> Floats:
 
 def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
     """Where the nodes of a piece are, in order, (k, 2)."""
-    return position[node[pieces.rows[p, 0] : pieces.rows[p, 1] + 1]]
+    return position[node[pieces.first[p] : pieces.last[p] + 1]]
 
 
 def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve]) -> Chains:
@@ -130,7 +169,7 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
     count = len(pieces.rows)
     longest, angle = np.empty(count), np.empty(count)
     lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, angle)
-    table = straight_table(position[runs.node[pieces.rows[:, 0]]], position[runs.node[pieces.rows[:, 1]]])
+    table = straight_table(position[runs.node[pieces.first]], position[runs.node[pieces.last]])
     bend(table, pieces, angle, longest)
     knots: list[Floats] = [np.empty((0, 5))] * count
     for p in np.flatnonzero(pieces.curve >= 0).tolist():
@@ -139,8 +178,8 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
         if isinstance(given, Line):
             straighten(table, p, projected(given, nodes[[0, -1]], name))
         elif not isinstance(given, Arc):
-            knots[p] = tabulated(given, nodes, bool(pieces.rows[p, 3]), name)
-            tabulate(table, p, knots[p], bool(pieces.rows[p, 3]), longest[p])
+            knots[p] = tabulated(given, nodes, bool(pieces.closed[p]), name)
+            tabulate(table, p, knots[p], bool(pieces.closed[p]), longest[p])
     report(table, pieces)
     row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
     return table._replace(row=row, knot=np.concatenate([np.empty((0, 5)), *knots]))
@@ -152,29 +191,31 @@ def straight_table(start: Floats, end: Floats) -> Chains:
     length = np.sqrt(np.sum(chord**2, axis=1))
     with np.errstate(invalid="ignore"):  # of closed ones, which are not straight
         direction = chord / length[:, None]
-    place = np.zeros((count, 9))
-    place[:, 0:2], place[:, 2:4], place[:, LENGTH] = start, direction, length
-    place[:, [REACH, MERGED]] = np.inf
-    return Chains(place, np.zeros((count, 3), dtype=np.int8), np.zeros(count + 1, dtype=np.int32), np.empty((0, 5)))
+    row = np.zeros(count + 1, dtype=np.int32)
+    table = Chains(np.zeros((count, 9)), np.zeros((count, 3), dtype=np.int8), row, np.empty((0, 5)))
+    table.origin[:], table.direction[:], table.length[:] = start, direction, length
+    table.reach[:] = table.merged[:] = np.inf
+    return table
 
 
 def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     """Make the chains of round pieces round."""
-    is_round = pieces.rows[:, 2] == 1
+    is_round = pieces.is_round
     centre, radius, angle = pieces.circle[is_round, :2], pieces.circle[is_round, 2], angle[is_round]
     out = table.origin[is_round] - centre
     distance = np.sqrt(np.sum(out**2, axis=1))
     out /= distance[:, None]
     sense = np.sign(angle)
     table.shape[is_round] = ROUND
-    table.closed[is_round] = pieces.rows[is_round, 3]
+    table.closed[is_round] = pieces.closed[is_round]
     table.origin[is_round] = centre + radius[:, None] * out
     table.direction[is_round] = sense[:, None] * np.stack([-out[:, 1], out[:, 0]], axis=1)
     table.curvature[is_round] = sense / radius
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
-    count = pieces.rows[is_round, 1] - pieces.rows[is_round, 0]
-    coarse = np.clip(ROOM * full / count, WIDEST, 0.5 * np.pi)  # what is given need not be recognised again
+    coarse = np.clip(
+        ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi
+    )  # what is given need not be recognised again
     widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
@@ -192,13 +233,13 @@ def straighten(table: Chains, p: int, ends: Floats) -> None:
 def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
     """Let a chain be looked up between its knots."""
     table.shape[p], table.closed[p] = TABLED, closed
-    table.origin[p], table.length[p] = knots[0, 1:3], knots[-1, 0]
-    table.direction[p] = knots[0, 3:] / np.sqrt(np.sum(knots[0, 3:] ** 2))
+    table.origin[p], table.length[p] = knots[0, POSITION], knots[-1, AT]
+    table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
     tightest = least_radius(knots)
     reach = max(longest, 2.0 * tightest * np.sin(0.5 * WIDEST))
     bow = min(longest, reach * (reach / (4.0 * tightest))) if tightest < np.inf else 0.0
     table.reach[p], table.merged[p] = reach, 0.5 * reach
-    table.bulge[p] = bow + NEAR * size_of(knots[:, 1:3])
+    table.bulge[p] = bow + NEAR * size_of(knots[:, POSITION])
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
@@ -260,8 +301,9 @@ def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
 
 def least_radius(knots: Floats) -> float:
     """The least radius of curvature along a table."""
-    turn = np.abs(np.arctan2(cross(knots[:-1, 3:], knots[1:, 3:]), np.sum(knots[:-1, 3:] * knots[1:, 3:], axis=1)))
-    tightest = np.max(turn / np.diff(knots[:, 0]))
+    rate = knots[:, DERIVATIVE]
+    turn = np.abs(np.arctan2(cross(rate[:-1], rate[1:]), np.sum(rate[:-1] * rate[1:], axis=1)))
+    tightest = np.max(turn / np.diff(knots[:, AT]))
     return float(1.0 / tightest) if tightest > 0.0 else np.inf
 
 
@@ -269,7 +311,7 @@ def report(table: Chains, pieces: Pieces) -> None:
     """Say which circles were recognised."""
     for p in np.flatnonzero((table.shape == ROUND) & (pieces.curve < 0)):
         x, y, radius = pieces.circle[p]
-        count = pieces.rows[p, 1] - pieces.rows[p, 0] + (0 if table.closed[p] else 1)
+        count = pieces.facets[p] + (0 if table.closed[p] else 1)
         kind = "a circle" if table.closed[p] else f"an arc of {np.rad2deg(table.length[p] / radius):.4g} degrees"
         logger.debug("recognised %s of radius %.6g about (%.6g, %.6g), %d nodes", kind, radius, x, y, count)
 

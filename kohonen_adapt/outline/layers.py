@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.kernels.triangle.across import lower_to_steps
-from kohonen_adapt.kernels.triangle.chains import Constraints
-from kohonen_adapt.kernels.triangle.geometry import Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.sides import facing_sides, joined
 

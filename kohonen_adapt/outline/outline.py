@@ -9,21 +9,20 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.kernels.triangle.chains import (
+from kohonen_adapt.kernels.arrays import (
     FREE,
     HELD,
     JUNCTION,
+    OTHER,
+    OWN,
     SLIDING,
     STRAIGHT,
     TABLED,
     Constraints,
     Twins,
-    farthest_from_facets,
-    find_parameters,
-    look_up,
-    mark_along,
 )
-from kohonen_adapt.kernels.triangle.geometry import settle
+from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, find_parameters, look_up, mark_along
+from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import (
@@ -111,7 +110,7 @@ class Outline:
         )
         find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
         make_mates(constraints, pairs, chain)
-        first = runs.facet[pieces.rows[:, 0]]
+        first = runs.facet[pieces.first]
         along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
         names = {name: turned(side[first], along) for name, side in facets.sides.items()}
         return cls(constraints, names, pinned, curves, pieces.curve)
@@ -127,7 +126,7 @@ class Outline:
 
         Curves of which kernels have a table are asked themselves.
         """
-        kind, chain, chains = self.constraints.kind, self.constraints.chain[:, 0], self.constraints.chains
+        kind, chain, chains = self.constraints.kind, self.constraints.own_chain, self.constraints.chains
         curved = (chains.shape != STRAIGHT) | (self.given >= 0)
         nodes = np.flatnonzero((kind == SLIDING) & curved[chain])
         if not len(nodes):
@@ -139,7 +138,7 @@ class Outline:
             if on.any():
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
         still = STILL * np.max(np.ptp(triangulation.position, axis=0))
-        settle(triangulation.position, triangulation.star, nodes, target, still, floor)
+        move_to_targets(triangulation.position, triangulation.star, nodes, target, still, floor)
 
     def sagitta(self, triangulation: Triangulation) -> float:
         """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
@@ -223,8 +222,7 @@ def cut_alike(
         runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[runs.node[pieces.slots]] = True
-        opens = pieces.rows[pieces.rows[:, 3] == 0]
-        sliding[runs.node[opens[:, :2]]] = False
+        sliding[runs.node[np.stack([pieces.first, pieces.last])[:, ~pieces.closed]]] = False
         alone = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
         if len(alone) == 0:
             return runs, pieces, sliding
@@ -280,9 +278,9 @@ def chains_of_nodes(
     own = np.full((len(sliding), 2), -1, dtype=np.int32)
     own[joints.node] = chain[joints.facets]
     if junctions:
-        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, 0] = JUNCTION
+        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, OWN] = JUNCTION
     own[occupied] = -1
-    own[(own[:, 0] == own[:, 1]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
+    own[(own[:, OWN] == own[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
     return own
 
 

@@ -12,7 +12,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.display import counted, in_unit
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT, look_up
+from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
+from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.outline import Outline

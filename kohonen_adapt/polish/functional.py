@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING, STRAIGHT
-from kohonen_adapt.kernels.triangle.descend import Trial
-from kohonen_adapt.kernels.triangle.nonlinear import Laws
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, STRAIGHT, Laws, Trial
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polish.energy_tables import Tables, tabulated
@@ -97,7 +95,7 @@ class Functional:
 
     def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
         """What each node may do, (n,), when those are held whose given values no formula would carry along."""
-        kind, chain = outline.constraints.kind, outline.constraints.chain[:, 0]
+        kind, chain = outline.constraints.kind, outline.constraints.own_chain
         sliding = kind == SLIDING
         held = ((kind == FREE) & fixed) | (outline.constraints.twins.partner >= 0)
         held[sliding] |= self.held[chain[sliding]]

@@ -8,10 +8,10 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_count
-from kohonen_adapt.kernels.parts import mark_deep
+from kohonen_adapt.kernels.arrays import Constraints, Trial
+from kohonen_adapt.kernels.ordering import mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.chains import Constraints
-from kohonen_adapt.kernels.triangle.descend import Trial, descend_flips, descend_nodes
+from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline

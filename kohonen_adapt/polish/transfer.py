@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.locate import barycentric, walk_each
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -52,7 +52,7 @@ class Carrier:
         known by where they are, not by their numbers: held ones by the old node in their place, sliding ones by their
         chain, free ones by the old element that holds them.
         """
-        position, kind, chain = triangulation.position, outline.constraints.kind, outline.constraints.chain[:, 0]
+        position, kind, chain = triangulation.position, outline.constraints.kind, outline.constraints.own_chain
         corners, share = self._located(position, hint)
         values = np.sum(share * self.values[corners], axis=1)
         fixed = np.all(self.fixed[corners], axis=1) & np.any(self.inside[corners], axis=1)

@@ -10,8 +10,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import is_number
+from kohonen_adapt.kernels.arrays import HELD, UNGUARDED
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.chains import HELD
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.mesh.ordering import along_curve
@@ -27,7 +27,6 @@ from kohonen_adapt.som.transport import POINTS, Transport
 
 __all__ = ["KohonenMap"]
 
-UNGUARDED = -2.0  # a quality that every triangle exceeds, overturned ones included
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
 FEW = 5_000  # elements that are not worth another thread
 

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.triangle.chains import Constraints
-from kohonen_adapt.kernels.triangle.connectivity import fill_star
-from kohonen_adapt.kernels.triangle.geometry import Elements
-from kohonen_adapt.kernels.triangle.recycle import Heap, Origins, Pool, Room, fill_heaps, recycle, spread_starts
+from kohonen_adapt.kernels.arrays import Constraints, Elements, Origins, Pool, SurgeryScratch
+from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.triangle.connectivity import fill_star, spread_starts
+from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.mesh.triangulation import Triangulation, empty_star
 from kohonen_adapt.outline.outline import Outline
 
@@ -201,12 +201,12 @@ def heaps_for(elements: Elements) -> tuple[Heap, Heap]:
     return longest, shortest
 
 
-def room_for(position: Floats, elements: Elements) -> Room:
+def room_for(position: Floats, elements: Elements) -> SurgeryScratch:
     """Scratch of the kernel."""
     n, m = len(position), len(elements.node)
     around, other, stack = (np.empty(m, dtype=np.int32) for _ in range(3))
     counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
-    return Room(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_))
+    return SurgeryScratch(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_))
 
 
 def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:

@@ -12,11 +12,11 @@ from math import ceil
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.arrays import Constraints, SearchScratch
+from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
-from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
-from kohonen_adapt.kernels.triangle.search import CROSSINGS, STRETCH, Scratch, find_winners
+from kohonen_adapt.kernels.triangle.search import CROSSINGS, STRETCH, find_winners
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.kernels.triangle.train import learn
 from kohonen_adapt.mesh.ordering import along_curve
@@ -55,7 +55,7 @@ class Classroom:
     floor: float
     order: Ints
     rank: Ints
-    rooms: list[Scratch]
+    rooms: list[SearchScratch]
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints, floor: float) -> "Classroom":
@@ -193,10 +193,10 @@ def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
     return max(1, ceil(pull), ceil(points / UPDATES * disc(stage.radius)))
 
 
-def scratch_for(triangulation: Triangulation) -> Scratch:
+def scratch_for(triangulation: Triangulation) -> SearchScratch:
     """Room for one thread to work in."""
     n, m = triangulation.nnodes, len(triangulation.elements.node)
-    return Scratch(
+    return SearchScratch(
         np.zeros(n, dtype=np.int64),
         np.zeros(m, dtype=np.int64),
         np.zeros(1, dtype=np.int64),

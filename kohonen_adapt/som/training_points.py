@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.curve import draw_points
+from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.geometry import Elements
-from kohonen_adapt.kernels.triangle.smooth import (
+from kohonen_adapt.kernels.triangle.density import (
     Sites,
     average_at_sites,
     count_sites,
+    draw_points,
     fill_sites,
     multiply_factors,
     update_factors,

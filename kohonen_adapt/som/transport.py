@@ -21,8 +21,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Constraints
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.chains import Constraints
 from kohonen_adapt.kernels.triangle.transport import (
     find_centres,
     find_crossings,

@@ -8,8 +8,8 @@ from helpers.meshes import generic_square, inset, junction, perturbed, square
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -111,7 +111,7 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build):
     for v in np.flatnonzero(constraints.kind != HELD):
         way = 1e-3 * rng.normal(size=2)
         if constraints.kind[v] == SLIDING:
-            way = 1e-3 * constraints.chains.direction[constraints.chain[v, 0]]
+            way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = functional(*at.arrays)
         c0, r0, _ = quadratic(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v])
         slope = derivatives(at.tri.position, at.tri.star, at.trial, v)
@@ -132,7 +132,7 @@ def test_a_sweep_equals_its_slow_twin(build, load):
     x, y = mesh.p
     at = Setting(mesh, 4, values=np.where(x == 0, y, 1 - 2 * y), fixed=(x == 0) | (x == 1), load=load)
     at.solve()
-    constraints, chain = at.constraints, at.constraints.chain[:, 0]
+    constraints, chain = at.constraints, at.constraints.own_chain
     axes, rates = [None] * at.tri.nnodes, [None] * at.tri.nnodes
     for v in range(at.tri.nnodes):
         given = at.fixed[v]

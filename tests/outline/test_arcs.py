@@ -15,7 +15,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule
-from kohonen_adapt.kernels.triangle.chains import HELD, ROUND, SLIDING
+from kohonen_adapt.kernels.arrays import HELD, ROUND, SLIDING
 
 ROOT = Path(__file__).parents[2]
 HUNDRED = np.deg2rad(100.0)
@@ -534,7 +534,7 @@ def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, t
         mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves)
         if number in (0, 4, 19):
             outline = outline_of(mesh, curves=curves)
-            own, sliding = outline.constraints.chain[:, 0], outline.constraints.kind == SLIDING
+            own, sliding = outline.constraints.own_chain, outline.constraints.kind == SLIDING
             assert list(outline.curves) == list(curves)
             for which, curve in enumerate(curves.values()):
                 x = mesh.p[:, sliding & (own >= 0) & (outline.given[own] == which)]

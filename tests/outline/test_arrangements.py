@@ -14,7 +14,8 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap
-from kohonen_adapt.kernels.triangle.chains import ROUND, SLIDING, look_up
+from kohonen_adapt.kernels.arrays import ROUND, SLIDING
+from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.training_points import density_of
 

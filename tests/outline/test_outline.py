@@ -10,7 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 
 MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
 SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}

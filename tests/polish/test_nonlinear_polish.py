@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
 from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.nonlinear import Laws, parabola, stored
+from kohonen_adapt.kernels.triangle.nonlinear import parabola, stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
@@ -269,7 +269,7 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build, law):
     for v in np.flatnonzero(constraints.kind != HELD):
         way = 1e-3 * rng.normal(size=2)
         if constraints.kind[v] == SLIDING:
-            way = 1e-3 * constraints.chains.direction[constraints.chain[v, 0]]
+            way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = at.exact()
         star, w = (at.tri.position, at.tri.star, at.trial, v), 0.1 * rng.normal()
         now = parabola(*star, *at.tri.position[v], 0.0)
@@ -292,7 +292,7 @@ def test_a_sweep_equals_its_slow_twin(build, load, law):
     x, y = mesh.p
     fixed, smooth = (x == 0) | (x == 1), x + y - 3 * x * y + 0.2 * np.sin(9 * x * y)
     at = Setting(mesh, 4, law, values=np.where(fixed, np.where(x == 0, y, 1 - 2 * y), smooth), fixed=fixed, load=load)
-    constraints, chain = at.constraints, at.constraints.chain[:, 0]
+    constraints, chain = at.constraints, at.constraints.own_chain
     axes, rates = [None] * at.tri.nnodes, [None] * at.tri.nnodes
     for v in range(at.tri.nnodes):
         if constraints.kind[v] == FREE:

@@ -5,7 +5,7 @@ import pytest
 from helpers.meshes import generic_square, inset, junction, l_shape, named, slit, square
 
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polish.functional import Functional

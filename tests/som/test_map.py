@@ -13,7 +13,7 @@ from helpers.meshes import centres, doubled_areas, generic_square, holed, inset,
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.kernels.parts import mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
 from kohonen_adapt.som.training import parts_for
 from kohonen_adapt.som.training_points import density_of

@@ -23,8 +23,8 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule
-from kohonen_adapt.kernels.triangle.chains import HELD
-from kohonen_adapt.kernels.triangle.recycle import Heap, insert, remove_first
+from kohonen_adapt.kernels.arrays import HELD
+from kohonen_adapt.kernels.heap import Heap, insert, remove_first
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -104,7 +104,7 @@ def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
     assert np.array_equal(som.outline.constraints.kind, outline.constraints.kind)
     assert np.array_equal(som.outline.constraints.inner, outline.constraints.inner)
     sliding = som.outline.constraints.kind == 1
-    chain, table = som.outline.constraints.chain[sliding, 0], som.outline.constraints.chains
+    chain, table = som.outline.constraints.own_chain[sliding], som.outline.constraints.chains
     looked_up = table.origin[chain] + som.outline.constraints.parameter[sliding, None] * table.direction[chain]
     np.testing.assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
 

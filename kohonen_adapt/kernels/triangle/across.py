@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import LENGTH
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import LENGTH, parameter_of, way_along
-from kohonen_adapt.kernels.triangle.flip import corner_towards
+from kohonen_adapt.kernels.triangle.chains import parameter_of, way_along
+from kohonen_adapt.kernels.triangle.connectivity import corner_towards
 
 
 class Views(NamedTuple):
@@ -83,13 +84,13 @@ def look(position, elements, inside, e, k, x, y):
 
 
 @kernel
-def lower_to_steps(pairs, value):
+def lower_to_steps(edges, value):
     """Lower values (n,) until those of paired nodes differ by at most 1: to the least of value plus steps to there."""
     changed = True
     while changed:
         changed = False
-        for i in range(pairs.shape[0]):
-            a, b = pairs[i, 0], pairs[i, 1]
+        for i in range(edges.shape[0]):
+            a, b = edges[i, 0], edges[i, 1]
             if value[a] > value[b] + 1:
                 value[a], changed = value[b] + 1, True
             elif value[b] > value[a] + 1:

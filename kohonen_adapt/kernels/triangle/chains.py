@@ -5,111 +5,42 @@ length on straight chains and on arcs of circles; along a table it is what the t
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import (
+    AT,
+    AT_X,
+    AT_Y,
+    CLOSED,
+    CURVATURE,
+    DIRECTION_X,
+    DIRECTION_Y,
+    FIRST,
+    LAST,
+    LENGTH,
+    ORIGIN_X,
+    ORIGIN_Y,
+    OWN,
+    RATE_X,
+    RATE_Y,
+    REACH,
+    ROUND,
+    SHAPE,
+    SLIDING,
+    STRAIGHT,
+    TABLED,
+)
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
-FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
-STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
-JUNCTION = -2  # in place of a chain: the node is held where three of them meet
 BISECTIONS = 45  # to the nearest point between two knots: that many bits
-
-
-# Columns of the tables of chains. One table in place of an array for each halves what numba has to compile: every
-# array handed to a kernel costs it as much as some lines of code.
-LENGTH, CURVATURE, REACH, MERGED, BULGE = 4, 5, 6, 7, 8  # of `place`
-SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `flags`
-
-
-class Chains(NamedTuple):
-    """Where positions on every chain are looked up; a chain begins at its origin, in the direction given.
-
-    Kernels see the tables, everybody else their columns by name.
-    """
-
-    place: np.ndarray  # (c, 9): origin, direction, length, curvature, reach, merged, bulge
-    flags: np.ndarray  # (c, 3) int8: shape, closed, paired
-    row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
-    knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
-
-    @property
-    def shape(self) -> np.ndarray:
-        """STRAIGHT, ROUND or TABLED, (c,)."""
-        return self.flags[:, SHAPE]
-
-    @property
-    def origin(self) -> np.ndarray:
-        """Where the parameter is 0, (c, 2)."""
-        return self.place[:, 0:2]
-
-    @property
-    def direction(self) -> np.ndarray:
-        """Unit vectors: the tangent at the origin, (c, 2)."""
-        return self.place[:, 2:4]
-
-    @property
-    def length(self) -> np.ndarray:
-        """The parameter goes from 0 to here, (c,)."""
-        return self.place[:, LENGTH]
-
-    @property
-    def curvature(self) -> np.ndarray:
-        """Of ROUND ones 1 / radius, positive if they run counter-clockwise, (c,)."""
-        return self.place[:, CURVATURE]
-
-    @property
-    def closed(self) -> np.ndarray:
-        """Whether it is a loop without a corner, on which the parameter begins anew at its end, (c,)."""
-        return self.flags[:, CLOSED].view(np.bool_)
-
-    @property
-    def reach(self) -> np.ndarray:
-        """The longest facet that may be made: longer ones would leave too much of a curve out, (c,)."""
-        return self.place[:, REACH]
-
-    @property
-    def merged(self) -> np.ndarray:
-        """The same of two facets that are to be one, (c,)."""
-        return self.place[:, MERGED]
-
-    @property
-    def bulge(self) -> np.ndarray:
-        """How far a curve may be from its facets, (c,)."""
-        return self.place[:, BULGE]
-
-    @property
-    def paired(self) -> np.ndarray:
-        """Whether its nodes have partners on another chain, at the same parameters, (c,)."""
-        return self.flags[:, PAIRED].view(np.bool_)
-
-
-class Twins(NamedTuple):
-    """Nodes that are one because a boundary is another's periodic image, and how the mesh goes on there."""
-
-    partner: np.ndarray  # (n,) int32: the other node, -1 for none
-    motion: np.ndarray  # (n,) int32: the motion that carries the node to its partner, -1 likewise
-    motions: np.ndarray  # (k, 2, 3): x -> A x + b as rows [A | b]
-    region: np.ndarray  # (k, r) int32: the region in which a region goes on where a motion carries it, -1 for none
-
-
-class Constraints(NamedTuple):
-    """Where each node may go."""
-
-    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
-    chain: np.ndarray  # (n, 2) int32: its chain, or the two that meet in a corner; -1 for none, or JUNCTION
-    parameter: np.ndarray  # (n,) where on its chain
-    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
-    chains: Chains
-    twins: Twins
 
 
 @inner_kernel
 def point_at(chains, c, parameter):
     """The position that belongs to a parameter."""
-    x, y = chains.place[c, 0], chains.place[c, 1]
-    tx, ty = chains.place[c, 2], chains.place[c, 3]
+    x, y = chains.place[c, ORIGIN_X], chains.place[c, ORIGIN_Y]
+    tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == STRAIGHT:
         return x + parameter * tx, y + parameter * ty
     if chains.flags[c, SHAPE] == ROUND:
@@ -126,7 +57,7 @@ def point_at(chains, c, parameter):
 @inner_kernel
 def tangent_at(chains, c, parameter):
     """The unit vector along the chain at a parameter."""
-    tx, ty = chains.place[c, 2], chains.place[c, 3]
+    tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == ROUND:
         angle = chains.place[c, CURVATURE] * parameter
         sine, cosine = math.sin(angle), math.cos(angle)
@@ -144,8 +75,8 @@ def nearest_parameter(chains, c, x, y, near):
     """The parameter of the point of chain c that nearest to (x, y); on a table from the parameter near on."""
     if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, y, near)
-    ux, uy = x - chains.place[c, 0], y - chains.place[c, 1]
-    tx, ty, length = chains.place[c, 2], chains.place[c, 3], chains.place[c, LENGTH]
+    ux, uy = x - chains.place[c, ORIGIN_X], y - chains.place[c, ORIGIN_Y]
+    tx, ty, length = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y], chains.place[c, LENGTH]
     along = ux * tx + uy * ty
     if chains.flags[c, SHAPE] == STRAIGHT:
         return min(length, max(0.0, along))
@@ -164,7 +95,7 @@ def nearest_parameter(chains, c, x, y, near):
 @inner_kernel
 def parameter_of(position, constraints, c, v):
     """The parameter of a node on chain c; one that does not slide there is at one of its ends."""
-    if constraints.kind[v] == SLIDING and constraints.chain[v, 0] == c:
+    if constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c:
         return constraints.parameter[v]
     x, y, chains = position[v, 0], position[v, 1], constraints.chains
     if squared_to_parameter(chains, c, chains.place[c, LENGTH], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
@@ -231,7 +162,7 @@ def knot_before(chains, c, parameter):
     low, high = chains.row[c], chains.row[c + 1] - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if chains.knot[middle, 0] <= parameter:
+        if chains.knot[middle, AT] <= parameter:
             low = middle
         else:
             high = middle
@@ -241,21 +172,21 @@ def knot_before(chains, c, parameter):
 @inner_kernel
 def span_share(knot, k, parameter):
     """Where between knots k and k + 1 a parameter lies, 0 to 1."""
-    return (parameter - knot[k, 0]) / (knot[k + 1, 0] - knot[k, 0])
+    return (parameter - knot[k, AT]) / (knot[k + 1, AT] - knot[k, AT])
 
 
 @inner_kernel
 def on_span(knot, k, share):
     """Position between knots k and k + 1 and derivative by the share, of the cubic with the same at the knots."""
-    width, r = knot[k + 1, 0] - knot[k, 0], 1.0 - share
+    width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - share
     h0, h1 = r * r * (1.0 + 2.0 * share), share * share * (1.0 + 2.0 * r)
     g0, g1 = width * share * r * r, -width * share * share * r
     d = 6.0 * share * r
     e0, e1 = width * r * (1.0 - 3.0 * share), width * share * (3.0 * share - 2.0)
-    x = h0 * knot[k, 1] + h1 * knot[k + 1, 1] + g0 * knot[k, 3] + g1 * knot[k + 1, 3]
-    y = h0 * knot[k, 2] + h1 * knot[k + 1, 2] + g0 * knot[k, 4] + g1 * knot[k + 1, 4]
-    dx = d * (knot[k + 1, 1] - knot[k, 1]) + e0 * knot[k, 3] + e1 * knot[k + 1, 3]
-    dy = d * (knot[k + 1, 2] - knot[k, 2]) + e0 * knot[k, 4] + e1 * knot[k + 1, 4]
+    x = h0 * knot[k, AT_X] + h1 * knot[k + 1, AT_X] + g0 * knot[k, RATE_X] + g1 * knot[k + 1, RATE_X]
+    y = h0 * knot[k, AT_Y] + h1 * knot[k + 1, AT_Y] + g0 * knot[k, RATE_Y] + g1 * knot[k + 1, RATE_Y]
+    dx = d * (knot[k + 1, AT_X] - knot[k, AT_X]) + e0 * knot[k, RATE_X] + e1 * knot[k + 1, RATE_X]
+    dy = d * (knot[k + 1, AT_Y] - knot[k, AT_Y]) + e0 * knot[k, RATE_Y] + e1 * knot[k + 1, RATE_Y]
     return x, y, dx, dy
 
 
@@ -293,7 +224,7 @@ def next_knot(chains, c, k, way):
 @inner_kernel
 def squared_to_knot(knot, k, x, y):
     """Squared distance from (x, y) to a knot."""
-    dx, dy = x - knot[k, 1], y - knot[k, 2]
+    dx, dy = x - knot[k, AT_X], y - knot[k, AT_Y]
     return dx * dx + dy * dy
 
 
@@ -315,7 +246,7 @@ def nearest_in_span(knot, k, x, y):
             low = share
         else:
             high = share
-    return knot[k, 0] + 0.5 * (low + high) * (knot[k + 1, 0] - knot[k, 0])
+    return knot[k, AT] + 0.5 * (low + high) * (knot[k + 1, AT] - knot[k, AT])
 
 
 @kernel
@@ -324,7 +255,7 @@ def find_parameters(position, constraints, node, pieces):
     chains = constraints.chains
     for c in range(pieces.shape[0]):
         near = 0.0
-        for i in range(pieces[c, 0], pieces[c, 1]):
+        for i in range(pieces[c, FIRST], pieces[c, LAST]):
             v = node[i]
             if constraints.kind[v] == SLIDING:
                 near = nearest_parameter(chains, c, position[v, 0], position[v, 1], near)
@@ -336,7 +267,7 @@ def look_up(constraints, nodes, out):
     """Where sliding nodes are to be by their parameters, (k, 2)."""
     for i in range(nodes.shape[0]):
         v = nodes[i]
-        chain = np.int64(constraints.chain[v, 0])
+        chain = np.int64(constraints.chain[v, OWN])
         out[i, 0], out[i, 1] = point_at(constraints.chains, chain, constraints.parameter[v])
 
 

@@ -1,8 +1,42 @@
-"""Stars of nodes and neighbours of elements."""
+"""Link elements to their nodes and neighbours, and find corners and edges in them."""
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+
+
+@inner_kernel
+def corner_of(node, e, v):
+    """Local number of node v in element e."""
+    if node[e, 0] == v:
+        return 0
+    return 1 if node[e, 1] == v else 2
+
+
+@inner_kernel
+def corner_towards(neighbour, e, other):
+    """Local number of the corner of e whose opposite edge is shared with the element `other`."""
+    for k in range(3):
+        if neighbour[e, k] == other:
+            return k
+    return -1
+
+
+@inner_kernel
+def joined(node, neighbour, e, v, other):
+    """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
+    for way in (1, 2):
+        at = e
+        while at >= 0:
+            k = 0
+            while node[at, k] != v:
+                k += 1
+            if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
+                return True
+            at = neighbour[at, (k + way) % 3]
+            if at == e:
+                break
+    return False
 
 
 @kernel
@@ -64,3 +98,22 @@ def number_regions(neighbour, code, region, stack):
                     region[other], stack[last] = count, other
                     last += 1
         count += 1
+
+
+@kernel
+def spread_starts(elements, start, queue):
+    """For elements without a start (-1) that of the nearest element of their region, over edges."""
+    first, last = 0, 0
+    for e in range(start.shape[0]):
+        if start[e] >= 0:
+            queue[last] = e
+            last += 1
+    while first < last:
+        e = queue[first]
+        first += 1
+        for k in range(3):
+            across = elements.neighbour[e, k]
+            if across >= 0 and start[across] < 0 and elements.region[across] == elements.region[e]:
+                start[across] = start[e]
+                queue[last] = across
+                last += 1

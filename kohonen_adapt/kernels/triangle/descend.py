@@ -10,31 +10,30 @@ has an energy density W in place of c/2 |grad u|^2; moves are proposed by the sa
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import (
+    DIRECTION_X,
+    DIRECTION_Y,
+    FREE,
+    HALF_COEFFICIENT,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    HELD,
+    OWN,
+    SIXTH_SOURCE,
+)
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import FREE, HELD, point_at
+from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.geometry import FLAT, element_quality, may_join, may_move, signed_quality
-from kohonen_adapt.kernels.triangle.nonlinear import Laws, improve_value, settled, stored, stored_in
+from kohonen_adapt.kernels.triangle.nonlinear import improve_value, least_parabola, stored, stored_in
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation; 8 sweeps do the work of 16
 LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count as curved as that, or steps are too wild
-
-
-class Trial(NamedTuple):
-    """A P1 function and the functional it is judged by."""
-
-    value: np.ndarray  # (n,)
-    fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
-    on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
-    data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
-    bent: np.ndarray  # (n,) bool: the node touches nonlinear material
-    laws: Laws  # where there is one, the coefficient has no say
 
 
 @kernel
@@ -59,7 +58,7 @@ def descend_nodes(position, star, constraints, trial, order, floor):
         if kind == FREE:
             gain += move_free(position, star, trial, v, slope, floor)
         else:
-            gain += slide(position, star, constraints, trial, v, slope, floor)
+            gain += move_on_chain(position, star, constraints, trial, v, slope, floor)
     return gain
 
 
@@ -80,8 +79,8 @@ def derivatives(position, star, trial, v):
         ex, ey, difference = bx - ax, by - ay, alpha - beta
         doubled = ax * by - ay * bx
         inverse = 1.0 / doubled
-        weight, load = trial.data[e, 0] * inverse, trial.data[e, 1]
-        flux_x, flux_y = trial.data[e, 2], trial.data[e, 3]
+        weight, load = trial.data[e, HALF_COEFFICIENT] * inverse, trial.data[e, SIXTH_SOURCE]
+        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         qx, qy = inverse * nx, inverse * ny
         energy = 0.5 * weight * (nx * nx + ny * ny)
@@ -129,8 +128,8 @@ def quadratic(position, star, trial, v, x, y):
         alpha, beta = trial.value[a] - own, trial.value[b] - own
         ex, ey = bx - ax, by - ay
         doubled = ax * by - ay * bx
-        weight, load = trial.data[e, 0] / doubled, doubled * trial.data[e, 1]
-        flux_x, flux_y = trial.data[e, 2], trial.data[e, 3]
+        weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
+        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
         r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
@@ -151,7 +150,7 @@ def move_free(position, star, trial, v, slope, floor):
             if may_move(position, star, v, x, y, floor):
                 if trial.bent[v]:
                     w = -(by_w + xw * step_x + yw * step_y) / ww
-                    c, r, k = settled(position, star, trial, v, x, y, w, False)
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
                 gain = now - c + 0.5 * r * r / k
@@ -184,11 +183,11 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 
 @inner_kernel
-def slide(position, star, constraints, trial, v, slope, floor):
+def move_on_chain(position, star, constraints, trial, v, slope, floor):
     """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
-    chain, parameter, given = constraints.chain[v, 0], constraints.parameter[v], trial.fixed[v]
-    tx, ty = constraints.chains.place[chain, 2], constraints.chains.place[chain, 3]
+    chain, parameter, given = constraints.chain[v, OWN], constraints.parameter[v], trial.fixed[v]
+    tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
     mixed = tx * xw + ty * yw
     now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
     if given:
@@ -204,7 +203,7 @@ def slide(position, star, constraints, trial, v, slope, floor):
                 if given:
                     w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
                 if trial.bent[v]:
-                    c, r, k = settled(position, star, trial, v, x, y, w, given)
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
                 if not given:
@@ -252,7 +251,7 @@ def gain_of_flip(position, node, value, data, laws, e, k, other):
     px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
     qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
     sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
-    coefficient, load = 2.0 * data[e, 0], data[e, 1]
+    coefficient, load = 2.0 * data[e, HALF_COEFFICIENT], data[e, SIXTH_SOURCE]
     law = laws.number[e]
     if law >= 0:
         coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)

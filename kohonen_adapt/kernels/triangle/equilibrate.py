@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
 
 
-class Problem(NamedTuple):
+class FluxData(NamedTuple):
     """What is to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
 
     point: np.ndarray  # (n, 2)
@@ -55,35 +56,35 @@ def fan_of(width: int) -> Fan:
 
 
 @kernel
-def equilibrate(problem, fan, correction, imbalance):
+def equilibrate(data, fan, correction, imbalance):
     """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,)."""
-    count = problem.node.shape[0]
+    count = data.node.shape[0]
     seen = np.zeros((count, 3), dtype=np.bool_)
     for closed in (False, True):
         for e in range(count):
             for k in range(3):
-                if not seen[e, k] and (closed or problem.neighbour[e, (k + 2) % 3] < 0):
-                    size = gather(problem, e, k, fan, seen)
-                    v = problem.node[e, k]
-                    rest = balance(problem, fan, size, closed)
+                if not seen[e, k] and (closed or data.neighbour[e, (k + 2) % 3] < 0):
+                    size = gather(data, e, k, fan, seen)
+                    v = data.node[e, k]
+                    rest = balance(data, fan, size, closed)
                     imbalance[v] = max(imbalance[v], abs(rest))
-                    minimise(problem, fan, size, closed)
-                    add(problem, fan, size, closed, correction)
+                    minimise(data, fan, size, closed)
+                    add(data, fan, size, closed, correction)
 
 
 @inner_kernel
-def gather(problem, e, k, fan, seen):
+def gather(data, e, k, fan, seen):
     """List the elements of the fan that begins with corner k of element e; returns their number."""
     size = 0
     while e >= 0 and not seen[e, k]:
         seen[e, k] = True
         fan.element[size], fan.corner[size] = e, k
         size += 1
-        v, side = problem.node[e, k], (k + 1) % 3
-        e, outflow = problem.neighbour[e, side], problem.outflow[e, side]
+        v, side = data.node[e, k], (k + 1) % 3
+        e, outflow = data.neighbour[e, side], data.outflow[e, side]
         if e >= 0:
-            k = place_of(problem.node, e, v)
-            fan.jump[size] = outflow + problem.outflow[e, (k + 2) % 3]
+            k = corner_of(data.node, e, v)
+            fan.jump[size] = outflow + data.outflow[e, (k + 2) % 3]
     if e < 0:
         fan.jump[size] = 0.0
     fan.jump[0] = fan.jump[size]
@@ -91,28 +92,19 @@ def gather(problem, e, k, fan, seen):
 
 
 @inner_kernel
-def place_of(node, e, v):
-    """The place of node v in element e."""
-    for k in range(3):
-        if node[e, k] == v:
-            return k
-    return -1
-
-
-@inner_kernel
-def balance(problem, fan, size, closed):
+def balance(data, fan, size, closed):
     """Mean fluxes that bring every element into equilibrium, tilts where prescribed; returns what does not fit."""
     fan.tilt[: size + 1] = 0.0
     fan.held[: size + 2] = False
     fan.mean[0] = 0.0
-    march(problem, fan, size)
+    march(data, fan, size)
     if closed:
         return fan.mean[size]
     first, right = fan.element[0], (fan.corner[0] + 2) % 3
     last, left = fan.element[size - 1], (fan.corner[size - 1] + 1) % 3
-    starts = problem.neighbour[first, right] == NATURAL
-    ends = problem.neighbour[last, left] == NATURAL
-    begin, finish = 0.5 * problem.outflow[first, right], -0.5 * problem.outflow[last, left]
+    starts = data.neighbour[first, right] == NATURAL
+    ends = data.neighbour[last, left] == NATURAL
+    begin, finish = 0.5 * data.outflow[first, right], -0.5 * data.outflow[last, left]
     rest = finish - fan.mean[size] - begin if starts and ends else 0.0
     fan.held[size + 1] = starts or ends
     if starts:
@@ -126,12 +118,12 @@ def balance(problem, fan, size, closed):
 
 
 @inner_kernel
-def march(problem, fan, size):
+def march(data, fan, size):
     """From spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
     for s in range(size):
         e = fan.element[s]
-        a, b, c = problem.node[e, 0], problem.node[e, 1], problem.node[e, 2]
-        share = problem.source[e] * twice_area(problem.point, a, b, c) / 6.0
+        a, b, c = data.node[e, 0], data.node[e, 1], data.node[e, 2]
+        share = data.source[e] * twice_area(data.point, a, b, c) / 6.0
         fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - share
 
 
@@ -143,7 +135,7 @@ def twice_area(point, a, b, c):
 
 
 @inner_kernel
-def minimise(problem, fan, size, closed):
+def minimise(data, fan, size, closed):
     """Choose the free tilts and the circulation for the least energy of the correction."""
     spokes = size if closed else size + 1
     if closed:
@@ -153,7 +145,7 @@ def minimise(problem, fan, size, closed):
     fan.load[:unknowns] = 0.0
     for s in range(size):
         left = s + 1 if s + 1 < spokes else 0
-        measure(problem, fan, s)
+        measure(data, fan, s)
         set_values(fan, s, left)
         assemble(fan, s, left, spokes)
     for i in range(unknowns):
@@ -167,28 +159,28 @@ def minimise(problem, fan, size, closed):
 
 
 @inner_kernel
-def measure(problem, fan, s):
+def measure(data, fan, s):
     """Energies of the boundary values of an element, and their products with the part that its source adds.
 
     A field with the values P at the centre and Q at the tips, through the right spoke r and the left spoke l, is at
     its three nodes -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|, with b and c along the spokes.
     """
     e, k = fan.element[s], fan.corner[s]
-    v, u, w = problem.node[e, k], problem.node[e, (k + 1) % 3], problem.node[e, (k + 2) % 3]
-    bx, by = problem.point[u, 0] - problem.point[v, 0], problem.point[u, 1] - problem.point[v, 1]
-    cx, cy = problem.point[w, 0] - problem.point[v, 0], problem.point[w, 1] - problem.point[v, 1]
+    v, u, w = data.node[e, k], data.node[e, (k + 1) % 3], data.node[e, (k + 2) % 3]
+    bx, by = data.point[u, 0] - data.point[v, 0], data.point[u, 1] - data.point[v, 1]
+    cx, cy = data.point[w, 0] - data.point[v, 0], data.point[w, 1] - data.point[v, 1]
     bb, bc, cc = bx * bx + by * by, bx * cx + by * cy, cx * cx + cy * cy
     b_rim, c_rim, rim = bc - bb, cc - bc, bb - 2.0 * bc + cc
     gram = fan.gram
     gram[0, 0], gram[1, 1], gram[2, 2], gram[3, 3] = 2.0 * cc, 2.0 * rim, 2.0 * bb, 2.0 * rim
     gram[0, 1], gram[0, 2], gram[0, 3] = c_rim, 2.0 * bc, -c_rim
     gram[1, 2], gram[1, 3], gram[2, 3] = b_rim, -rim, -b_rim
-    scale = 1.0 / (24.0 * problem.reluctivity[e] * (bx * cy - by * cx))
+    scale = 1.0 / (24.0 * data.reluctivity[e] * (bx * cy - by * cx))
     for i in range(4):
         for j in range(i, 4):
             gram[i, j] *= scale
             gram[j, i] = gram[i, j]
-    push = problem.source[e] / (360.0 * problem.reluctivity[e])
+    push = data.source[e] / (360.0 * data.reluctivity[e])
     fan.slope[0], fan.slope[2] = 2.0 * push * (bc + cc), 2.0 * push * (bb + bc)
     fan.slope[1], fan.slope[3] = push * (2.0 * b_rim + c_rim), -push * (b_rim + 2.0 * c_rim)
 
@@ -242,13 +234,13 @@ def solve(matrix, load, n):
 
 
 @inner_kernel
-def add(problem, fan, size, closed, correction):
+def add(data, fan, size, closed, correction):
     """Add the field of a fan to the values at the corners of its elements."""
-    point = problem.point
+    point = data.point
     for s in range(size):
         e, k = fan.element[s], fan.corner[s]
         k1, k2 = (k + 1) % 3, (k + 2) % 3
-        v, u, w = problem.node[e, k], problem.node[e, k1], problem.node[e, k2]
+        v, u, w = data.node[e, k], data.node[e, k1], data.node[e, k2]
         set_values(fan, s, 0 if closed and s + 1 == size else s + 1)
         scale = -1.0 / twice_area(point, v, u, w)
         for i in range(2):

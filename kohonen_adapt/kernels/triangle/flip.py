@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corner_towards, joined
 from kohonen_adapt.kernels.triangle.geometry import FLAT, element_quality, may_join, signed_quality
 
 COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
@@ -45,32 +46,6 @@ def should_flip(position, elements, e, k, other, floor):
     if floor < 0.0:
         return not joined(node, elements.neighbour, e, r, s)
     return after >= floor or after >= before
-
-
-@inner_kernel
-def joined(node, neighbour, e, v, other):
-    """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
-    for way in (1, 2):
-        at = e
-        while at >= 0:
-            k = 0
-            while node[at, k] != v:
-                k += 1
-            if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
-                return True
-            at = neighbour[at, (k + way) % 3]
-            if at == e:
-                break
-    return False
-
-
-@inner_kernel
-def corner_towards(neighbour, e, other):
-    """Local number of the corner of e whose opposite edge is shared with the element `other`."""
-    for k in range(3):
-        if neighbour[e, k] == other:
-            return k
-    return -1
 
 
 @kernel

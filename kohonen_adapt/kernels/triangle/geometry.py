@@ -1,35 +1,15 @@
 """Shared geometry of the kernels: orientation, quality, distances, stars and the guard that keeps elements good."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import OWN
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at, within_reach
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # a quality below it is rounding: no move or flip may leave such an element, whatever the rule says
-
-
-class Elements(NamedTuple):
-    """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
-
-    node: np.ndarray  # (m, 3) int32
-    neighbour: np.ndarray  # (m, 3) int32
-    region: np.ndarray  # (m,) int32
-    chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
-    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
-    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
-
-
-class Star(NamedTuple):
-    """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
-
-    start: np.ndarray  # (n + 1,) int32
-    element: np.ndarray  # (3 m,) int32
-    ahead: np.ndarray  # (3 m,) int32
-    behind: np.ndarray  # (3 m,) int32
 
 
 @inner_kernel
@@ -130,7 +110,7 @@ def may_move(position, star, v, x, y, floor):
 def slide_pair(position, elements, star, constraints, v, parameter, floor):
     """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
     w, chains = np.int64(constraints.twins.partner[v]), constraints.chains
-    onto, mate = np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[w, 0])
+    onto, mate = np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[w, OWN])
     x, y = point_at(chains, onto, parameter)
     if not within_reach(position, elements, star, chains, onto, v, x, y):
         return False
@@ -148,7 +128,7 @@ def slide_pair(position, elements, star, constraints, v, parameter, floor):
 
 
 @kernel
-def settle(position, star, nodes, target, still, floor):
+def move_to_targets(position, star, nodes, target, still, floor):
     """Move nodes that are more than `still` away from their target there, unless the guard forbids it."""
     for i in range(nodes.shape[0]):
         v, x, y = np.int64(nodes[i]), target[i, 0], target[i, 1]

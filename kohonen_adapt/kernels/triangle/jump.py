@@ -5,16 +5,10 @@ Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", Fig. 3.
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.chains import (
-    HELD,
-    JUNCTION,
-    SLIDING,
-    distance_to_chain,
-    parameter_of,
-    point_at,
-    within_reach,
-)
+from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of, point_at, within_reach
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import allowed, worst_in_star
 
 
@@ -33,7 +27,7 @@ def follower(elements, star, constraints, corner, chain):
                 found = star.ahead[k] + star.behind[k] - elements.node[e, j]
         if outlines == 2:
             return -1
-    if found >= 0 and constraints.kind[found] == SLIDING and constraints.chain[found, 0] == chain:
+    if found >= 0 and constraints.kind[found] == SLIDING and constraints.chain[found, OWN] == chain:
         return found
     return -1
 
@@ -53,7 +47,7 @@ def relabel_edge(elements, star, a, b, chain):
 @inner_kernel
 def jump(position, elements, star, constraints, v, x, y, step, floor):
     """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
-    chains, onto, away = constraints.chains, np.int64(constraints.chain[v, 0]), np.int64(constraints.chain[v, 1])
+    chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
     corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
     distance, target = distance_to_chain(chains, onto, x, y, corner)
@@ -102,8 +96,8 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
             if swapped(position, star, constraints, v, next_node, onto, parameter, floor):
                 third = np.int64(chain_of_edge(elements, e, next_node))
                 hand_over(constraints, v, next_node, np.int64(JUNCTION), np.int64(-1), parameter)
-                constraints.chain[v, 0] = onto
-                elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements, e, next_node)]]
+                constraints.chain[v, OWN] = onto
+                elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements.node, e, next_node)]]
                 relabel_edge(elements, star, v, next_node, onto)
                 relabel_edge(elements, star, v, other, np.int64(-1))
                 relabel_edge(elements, star, next_node, other, third)
@@ -118,28 +112,19 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
         return False
     if chain_of_edge(elements, e, v) >= 0:
         return False
-    if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, 0] != away:
+    if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, OWN] != away:
         return False
     if elements.level[next_node] != elements.level[v]:
         return False
-    if elements.neighbour[e, corner_of(elements, e, next_node)] < 0:
+    if elements.neighbour[e, corner_of(elements.node, e, next_node)] < 0:
         return False
     return within_reach(position, elements, star, chains, away, next_node, position[v, 0], position[v, 1])
 
 
 @inner_kernel
-def corner_of(elements, e, v):
-    """Local number of node v in element e."""
-    for j in range(2):
-        if elements.node[e, j] == v:
-            return j
-    return 2
-
-
-@inner_kernel
 def chain_of_edge(elements, e, v):
     """Chain of the edge of e opposite to its node v, -1 for none."""
-    return elements.chain[e, corner_of(elements, e, v)]
+    return elements.chain[e, corner_of(elements.node, e, v)]
 
 
 @inner_kernel
@@ -170,6 +155,6 @@ def worst_of_two(position, star, v, w):
 def hand_over(constraints, v, next_node, onto, away, parameter):
     """The corner's constraint goes to the follower, and v slides from now on."""
     constraints.kind[next_node], constraints.kind[v] = HELD, SLIDING
-    constraints.chain[next_node, 0], constraints.chain[next_node, 1] = onto, away
-    constraints.chain[v, 0], constraints.chain[v, 1] = onto, -1
+    constraints.chain[next_node, OWN], constraints.chain[next_node, OTHER] = onto, away
+    constraints.chain[v, OWN], constraints.chain[v, OTHER] = onto, -1
     constraints.parameter[v] = parameter

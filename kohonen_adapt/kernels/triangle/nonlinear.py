@@ -5,23 +5,15 @@ the secant coefficient, in place of a constant; convex in the values, as W is in
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import DENSITY, HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, RATE, SIXTH_SOURCE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
 STEPS = 2048  # of a table in every octave of s
 TRIES = 4  # of a Newton step of a value, each half of the one before
 LEAST_BEND = -0.4  # of rate / s: at -0.5 the field strength would not rise any more
-
-
-class Laws(NamedTuple):
-    """The laws of the elements, as tables."""
-
-    number: np.ndarray  # (m,): of every element the place of its law, -1 for none
-    first: int  # the tables begin with s = 2^(first - 1)
-    table: np.ndarray  # (nlaws, rows, 2): W and dW/ds at the steps
 
 
 @kernel
@@ -32,17 +24,22 @@ def stored(laws, law, s):
     begin = math.ldexp(0.5, laws.first)
     end = math.ldexp(begin, last // STEPS)
     if not s > begin:
-        rate, chord = table[law, 0, 1], table[law, 0, 0] / begin
+        rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
         bend = (rate - chord) / begin
         return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
     if s >= end:  # of a flat triangle without bound
-        return table[law, last, 0] + table[law, last, 1] * (s - end), table[law, last, 1], 0.0
+        return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
     mantissa, exponent = math.frexp(s)
     place = (2.0 * mantissa - 1.0) * STEPS
     step = np.int64(place)
     i = (np.int64(exponent) - laws.first) * STEPS + step
     width, t = math.ldexp(0.5 / STEPS, exponent), place - step
-    low, low_rate, high, high_rate = table[law, i, 0], table[law, i, 1], table[law, i + 1, 0], table[law, i + 1, 1]
+    low, low_rate, high, high_rate = (
+        table[law, i, DENSITY],
+        table[law, i, RATE],
+        table[law, i + 1, DENSITY],
+        table[law, i + 1, RATE],
+    )
     chord = (high - low) / width
     second, third = 3.0 * chord - 2.0 * low_rate - high_rate, low_rate + high_rate - 2.0 * chord
     rate = low_rate + t * (2.0 * second + 3.0 * t * third)
@@ -64,10 +61,14 @@ def parabola(position, star, trial, v, x, y, w):
         alpha, beta = trial.value[a] - own, trial.value[b] - own
         ex, ey = bx - ax, by - ay
         doubled = ax * by - ay * bx
-        load, flux_x, flux_y = doubled * trial.data[e, 1], trial.data[e, 2], trial.data[e, 3]
+        load, flux_x, flux_y = (
+            doubled * trial.data[e, SIXTH_SOURCE],
+            trial.data[e, HALF_FLUX_X],
+            trial.data[e, HALF_FLUX_Y],
+        )
         nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
         along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
-        weight = trial.data[e, 0] / doubled
+        weight = trial.data[e, HALF_COEFFICIENT] / doubled
         energy = 0.5 * weight * square
         if law >= 0:
             density, rate, bend = stored(trial.laws, law, square / (doubled * doubled))
@@ -93,7 +94,7 @@ def improve_value(position, star, trial, v):
 
 
 @inner_kernel
-def settled(position, star, trial, v, x, y, w, given):
+def least_parabola(position, star, trial, v, x, y, w, given):
     """A parabola c + r w + k w^2 / 2 with the least value that is found from w for v at (x, y), and at its place.
 
     It is the better one of w and of one step of Newton's method from there; where the value is given that of w.

@@ -4,29 +4,16 @@ Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III:
 then the check that no other node lies in the circle through the winner.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import BULGE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import BULGE, distance_to_chain, parameter_of
+from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
 STRETCH = 64  # points that follow one another and may start where the one before ended
 CROSSINGS = 32  # edges crossed by a circle check; where there are more the check in order takes over
-
-
-class Scratch(NamedTuple):
-    """Room that one thread works in; the stamps are compared with a counter that only grows."""
-
-    node_stamp: np.ndarray  # (n,) int64
-    element_stamp: np.ndarray  # (m,) int64
-    counter: np.ndarray  # (1,) int64
-    queue: np.ndarray  # (n + m + 1,) int32
-    frontier: np.ndarray  # (m,) int32: elements that the flood may enter
-    reach: np.ndarray  # (m,) float64: squared distance from the point to the edge it would enter through
-    crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
 
 
 @inner_kernel

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
 TURN = 1e-6  # radians: where facets turn by no more they are straight
@@ -66,7 +67,7 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
             enter_piece(pieces, count, first, last, False, closed[r])
             if not closed[r] and node[first] == node[last]:  # a loop with a corner: its ends are to be two nodes
                 middle = (first + last) // 2
-                pieces[count, 1] = middle
+                pieces[count, LAST] = middle
                 count += 1
                 enter_piece(pieces, count, middle, last, False, closed[r])
             count += 1
@@ -85,7 +86,12 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
 @inner_kernel
 def enter_piece(pieces, p, first, last, is_round, closed):
     """Write the row of a piece."""
-    pieces[p, 0], pieces[p, 1], pieces[p, 2], pieces[p, 3] = first, last, int(is_round), int(closed)
+    pieces[p, FIRST], pieces[p, LAST], pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = (
+        first,
+        last,
+        int(is_round),
+        int(closed),
+    )
 
 
 @inner_kernel
@@ -323,9 +329,9 @@ def lengths_and_angles(position, node, pieces, circle, longest, angle):
     """Of every piece the longest facet and, of round ones, the angle from first to last node, positive to the left."""
     for p in range(pieces.shape[0]):
         longest[p] = angle[p] = 0.0
-        for i in range(pieces[p, 0], pieces[p, 1]):
+        for i in range(pieces[p, FIRST], pieces[p, LAST]):
             a, b = node[i], node[i + 1]
             length = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
             longest[p] = max(longest[p], length)
-            if pieces[p, 2]:
+            if pieces[p, IS_ROUND]:
                 angle[p] += angle_between(position, a, b, circle[p, 0], circle[p, 1])

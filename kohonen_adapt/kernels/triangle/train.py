@@ -6,18 +6,9 @@ Kohonen Maps" (sections II and III).
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import FREE, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import (
-    FREE,
-    JUNCTION,
-    PAIRED,
-    SLIDING,
-    gone_along,
-    nearest_parameter,
-    point_at,
-    way_along,
-    within_reach,
-)
+from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, point_at, way_along, within_reach
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide_pair, star_tolerable
 from kohonen_adapt.kernels.triangle.jump import jump, jump_at_junction
 from kohonen_adapt.kernels.triangle.search import next_stamp
@@ -94,7 +85,7 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
 @inner_kernel
 def follow_image(position, elements, star, constraints, v, x, y, step, floor):
     """Move one neuron towards (x, y), guarded; corners and those with a partner stay."""
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, 0])
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
         if may_move(position, star, v, new_x, new_y, floor):
@@ -139,7 +130,7 @@ def learn(
                     new_x = position[v, 0] + step * (x[0] - position[v, 0])
                     new_y = position[v, 1] + step * (x[1] - position[v, 1])
                 elif kind[v] == SLIDING:
-                    chain, parameter = np.int64(constraints.chain[v, 0]), constraints.parameter[v]
+                    chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
                     target = nearest_parameter(chains, chain, x[0], x[1], parameter)
                     parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
                     if chains.flags[chain, PAIRED]:
@@ -149,9 +140,9 @@ def learn(
                     if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
                         continue
                 else:
-                    if constraints.chain[v, 1] >= 0:
+                    if constraints.chain[v, OTHER] >= 0:
                         jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
-                    elif ring == 0 and constraints.chain[v, 0] == JUNCTION:  # drawn along by others it would wander
+                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # drawn along by others it would wander
                         jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (

@@ -8,17 +8,9 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import (
-    FREE,
-    HELD,
-    PAIRED,
-    REACH,
-    SLIDING,
-    nearest_parameter,
-    point_at,
-    tangent_at,
-)
+from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import FLAT, SQRT12, allowed, element_quality
 
 
@@ -78,7 +70,7 @@ def find_directions(node, constraints, cluster, along):
             if constraints.kind[v] != FREE:
                 count[c] += 1.0
             if constraints.kind[v] == SLIDING:
-                tx, ty = tangent_at(constraints.chains, np.int64(constraints.chain[v, 0]), constraints.parameter[v])
+                tx, ty = tangent_at(constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v])
                 along[c, 0] += tx * tx
                 along[c, 1] += tx * ty
                 along[c, 2] += ty * ty
@@ -122,7 +114,7 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
 @inner_kernel
 def keep_to_outline(constraints, v, move):
     """Leave of the move of node v the part along its outline; pairs stay, for their partners' sake."""
-    chain = np.int64(constraints.chain[v, 0])
+    chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
         move[v, 0], move[v, 1] = 0.0, 0.0
         return
@@ -230,7 +222,7 @@ def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring
 @inner_kernel
 def put_on_outline(ahead, parameter, constraints, v):
     """Bring a node to the nearest point of its chain; pairs stay where they are."""
-    chain, chains = np.int64(constraints.chain[v, 0]), constraints.chains
+    chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
     if not chains.flags[chain, PAIRED]:
         parameter[v] = nearest_parameter(chains, chain, ahead[v, 0], ahead[v, 1], constraints.parameter[v])
     ahead[v, 0], ahead[v, 1] = point_at(chains, chain, parameter[v])

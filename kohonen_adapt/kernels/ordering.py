@@ -1,6 +1,28 @@
-"""Parts of a mesh that threads may train side by side, and training points sorted by them."""
+"""Order nodes along a space-filling curve, cut it into parts for threads, and sort training points by the parts."""
 
 from kohonen_adapt.kernels.compilation import kernel
+
+BITS = 20  # per coordinate
+
+
+@kernel
+def hilbert_keys(points, origin, size, keys):
+    """How far along Hilbert's curve through the square at `origin` of this size every point lies, (n,) int64."""
+    cells = 1 << BITS
+    for t in range(points.shape[0]):
+        x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))
+        y = min(cells - 1, max(0, int((points[t, 1] - origin[1]) / size * cells)))
+        key, half = 0, cells >> 1
+        while half > 0:
+            right, upper = 1 if x & half else 0, 1 if y & half else 0
+            key = 4 * key + ((3 * right) ^ upper)
+            x, y = x & (half - 1), y & (half - 1)
+            if upper == 0:
+                if right == 1:
+                    x, y = half - 1 - x, half - 1 - y
+                x, y = y, x
+            half >>= 1
+        keys[t] = key
 
 
 @kernel

@@ -1,0 +1,192 @@
+"""Every array that kernels share, in records: its shape, its type and what it says.
+
+Letters of shapes: n nodes, m elements, r regions, c chains, k knots of tabled chains, p pieces of outline. Where no
+type is given it is float64. Wide tables stand in place of an array for each column because every array handed to a
+kernel costs numba as much as some lines of code; kernels name the columns by the constants here, and everybody else by
+the properties of the records.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
+STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
+JUNCTION = -2  # in place of a chain: the node is held where three of them meet
+
+UNGUARDED = -2.0  # in place of a least quality: every triangle exceeds it, overturned ones included
+
+# Columns of tables.
+OWN, OTHER = 0, 1  # of `Constraints.chain`
+ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH, CURVATURE, REACH, MERGED, BULGE = range(9)  # of `Chains.place`
+SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
+AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
+FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces that outlines are cut into
+HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y = range(4)  # of `Trial.data`
+DENSITY, RATE = 0, 1  # of `Laws.table`
+
+
+class Elements(NamedTuple):
+    """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
+
+    node: np.ndarray  # (m, 3) int32
+    neighbour: np.ndarray  # (m, 3) int32
+    region: np.ndarray  # (m,) int32
+    chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
+    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
+    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
+
+
+class Star(NamedTuple):
+    """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
+
+    start: np.ndarray  # (n + 1,) int32
+    element: np.ndarray  # (3 m,) int32
+    ahead: np.ndarray  # (3 m,) int32
+    behind: np.ndarray  # (3 m,) int32
+
+
+class Chains(NamedTuple):
+    """Where positions on every chain are looked up; a chain begins at its origin, in the direction given."""
+
+    place: np.ndarray  # (c, 9): origin, direction, length, curvature, reach, merged, bulge
+    flags: np.ndarray  # (c, 3) int8: shape, closed, paired
+    row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
+    knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
+
+    @property
+    def shape(self) -> np.ndarray:
+        """STRAIGHT, ROUND or TABLED, (c,)."""
+        return self.flags[:, SHAPE]
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Where the parameter is 0, (c, 2)."""
+        return self.place[:, ORIGIN_X : ORIGIN_Y + 1]
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit vectors: the tangent at the origin, (c, 2)."""
+        return self.place[:, DIRECTION_X : DIRECTION_Y + 1]
+
+    @property
+    def length(self) -> np.ndarray:
+        """The parameter goes from 0 to here, (c,)."""
+        return self.place[:, LENGTH]
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """Of ROUND ones 1 / radius, positive if they run counter-clockwise, (c,)."""
+        return self.place[:, CURVATURE]
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Whether it is a loop without a corner, on which the parameter begins anew at its end, (c,)."""
+        return self.flags[:, CLOSED].view(np.bool_)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """The longest facet that may be made: longer ones would leave too much of a curve out, (c,)."""
+        return self.place[:, REACH]
+
+    @property
+    def merged(self) -> np.ndarray:
+        """The same of two facets that are to be one, (c,)."""
+        return self.place[:, MERGED]
+
+    @property
+    def bulge(self) -> np.ndarray:
+        """How far a curve may be from its facets, (c,)."""
+        return self.place[:, BULGE]
+
+    @property
+    def paired(self) -> np.ndarray:
+        """Whether its nodes have partners on another chain, at the same parameters, (c,)."""
+        return self.flags[:, PAIRED].view(np.bool_)
+
+
+class Twins(NamedTuple):
+    """Nodes that are one because a boundary is another's periodic image, and how the mesh goes on there."""
+
+    partner: np.ndarray  # (n,) int32: the other node, -1 for none
+    motion: np.ndarray  # (n,) int32: the motion that carries the node to its partner, -1 likewise
+    motions: np.ndarray  # (number, 2, 3): x -> A x + b as rows [A | b]
+    region: np.ndarray  # (number, r) int32: the region in which a region goes on where a motion carries it, or -1
+
+
+class Constraints(NamedTuple):
+    """Where each node may go."""
+
+    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
+    chain: np.ndarray  # (n, 2) int32: its own chain, or the two that meet in a corner; -1 for none, or JUNCTION
+    parameter: np.ndarray  # (n,) where on its chain
+    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
+    chains: Chains
+    twins: Twins
+
+    @property
+    def own_chain(self) -> np.ndarray:
+        """The chain that a node slides on; of others no chain, JUNCTION, or the first of a corner's two, (n,)."""
+        return self.chain[:, OWN]
+
+
+class SearchScratch(NamedTuple):
+    """Room for one thread to search and learn in; the stamps are compared with a counter that only grows."""
+
+    node_stamp: np.ndarray  # (n,) int64
+    element_stamp: np.ndarray  # (m,) int64
+    counter: np.ndarray  # (1,) int64
+    queue: np.ndarray  # (n + m + 1,) int32
+    frontier: np.ndarray  # (m,) int32: elements that the flood may enter
+    reach: np.ndarray  # (m,): squared distance from the point to the edge it would enter through
+    crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
+
+
+class Pool(NamedTuple):
+    """Which rows of the arrays of nodes and elements are in use; rows of free elements have node -1."""
+
+    anchor: np.ndarray  # (n,) int32: one of the elements around each node, -1 for a free row
+    free_nodes: np.ndarray  # (n,) int32: a stack
+    free_elements: np.ndarray  # (m,) int32: a stack
+    height: np.ndarray  # (2,) int64: of the two stacks
+
+
+class Origins(NamedTuple):
+    """What surgery knows of each node beside its position and constraint."""
+
+    density: np.ndarray  # (n,) wanted nodes per area
+    old: np.ndarray  # (n,) int32: number before, -1 for a new node
+    hint: np.ndarray  # (n,) int32: an element of the mesh before that is near the node
+    pinned: np.ndarray  # (n,) bool: an edge between two of them is not split
+    young: np.ndarray  # (n,) bool: made in this round; not collapsed in it, so that a round comes to an end
+    pinched: np.ndarray  # (n,) bool: nodes where the mesh touches itself; nothing is collapsed into them
+
+
+class SurgeryScratch(NamedTuple):
+    """Room to split, collapse and flip in."""
+
+    around: np.ndarray  # (m,) int32: the elements around a node
+    around_other: np.ndarray  # (m,) int32
+    stamp: np.ndarray  # (n,) int64
+    counter: np.ndarray  # (1,) int64
+    stack: np.ndarray  # (m,) int32: elements whose edges may have to be flipped
+    waiting: np.ndarray  # (m,) bool
+
+
+class Laws(NamedTuple):
+    """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
+
+    number: np.ndarray  # (m,): of every element the place of its law, -1 for none
+    first: int  # the tables begin with s = 2^(first - 1)
+    table: np.ndarray  # (laws, rows, 2): W and dW/ds at the steps
+
+
+class Trial(NamedTuple):
+    """A P1 function and the functional it is judged by."""
+
+    value: np.ndarray  # (n,)
+    fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
+    on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
+    data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
+    bent: np.ndarray  # (n,) bool: the node touches nonlinear material
+    laws: Laws  # where there is one, the coefficient has no say

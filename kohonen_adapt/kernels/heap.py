@@ -1,0 +1,55 @@
+"""Keep edges in a heap, the one with the smallest key first."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import kernel
+
+
+class Heap(NamedTuple):
+    """Edges by key, the smallest first; edges that are gone or changed stay in it and are skipped when they come up."""
+
+    key: np.ndarray  # (k,)
+    ends: np.ndarray  # (k, 2) int32
+    size: np.ndarray  # (1,) int64
+
+
+@kernel
+def insert(heap, key, a, b):
+    """Put an edge into a heap, unless that is full: it is then to be filled anew, from the mesh."""
+    i = heap.size[0]
+    if i == heap.key.shape[0]:
+        return
+    heap.size[0] = i + 1
+    while i > 0:
+        parent = (i - 1) >> 1
+        if heap.key[parent] <= key:
+            break
+        heap.key[i] = heap.key[parent]
+        heap.ends[i, 0], heap.ends[i, 1] = heap.ends[parent, 0], heap.ends[parent, 1]
+        i = parent
+    heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, a, b
+
+
+@kernel
+def remove_first(heap):
+    """Take the edge with the smallest key out of a heap that is not empty; returns key and ends."""
+    first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
+    last = heap.size[0] - 1
+    heap.size[0] = last
+    key, end, other = heap.key[last], heap.ends[last, 0], heap.ends[last, 1]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        if child + 1 < last and heap.key[child + 1] < heap.key[child]:
+            child += 1
+        if heap.key[child] >= key:
+            break
+        heap.key[i] = heap.key[child]
+        heap.ends[i, 0], heap.ends[i, 1] = heap.ends[child, 0], heap.ends[child, 1]
+        i = child
+    heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, end, other
+    return first, a, b

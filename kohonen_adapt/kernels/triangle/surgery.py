@@ -1,0 +1,261 @@
+"""Split edges and collapse them where outline, layers and quality rule allow it."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import FREE, MERGED, OTHER, OWN, SLIDING
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.chains import gone_along, parameter_of, point_at, way_along
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
+from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality
+
+NOWHERE = -1
+SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
+
+
+@inner_kernel
+def metric_length(position, density, a, b):
+    """Square of the length of an edge in the metric, the same whichever end comes first.
+
+    Rounded to 24 bits, so that lengths which only rounding tells apart are the same, and it does not choose the edge.
+    """
+    dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
+    length = (dx * dx + dy * dy) * np.sqrt(density[a] * density[b])
+    spread = length * SPLITTER
+    return spread - (spread - length)
+
+
+@inner_kernel
+def gather_around(elements, pool, v, around):
+    """List the elements around v counter-clockwise, at an outline those on both ways from the anchor."""
+    node, neighbour = elements.node, elements.neighbour
+    count, first = 0, np.int64(pool.anchor[v])
+    e = first
+    while e >= 0:
+        around[count] = e
+        count += 1
+        e = np.int64(neighbour[e, (corner_of(node, e, v) + 1) % 3])
+        if e == first:
+            return count
+    e = np.int64(neighbour[first, (corner_of(node, first, v) + 2) % 3])
+    while e >= 0:
+        around[count] = e
+        count += 1
+        e = np.int64(neighbour[e, (corner_of(node, e, v) + 2) % 3])
+    return count
+
+
+@inner_kernel
+def find_edge(elements, pool, a, b, around):
+    """An element with the edge ab and the local number of the corner opposite to it, or (-1, -1)."""
+    node = elements.node
+    for i in range(gather_around(elements, pool, a, around)):
+        e = np.int64(around[i])
+        k = corner_of(node, e, a)
+        if node[e, (k + 1) % 3] == b:
+            return e, (k + 2) % 3
+        if node[e, (k + 2) % 3] == b:
+            return e, (k + 1) % 3
+    return NOWHERE, NOWHERE
+
+
+@inner_kernel
+def half_qualities(position, node, e, k, x, y):
+    """Worse quality of the two halves of element e, its edge opposite to corner k split at (x, y)."""
+    a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+    ax, ay, bx, by, cx, cy = (
+        position[a, 0],
+        position[a, 1],
+        position[b, 0],
+        position[b, 1],
+        position[c, 0],
+        position[c, 1],
+    )
+    return min(signed_quality(ax, ay, x, y, cx, cy), signed_quality(x, y, bx, by, cx, cy))
+
+
+@inner_kernel
+def midpoint(position, constraints, c, a, b):
+    """The middle of an edge; on a chain the middle in its parameter, which comes third."""
+    ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
+    if c < 0:
+        return 0.5 * (ax + bx), 0.5 * (ay + by), 0.0
+    chains = constraints.chains
+    start = parameter_of(position, constraints, c, a)
+    end = parameter_of(position, constraints, c, b)
+    parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
+    x, y = point_at(chains, c, parameter)
+    return x, y, parameter
+
+
+@inner_kernel
+def may_split(position, elements, pinned, e, k, floor, x, y):
+    """Whether the edge opposite to corner k of e may be split there under the quality rule."""
+    node, other = elements.node, np.int64(elements.neighbour[e, k])
+    if pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]:
+        return False
+    after, before = half_qualities(position, node, e, k, x, y), element_quality(position, node, e)
+    if other >= 0:
+        j = corner_towards(elements.neighbour, other, e)
+        after = min(after, half_qualities(position, node, other, j, x, y))
+        before = min(before, element_quality(position, node, other))
+    return allowed(after, before, floor)
+
+
+@inner_kernel
+def halve(elements, pool, e, k, p):
+    """Give the half of e at the end of its edge opposite to corner k to a new element; p is the new node there."""
+    node, neighbour, chain = elements.node, elements.neighbour, elements.chain
+    pool.height[1] -= 1
+    new = pool.free_elements[pool.height[1]]
+    k1, k2 = (k + 1) % 3, (k + 2) % 3
+    across = neighbour[e, k1]
+    node[new, 0], node[new, 1], node[new, 2] = node[e, k], p, node[e, k2]
+    neighbour[new, 1], chain[new, 1] = across, chain[e, k1]
+    neighbour[new, 2], chain[new, 2] = e, -1
+    chain[new, 0], elements.region[new] = chain[e, k], elements.region[e]
+    if across >= 0:
+        neighbour[across, corner_towards(neighbour, across, e)] = new
+    node[e, k2], neighbour[e, k1], chain[e, k1] = p, new, -1
+    pool.anchor[node[e, k]], pool.anchor[node[e, k1]], pool.anchor[node[new, 2]] = e, e, new
+    return new
+
+
+@inner_kernel
+def guide(elements, constraints, e, k):
+    """Of the nodes of e one to find the middle of its edge opposite to corner k from, on the same bank of any slit."""
+    c = elements.chain[e, k]
+    for v in (elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]):
+        if constraints.inner[v] or (c >= 0 and constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c):
+            return v
+    return elements.node[e, k]
+
+
+@inner_kernel
+def split(position, elements, constraints, pool, origins, e, k, x, y, parameter):
+    """Split the edge opposite to corner k of e at (x, y); returns the new node."""
+    node, neighbour = elements.node, elements.neighbour
+    a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
+    c = elements.chain[e, k]
+    j = corner_towards(neighbour, other, e) if other >= 0 else 0
+    pool.height[0] -= 1
+    p = np.int64(pool.free_nodes[pool.height[0]])
+    position[p, 0], position[p, 1] = x, y
+    constraints.kind[p] = FREE if c < 0 else SLIDING
+    constraints.chain[p, OWN], constraints.chain[p, OTHER], constraints.parameter[p] = c, -1, parameter
+    # either end's will do; the sides' are the outermost, and a node inside with one of those could join less
+    elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
+    constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
+    origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
+    origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
+    origins.pinned[p] = origins.pinched[p] = False
+    origins.young[p] = True
+    new = halve(elements, pool, e, k, p)
+    pool.anchor[p] = e
+    neighbour[new, 0] = other
+    if other >= 0:
+        new_other = halve(elements, pool, other, j, p)
+        neighbour[e, k], neighbour[new_other, 0] = new_other, e
+        neighbour[other, j] = new
+    return p
+
+
+@inner_kernel
+def collapsed_quality(position, elements, constraints, pool, origins, v, w, longest, floor, scratch):
+    """Worst quality around v were it merged into its neighbour w, or -1 where that is not allowed.
+
+    An interior node may go into any neighbour, one on an outline along its own chain only. The only nodes that v and w
+    have both for neighbours must be those opposite to their edge (link condition), or the mesh would be pinched. No
+    edge may become as long as the one that is split for it, or the two could go on for ever.
+    """
+    node, chain = elements.node, elements.chain
+    if constraints.kind[v] != FREE and constraints.kind[v] != SLIDING:
+        return -1.0
+    if origins.pinched[w] or origins.young[v] or constraints.twins.partner[v] >= 0:
+        return -1.0
+    count = gather_around(elements, pool, v, scratch.around)
+    scratch.counter[0] += 2
+    mark = scratch.counter[0]
+    shared, before, after = 0, 2.0, 2.0
+    for i in range(count):
+        e = np.int64(scratch.around[i])
+        k = corner_of(node, e, v)
+        a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+        scratch.stamp[a], scratch.stamp[b] = mark, mark
+        before = min(before, element_quality(position, node, e))
+        if a == w or b == w:
+            shared += 1
+            to_w = (k + 2) % 3 if a == w else (k + 1) % 3
+            to_x, across = (k + 1) % 3 if a == w else (k + 2) % 3, elements.neighbour[e, k]
+            if constraints.kind[v] == SLIDING and chain[e, to_w] != constraints.chain[v, OWN]:
+                return -1.0
+            if chain[e, to_x] >= 0 or (across < 0 and elements.neighbour[e, to_x] < 0):
+                return -1.0
+            continue
+        if not (may_join(elements, e, w, a) and may_join(elements, e, w, b)):
+            return -1.0
+        if not joins_within_reach(position, constraints, w, a, chain[e, (k + 2) % 3]):
+            return -1.0
+        if not joins_within_reach(position, constraints, w, b, chain[e, (k + 1) % 3]):
+            return -1.0
+        q = signed_quality(
+            position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1]
+        )
+        if not q >= after:
+            after = q
+        if (
+            max(metric_length(position, origins.density, w, a), metric_length(position, origins.density, w, b))
+            >= longest
+        ):
+            return -1.0
+    if after > 1.5 or not allowed(after, before, floor):
+        return -1.0
+    common = 0
+    for i in range(gather_around(elements, pool, w, scratch.around_other)):
+        e = np.int64(scratch.around_other[i])
+        k = corner_of(node, e, w)
+        for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
+            if scratch.stamp[other] == mark:
+                scratch.stamp[other] = mark + 1
+                common += 1
+    return after if common == shared else -1.0
+
+
+@inner_kernel
+def joins_within_reach(position, constraints, w, other, c):
+    """Whether the facet between two nodes that an edge of chain c is to become is no longer than it may be."""
+    if c < 0:
+        return True
+    dx, dy = position[w, 0] - position[other, 0], position[w, 1] - position[other, 1]
+    return dx * dx + dy * dy <= constraints.chains.place[c, MERGED] ** 2
+
+
+@inner_kernel
+def collapse(elements, pool, v, w, scratch):
+    """Merge node v into its neighbour w; returns the number of elements around v that are left, in scratch.around."""
+    node, neighbour, chain = elements.node, elements.neighbour, elements.chain
+    count, left = gather_around(elements, pool, v, scratch.around), 0
+    for i in range(count):
+        e = np.int64(scratch.around[i])
+        k = corner_of(node, e, v)
+        if node[e, (k + 1) % 3] != w and node[e, (k + 2) % 3] != w:
+            node[e, k] = w
+            pool.anchor[w] = e
+            scratch.around[left] = e
+            left += 1
+            continue
+        kw = corner_of(node, e, w)
+        kx = 3 - k - kw
+        outside, inside = np.int64(neighbour[e, k]), np.int64(neighbour[e, kw])
+        if outside >= 0:
+            neighbour[outside, corner_towards(neighbour, outside, e)] = inside
+        if inside >= 0:
+            j = corner_towards(neighbour, inside, e)
+            neighbour[inside, j], chain[inside, j] = outside, chain[e, k]
+        pool.anchor[node[e, kx]] = inside if inside >= 0 else outside
+        node[e, 0] = node[e, 1] = node[e, 2] = -1
+        pool.free_elements[pool.height[1]] = e
+        pool.height[1] += 1
+    pool.anchor[v] = -1
+    pool.free_nodes[pool.height[0]] = v
+    pool.height[0] += 1
+    return left
