@@ -10,7 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, HELD, OTHER, SLIDING
 
 MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
 SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}
@@ -23,7 +23,7 @@ def places(mesh, nodes=slice(None)):
 def kinds(mesh, pinned=()):
     """FREE, SLIDING or HELD per node, and which of the held may leave their corner to another node."""
     constraints = KohonenMap(mesh, pinned=pinned).outline.constraints
-    return constraints.kind, (constraints.kind == HELD) & (constraints.chain[:, 1] >= 0)
+    return constraints.kind, (constraints.kind == HELD) & (constraints.chain[:, OTHER] >= 0)
 
 
 def trained_once(mesh, x, rate=1.0, **options):
