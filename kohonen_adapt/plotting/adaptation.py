@@ -1,4 +1,4 @@
-"""An adaptation on one page: meshes and indicators before and after, field lines, the estimate over the passes."""
+"""Draw an adaptation on one page: meshes and indicators before and after, field lines, estimates."""
 
 from collections.abc import Sequence
 
@@ -7,8 +7,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.plotting.charts import draw_passes
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
-from kohonen_adapt.plotting.passes import draw_passes
 
 __all__ = ["adaptation_figure"]
 

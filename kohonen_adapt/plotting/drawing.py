@@ -1,4 +1,4 @@
-"""What is drawn of a mesh on axes: its edges, indicators on its elements, lines of a field; and the colours."""
+"""Draw a mesh on axes: its edges, indicators on its elements, lines of a field."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,13 +12,12 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.plotting.lengths import set_axes
 
-__all__ = ["BLUE", "VERMILION", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale"]
+__all__ = ["COLOURS", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale", "set_axes"]
 
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white; blue and vermilion come first."""
 
-# Okabe and Ito's colours, which the colour-blind tell apart.
-BLUE, VERMILION = "#0072b2", "#d55e00"
 # One hue, without its dark end, so that black lines stand out on every shade.
 PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")
 
@@ -164,6 +163,14 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
     """
     largest = max((float(np.max(values)) for values in indicators), default=0.0)
     return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
+
+
+def set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
+    """Equal scales, a little room around the mesh, units."""
+    low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
+    room = 0.02 * np.max(high - low)
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
+    axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
 
 
 def _draw_elements(

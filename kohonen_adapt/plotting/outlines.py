@@ -1,4 +1,4 @@
-"""Pictures of outlines: what the chains of a mesh are taken for, and what every node may do."""
+"""Draw outlines: what the chains of a mesh are taken for, and what every node may do."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,11 @@ from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.plotting.lengths import set_axes
+from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["plot_outlines"]
 
-
-COLOURS = np.array(["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"])
-"""Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white."""
 
 LABELLED = 0.08
 """Of the size of the mesh: shorter chains are not labelled."""
@@ -77,13 +74,6 @@ def plot_outlines(
     --------
     >>> import skfem
     >>> from kohonen_adapt.plotting import plot_outlines
-    >>> axes = plot_outlines(skfem.MeshTri().refined(3), unit="")
-    >>> axes.figure.savefig("outlines.png")  # doctest: +SKIP
-
-    Examples
-    --------
-    >>> import skfem
-    >>> from kohonen_adapt.plotting import plot_outlines
     >>> plot_outlines(skfem.MeshTri.init_circle(3)).figure.savefig("outlines.png")
     """
     som = KohonenMap(mesh, pinned=pinned, curves=curves, periodic=periodic)
@@ -130,7 +120,7 @@ def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
         taken = {int(found[other]) for other in meetings[c]}
         wanted = [(c + shift) % len(COLOURS) for shift in range(len(COLOURS))]
         found[c] = next((colour for colour in wanted if colour not in taken), wanted[0])
-    return COLOURS[found]
+    return np.array(COLOURS)[found]
 
 
 def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
