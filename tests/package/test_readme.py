@@ -1,4 +1,4 @@
-"""The READMEs do what they say: examples run, cases fit their meshes, names are there, and one page is one page."""
+"""The READMEs do what they say: examples run, cases fit their meshes, and names are there."""
 
 import importlib
 import re
@@ -23,10 +23,6 @@ PAGES = {
 README = PAGES["README.md"]
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)]
-
-
-def test_the_front_page_is_one_page():
-    assert README.count("\n") <= 160
 
 
 @pytest.mark.parametrize(("page", "case"), CASES)
