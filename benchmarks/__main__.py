@@ -1,8 +1,10 @@
-"""The command: `python -m benchmarks [NAME ...] [--seeds 5] [--quick]`; `--help` lists the names."""
+"""Run `python -m benchmarks [NAME ...] [--seeds 5] [--quick]`; `--help` lists the names."""
 
 import argparse
+from pathlib import Path
 
 from benchmarks.checks import (
+    budget,
     drift,
     files,
     fingerprints,
@@ -45,10 +47,13 @@ CHECKS = {
 
 def main() -> None:
     """Print the comparisons and checks that are asked for, by default the comparisons of all problems."""
+    names = [*PROBLEMS, *CHECKS, "budget"]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join([*PROBLEMS, *CHECKS])}")
+    parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join(names)}")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
+    parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
+    parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
     for name in options.what or PROBLEMS:
         if name in PROBLEMS:
@@ -56,8 +61,10 @@ def main() -> None:
                 print(comparison(case, range(options.seeds)) + "\n", flush=True)
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
+        elif name == "budget":
+            print(budget.report(options.suite, options.warmup) + "\n", flush=True)
         else:
-            parser.error(f"{name} is not one of {' '.join([*PROBLEMS, *CHECKS])}")
+            parser.error(f"{name} is not one of {' '.join(names)}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""First compile, start from the cache, and import time, each in a process of its own."""
+"""Time the first compile, a start from the cache, and the import, each in a process of its own."""
 
 import os
 import subprocess
@@ -30,6 +30,12 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         ["import beyond scikit-fem and numba", extra, 1.0],
     ]
     return aligned(["warmup", "seconds", "target", ""], [[*row, _verdict(*row[1:])] for row in rows])
+
+
+def seconds_of_first_use() -> float:
+    """Seconds to compile every kernel."""
+    with tempfile.TemporaryDirectory() as cache:
+        return _seconds(_COMPILE, cache)[0]
 
 
 def _seconds(code: str, cache: str) -> tuple[float, float]:
