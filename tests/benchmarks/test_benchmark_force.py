@@ -30,6 +30,7 @@ def test_the_magnet_moves_and_nothing_else():
 
 
 @needs_gmsh
+@pytest.mark.slow
 def test_adapted_meshes_have_a_fifth_of_the_noise():
     meshes = [gmsh_mesh(STEP * step, 0.8) for step in range(STEPS)]
     plain = np.array([force(PROBLEM.solve(mesh)) for mesh in meshes])

@@ -205,6 +205,7 @@ def test_a_constant_density_is_kept():
     assert spread.node_density_spread(after) < spread.SPREAD_LIMIT
 
 
+@pytest.mark.slow
 def test_a_comparison_shows_every_method_beside_its_target():
     header, *rows = report.comparison(cases("H")[0], range(1)).splitlines()[1:]
     assert header.split()[:4] == ["N", "T", "L2", "error"]

@@ -358,6 +358,7 @@ def spoilt_cases(draw):
         place = place[key]
 
 
+@pytest.mark.slow
 @examples(300)
 @given(st.dictionaries(st.sampled_from(WORDS) | st.text(max_size=3), TREES, max_size=5) | spoilt_cases())
 def test_any_tree_is_a_case_or_a_value_error(tree):

@@ -129,6 +129,7 @@ def test_demo_shows_every_step(tmp_path):
     assert shown_by("demo", "magnet", "--out", tmp_path)[0] == [*first, *steps, "draw"]
 
 
+@pytest.mark.slow
 def test_run_shows_every_step(case, tmp_path):
     first = [f"pass 0 of 1: {step}" for step in ("solve", "estimate", "write", "checkpoint")]
     second = [f"pass 1 of 1: {step}" for step in (*STEPS, "write", "checkpoint")]

@@ -228,6 +228,7 @@ def errors_of(kind, case):
     return [abs(problem.value(mesh) / exact - 1.0) for mesh in meshes], meshes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "smaller"), [("force", 2.0), ("yoke", 10.0)])
 def test_the_error_of_the_goal_falls_faster_than_with_the_energy(case, smaller):
     """At the same number of nodes, 1681 and 2983, after four passes each."""

@@ -71,6 +71,7 @@ def functional_of(problem, mesh):
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
 
 
+@pytest.mark.slow
 @TOPOLOGIES
 def test_the_polish_lowers_the_functional_below_that_of_the_map_alone(topology):
     with_polish, without = adapted(topology), adapted(topology, polish=False)

@@ -213,6 +213,7 @@ PULL = Force("b", (1, 0))
 PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], HALF)[0]
 
 
+@pytest.mark.slow
 def test_the_force_converges_faster_with_the_goal():
     """Two magnets: 8 and 17 times less error at 357 and 1353 nodes, so also the greater rate."""
     nodes, found = [], []
@@ -226,6 +227,7 @@ def test_the_force_converges_faster_with_the_goal():
     assert rates[1] > rates[0] + 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "goal", "exact"),
     [

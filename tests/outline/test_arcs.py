@@ -154,6 +154,7 @@ def with_noise(mesh, share, seed=0):
     return MeshTri(mesh.p * (1 + share * np.random.default_rng(seed).uniform(-1, 1, mesh.p.shape[1])), mesh.t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [12, 40, 200])
 @pytest.mark.parametrize("seed", range(3))
 def test_nodes_within_a_thousandth_of_a_circle_are_taken_for_it_and_put_on_it(n, seed):
@@ -434,6 +435,7 @@ def test_no_epochs_and_no_sweeps_move_no_node(kind):
     assert flipped.p.tobytes() == mesh.p.tobytes()
 
 
+@pytest.mark.slow
 def test_any_number_of_threads_gives_the_same_bits():
     """Numba fixes the number of threads at import, so in processes of their own."""
     code = """
@@ -522,6 +524,7 @@ def with_noise_and_names(mesh):
     return MeshTri(with_noise(mesh, 3e-4).p, mesh.t, _boundaries=mesh.boundaries)
 
 
+@pytest.mark.slow
 @TOPOLOGIES
 @pytest.mark.parametrize("kind", GIVEN)
 def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, topology):

@@ -18,6 +18,8 @@ from kohonen_adapt.cases import read_case
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 POLES = 8
 MOTOR = runpy.run_path(str(EXAMPLES / "motor.py"))

@@ -14,6 +14,8 @@ import kohonen_adapt as ka
 from kohonen_adapt.io.fields import read_field
 from kohonen_adapt.mesh.measures import area
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GROUPS = {(1, 200), (2, 100), (2, 101), (2, 102), (2, 103)}
 

@@ -115,10 +115,12 @@ def test_the_package_says_that_it_is_typed():
     assert (ROOT / "kohonen_adapt" / "py.typed").is_file()
 
 
+@pytest.mark.slow
 def test_a_program_passes_the_strict_check(said):
     assert [complaint for complaint in said if complaint[0] < FIRST_WRONG] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "call"), list(enumerate(WRONG, FIRST_WRONG)))
 def test_wrong_arguments_are_refused_each_in_its_line(said, number, call):
     assert any(line == number and WRONG[call] in text for line, text in said), said

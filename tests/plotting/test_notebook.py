@@ -97,6 +97,7 @@ def test_the_tour_holds_no_outputs():
     assert cells and all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
 
 
+@pytest.mark.slow
 def test_the_tour_runs_and_every_cell_shows_something(monkeypatch):
     """By a kernel of its own, as a person's."""
     nbformat = pytest.importorskip("nbformat")
