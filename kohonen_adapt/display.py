@@ -1,13 +1,12 @@
-"""What every view of a mesh needs, whatever draws it: units of length, outlined facets, ends of a colour scale."""
+"""Serve every view of a mesh, whatever draws it: units of length, outlined facets, ends of a colour scale."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
-__all__ = ["DECADES", "counted", "in_unit", "level_of_share", "one_per", "outlined_facets"]
+__all__ = ["DECADES", "counted", "in_unit", "level_of_share", "outlined_facets"]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 """Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
@@ -40,11 +39,3 @@ def level_of_share(values: Floats, weights: Floats, share: float) -> float:
     order = np.argsort(values)
     running = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(running, share * running[-1])])
-
-
-def one_per(count: int, values: ArrayLike, name: str, counted: str) -> Floats:
-    """Values as floats, one for each of what is counted; a ValueError names the shape that was expected."""
-    array = np.asarray(values, dtype=float)
-    if array.shape != (count,):
-        raise ValueError(f"{name} must have shape ({counted},) = ({count},); got {array.shape}.")
-    return array

@@ -1,4 +1,4 @@
-"""From what a mesh file holds to a mesh with names."""
+"""Make a mesh with names of what a file holds."""
 
 import logging
 from pathlib import Path
@@ -7,9 +7,10 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, shape_of
+from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, found_in, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["to_mesh"]
 
@@ -119,9 +120,8 @@ def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | No
     members = by_group(group, item)
     sets: Sets = {}
     for tag in sorted({*members, *named}):
-        name = name_of(content, DIMENSION[shape], tag)
-        if not name.startswith("gmsh:"):
-            items = members.get(tag, np.empty(0, np.int64))
+        name, items = name_of(content, DIMENSION[shape], tag), members.get(tag, np.empty(0, np.int64))
+        if is_own_name(name):
             sets[name] = np.union1d(sets.get(name, ()), items).astype(np.int32)
     for name, items in sets.items():
         if len(items) == 0:
@@ -133,9 +133,8 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     rows = _rows_of(LINE, content)
     if len(rows.number) == 0 and not content.names:
         return None
-    node = np.searchsorted(used, rows.nodes).clip(max=len(used) - 1)
-    facet = _facets(mesh, np.sort(node, axis=1))
-    facet[np.any(used[node] != rows.nodes, axis=1)] = -1
+    node = found_in(used, rows.nodes)
+    facet = np.where(np.all(node >= 0, axis=1), _facets(mesh, np.sort(node, axis=1)), -1)
     if np.any(facet < 0):
         logger.warning("%d lines of '%s' are no side of a triangle: left out.", np.sum(facet < 0), path)
     return _by_name(rows.group[facet >= 0], facet[facet >= 0], LINE, content)
@@ -144,11 +143,7 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
 def _facets(mesh: MeshTri, pairs: Ints) -> Ints:
     """Number of the facet between two nodes, lower one first, (n, 2) -> (n,); -1 where there is none."""
     keys = mesh.facets[0].astype(np.int64) * mesh.p.shape[1] + mesh.facets[1]
-    wanted = pairs[:, 0] * mesh.p.shape[1] + pairs[:, 1]
-    order = np.argsort(keys)
-    facet = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(keys) - 1)]
-    facet[keys[facet] != wanted] = -1
-    return facet
+    return found_in(keys, pairs[:, 0] * mesh.p.shape[1] + pairs[:, 1])
 
 
 def _report(mesh: MeshTri, content: Content, path: Path) -> None:

@@ -1,13 +1,35 @@
-"""What a mesh file holds, before anything is made of it."""
+"""Hold what a mesh file says before anything is made of it, and refuse in one line a file that cannot be read."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["LINE", "TRIANGLE", "Content", "Rows", "nodes_of", "shape_of"]
+__all__ = [
+    "LINE",
+    "MSH_VERSION",
+    "TRIANGLE",
+    "Content",
+    "Field",
+    "Rows",
+    "Sampled",
+    "found_in",
+    "nodes_of",
+    "refusing",
+    "shape_of",
+    "suffix_of",
+]
 
+MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
+"""Which version of MSH a suffix asks for; `.msh2` is what Gmsh itself takes for 2.2."""
+
+SHOWN = 160  # characters of what went wrong: a file may put anything there
 
 LINE, TRIANGLE = "line", "triangle"
 
@@ -66,6 +88,44 @@ class Content:
     numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
 
+@dataclass(frozen=True)
+class Field:
+    """One field.
+
+    Attributes
+    ----------
+    name
+        As the file has it.
+    nodal
+        Whether it is on nodes, else on triangles.
+    values
+        (nodes or triangles, components), of any type.
+    """
+
+    name: str
+    nodal: bool
+    values: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Triangles with fields.
+
+    Attributes
+    ----------
+    points
+        (n, 2 or 3).
+    triangles
+        (m, 3): rows of `points`.
+    fields
+        All that the file has; names may come again.
+    """
+
+    points: Floats
+    triangles: Ints
+    fields: list[Field]
+
+
 def shape_of(kind: int) -> str:
     """Name of the shape of elements of Gmsh's type `kind`."""
     return _TYPES[kind][0]
@@ -76,3 +136,41 @@ def nodes_of(kind: int) -> int:
     if kind not in _TYPES:
         raise ValueError(f"element type {kind} is unknown")
     return _TYPES[kind][1]
+
+
+def found_in(known: Ints, wanted: Ints) -> Ints:
+    """Where numbers of any shape stand among known ones (k,), -1 for nowhere."""
+    if len(known) == 0:
+        return np.full(wanted.shape, -1)
+    order = np.argsort(known, kind="stable")
+    place = order[np.searchsorted(known, wanted, sorter=order).clip(max=len(known) - 1)]
+    return np.where(known[place] == wanted, place, -1)
+
+
+def suffix_of(path: Path, caller: str, known: tuple[str, ...]) -> str:
+    """How the name of a file ends, in small letters; a ValueError if that is not known."""
+    suffix = path.suffix.lower()
+    if suffix not in known:
+        raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.")
+    return suffix
+
+
+@contextmanager
+def refusing(path: Path, message: str) -> Iterator[None]:
+    """Turn what goes wrong inside, while a file is taken apart, into a ValueError of one line that names it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    message
+        The line, with ``{}`` where it says what went wrong.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise ValueError(f"'{path}' does not fit into memory.") from None
+    except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError) as error:
+        said = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+        line = "".join(sign if sign.isprintable() else " " for sign in said[: 2 * SHOWN])
+        raise ValueError(message.format(line if len(said) <= SHOWN else f"{line[:SHOWN]}...")) from error

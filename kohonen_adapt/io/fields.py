@@ -7,8 +7,9 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
+from kohonen_adapt.io.content import Field, Sampled, suffix_of
 from kohonen_adapt.io.gmsh_views import read_views
-from kohonen_adapt.io.sampled import Field, Sampled
 from kohonen_adapt.io.vtu import read_arrays
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
@@ -51,10 +52,8 @@ def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floa
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")
     if not path.is_file():
         raise FileNotFoundError(f"read_field expected a file with a field; there is none at '{path}'.")
-    if path.suffix.lower() not in FIELD_SUFFIXES:
-        known = ", ".join(FIELD_SUFFIXES)
-        raise ValueError(f"read_field expected a file name that ends in {known}; got '{path.name}'.")
-    content = read_arrays(path) if path.suffix.lower() == ".vtu" else read_views(path)
+    suffix = suffix_of(path, "read_field", FIELD_SUFFIXES)
+    content = read_arrays(path) if suffix == ".vtu" else read_views(path)
     points = content.points[:, :2]
     _check_unit(mesh, points[np.unique(content.triangles)], path, scale)
     place = _places(mesh, points / scale, content.triangles, path)
@@ -121,7 +120,7 @@ def _field(content: Sampled, name: str, path: Path) -> Field:
     if len(found) > 1:
         raise ValueError(f"'{path}' has {len(found)} fields or steps '{name}'; write one only.")
     if not found:
-        known = ", ".join(f"'{known}'" for known in sorted({field.name for field in content.fields})) or "none"
+        known = listed({field.name for field in content.fields})
         raise ValueError(f"'{path}' has no field '{name}'; its fields are: {known}.")
     return found[0]
 

@@ -42,9 +42,6 @@ class Numbers(Protocol):
     def floats(self, count: int) -> Floats:
         """Take `count` numbers of C type double."""
 
-    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of an int and three doubles: numbers (count,) and points (count, 3)."""
-
     def numbered_elements(self, count: int) -> Iterator[Table]:
         """Take `count` elements of MSH 2.2."""
 
@@ -100,11 +97,6 @@ class TextNumbers:
 
     size = count = integer
 
-    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of an integer and three floats."""
-        rows = self.floats(4 * count).reshape(-1, 4)
-        return _whole(rows[:, 0]), rows[:, 1:]
-
     def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take `count` rows of an integer and some floats."""
         rows = self.floats((1 + components) * count).reshape(count, 1 + components)
@@ -144,8 +136,6 @@ class BinaryNumbers:
         Where the section begins, after its first line.
     """
 
-    _POINT = np.dtype([("number", np.int32), ("point", np.float64, 3)])
-
     def __init__(self, data: bytes, position: int) -> None:
         self._data = data
         self._position = position
@@ -182,11 +172,6 @@ class BinaryNumbers:
     def floats(self, count: int) -> Floats:
         """Take `count` numbers of eight bytes."""
         return self._take(np.dtype(np.float64), count)
-
-    def numbered_points(self, count: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of 28 bytes."""
-        rows = self._take(self._POINT, count)
-        return rows["number"].astype(np.int64), rows["point"]
 
     def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take `count` rows of four bytes and some times eight."""

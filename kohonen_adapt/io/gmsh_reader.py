@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import Content, Rows, nodes_of
-from kohonen_adapt.io.damaged import refusing
+from kohonen_adapt.io.content import Content, Rows, found_in, nodes_of, refusing
 from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 
 __all__ = ["header_of", "read_msh"]
@@ -91,7 +90,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
     else:
         nodes = section("Nodes")
-        numbers, points = nodes.numbered_points(nodes.count())
+        numbers, points = nodes.numbered_values(nodes.count(), 3)
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
     return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing, numbers[order])
@@ -172,9 +171,9 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
         nodes = np.concatenate([part.nodes for part in parts])
         if nodes.size and not len(numbers):
             raise ValueError("it has elements and no nodes")
-        place = np.searchsorted(numbers, nodes).clip(max=len(numbers) - 1)
-        if np.any(numbers[place] != nodes):
-            raise ValueError(f"an element has node {nodes[numbers[place] != nodes][0]}, which is not there")
+        place = found_in(numbers, nodes)
+        if np.any(place < 0):
+            raise ValueError(f"an element has node {nodes[place < 0][0]}, which is not there")
         group, number = (np.concatenate([getattr(part, name) for part in parts]) for name in ("group", "number"))
         rows[kind] = Rows(place, group, number)
     return rows

@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import TRIANGLE, Content, shape_of
-from kohonen_adapt.io.damaged import refusing
+from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, refusing, shape_of
 from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 from kohonen_adapt.io.gmsh_reader import header_of, read_msh
-from kohonen_adapt.io.sampled import Field, Sampled
 
 __all__ = ["read_views"]
 
@@ -154,16 +152,7 @@ def _on_mesh(content: Content, views: list[View]) -> Sampled:
         nodal = view.kind == "NodeData"
         values = np.full((len(content.points) if nodal else len(triangles), view.values.shape[1]), np.nan)
         owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), number)
-        there, place = _found(view.number, known)
-        values[owner[place]] = view.values[there]
+        place = found_in(known, view.number)
+        values[owner[place[place >= 0]]] = view.values[place >= 0]
         fields.append(Field(view.name, nodal, values))
     return Sampled(content.points, triangles, fields)
-
-
-def _found(wanted: Ints, known: Ints) -> tuple[Ints, Ints]:
-    """Where numbers stand among those that are known: which of them do, and where."""
-    order = np.argsort(known, kind="stable")
-    place = np.searchsorted(known, wanted, sorter=order).clip(max=len(known) - 1)
-    place = order[place] if len(known) else np.empty(0, np.int64)
-    there = np.flatnonzero(known[place] == wanted) if len(known) else np.empty(0, np.int64)
-    return there, place[there]

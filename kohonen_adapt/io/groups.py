@@ -1,4 +1,4 @@
-"""Physical groups as other programs know them: by number. A `MeshTri` has names only, and none for single points."""
+"""Number physical groups as other programs know them; a `MeshTri` has names only, and none for single points."""
 
 import logging
 import re
@@ -13,6 +13,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import LINE, TRIANGLE, Content, shape_of
+from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
@@ -95,7 +96,7 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
         dimension = DIMENSION.get(shape_of(kind))
         if dimension is not None:
             keys |= {(dimension, int(number)) for number in np.unique(rows.group[rows.group > 0])}
-    names = {key: name for key in sorted(keys) if not (name := name_of(content, *key)).startswith("gmsh:")}
+    names = {key: name for key in sorted(keys) if is_own_name(name := name_of(content, *key))}
     _report_shared(names, path)
     members: dict[int, Ints] = {}
     for kind, rows in content.rows.items():

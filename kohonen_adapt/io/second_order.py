@@ -1,4 +1,4 @@
-"""From the mid-side nodes of a second-order Gmsh file to curves by the name of the boundary."""
+"""Lay curves through the mid-side nodes of a second-order Gmsh file, by the name of the boundary."""
 
 import logging
 from pathlib import Path
@@ -7,7 +7,8 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.io.content import TRIANGLE, Content, shape_of
+from kohonen_adapt.io.content import TRIANGLE, Content, found_in, shape_of
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spline import Spline
 
@@ -52,8 +53,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     triangles = content.rows[TRIANGLE6].nodes
     used = np.unique(triangles[:, :3])
     _check_same(mesh.p, scale * content.points[used, :2].T, path)
-    sets = {name: rows for name, rows in (mesh.boundaries or {}).items() if not name.startswith("gmsh:")}
-    named = {name: np.unique(np.asarray(rows, np.int64)) for name, rows in sets.items()}
+    named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *named.values()]))
     ends = used[mesh.facets[:, facets].T]
     middle = _middles(triangles, ends, path)
@@ -103,14 +103,11 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
     """
     count = triangles.max(initial=0) + 1
     wanted = np.min(ends, axis=1) * count + np.max(ends, axis=1)
-    order = np.argsort(wanted)
     middle = np.full(len(ends), -1)
-    for side, between in zip(SIDES, MIDDLES, strict=True) if len(ends) else ():
+    for side, between in zip(SIDES, MIDDLES, strict=True):
         pair = triangles[:, side]
-        key = np.min(pair, axis=1) * count + np.max(pair, axis=1)
-        facet = order[np.searchsorted(wanted, key, sorter=order).clip(max=len(wanted) - 1)]
-        found = wanted[facet] == key
-        middle[facet[found]] = triangles[found, between]
+        facet = found_in(wanted, np.min(pair, axis=1) * count + np.max(pair, axis=1))
+        middle[facet[facet >= 0]] = triangles[facet >= 0, between]
     if np.any(middle < 0):
         raise ValueError(
             f"read_curves expected the mesh that read_mesh('{path}') gives; {np.sum(middle < 0)} facets in its "

@@ -9,8 +9,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import Content, Rows
-from kohonen_adapt.io.sampled import Field, Sampled
+from kohonen_adapt.io.content import Content, Field, Rows, Sampled
 from kohonen_adapt.io.vtu_reader import read_grid
 from kohonen_adapt.mesh.names import combinations
 

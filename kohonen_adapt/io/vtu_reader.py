@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.damaged import refusing
+from kohonen_adapt.io.content import refusing
 
 __all__ = ["NODES", "Grid", "read_grid"]
 

@@ -8,14 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import listed
 
-__all__ = ["codes_of_names", "combinations", "named", "named_sets"]
+__all__ = ["codes_of_names", "combinations", "is_own_name", "named", "named_sets"]
+
+
+def is_own_name(name: str) -> bool:
+    """Whether a name is of the user: what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of theirs."""
+    return not name.startswith("gmsh:")
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
-    """Name to elements or facets; what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of these."""
-    return {
-        name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if not name.startswith("gmsh:")
-    }
+    """Name to elements or facets, for the names of the user."""
+    return {name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if is_own_name(name)}
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:

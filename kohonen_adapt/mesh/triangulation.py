@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
 from kohonen_adapt.mesh.host import remade
-from kohonen_adapt.mesh.names import codes_of_names, named_sets
+from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation", "empty_star"]
@@ -105,7 +105,7 @@ class Triangulation:
             return None
         found = {}
         for name, rows in self.mesh.subdomains.items():
-            if name.startswith("gmsh:"):
+            if not is_own_name(name):
                 if len(self.elements.node) == len(self.region_of_input):
                     found[name] = np.array(rows)
                 continue

@@ -5,6 +5,7 @@ from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["check_mesh"]
 
@@ -73,7 +74,7 @@ def check_areas(mesh: MeshTri) -> None:
 
 
 def check_names(mesh: MeshTri) -> None:
-    """Refuse named sets that do not hold numbers of elements or facets; what scikit-fem calls ``gmsh:*`` is none."""
+    """Refuse named sets that do not hold numbers of elements or facets."""
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
     if boundaries:
         number_facets(mesh)
@@ -82,7 +83,7 @@ def check_names(mesh: MeshTri) -> None:
     for kind, name, rows, count in named:
         if not isinstance(name, str):
             raise ValueError(f"the name of a {kind} must be text; got {name!r}.")
-        if name.startswith("gmsh:"):
+        if not is_own_name(name):
             continue
         rows = np.asarray(rows)
         if rows.ndim != 1 or rows.dtype.kind not in "iu":

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.display import in_unit, one_per
+from kohonen_adapt.checks import as_reals
+from kohonen_adapt.display import in_unit
 from kohonen_adapt.loop.result import Pass
 from kohonen_adapt.magnetostatics import Law, Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -58,7 +59,7 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     number = [step.number for step in history]
     axes.plot(number, scale * [step.estimate for step in history], "o-", color=BLUE, label="estimate")
     if errors is not None:
-        exact = scale * one_per(len(history), errors, "errors", "passes")
+        exact = scale * as_reals("errors", errors, {"passes": len(history)})
         axes.plot(number, exact, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.p.shape[1] for step in history})
@@ -231,7 +232,7 @@ def plot_density(mesh: MeshTri, density: ArrayLike, *, ax: Axes | None = None, u
         If `density` has another shape or the unit is unknown.
     """
     axes = _axes_of(ax, height=5.0)
-    shown = one_per(mesh.t.shape[1], density, "density", "nelements") / in_unit(unit) ** 2
+    shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** 2
     low, high = _scale_of(shown)
     norm = LogNorm(low, high) if low < high else Normalize(0.0, high)
     shades = draw_indicators(axes, mesh, shown, norm=norm, unit=unit)

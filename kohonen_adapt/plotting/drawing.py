@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
+from kohonen_adapt.checks import as_reals
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["COLOURS", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale", "set_axes"]
@@ -90,7 +91,7 @@ def draw_indicators(
     >>> bar = figure.colorbar(colours, label="indicator")
     >>> figure.savefig("indicators.png")
     """
-    values = one_per(mesh.t.shape[1], indicators, "indicators", "nelements")
+    values = as_reals("indicators", indicators, {"nelements": mesh.t.shape[1]})
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
@@ -134,8 +135,8 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    potential = one_per(mesh.p.shape[1], potential, "potential", "nnodes")
-    magnitude = one_per(mesh.t.shape[1], magnitude, "magnitude", "nelements")
+    potential = as_reals("potential", potential, {"nnodes": mesh.p.shape[1]})
+    magnitude = as_reals("magnitude", magnitude, {"nelements": mesh.t.shape[1]})
     norm = Normalize(0.0, level_of_share(magnitude, area(mesh), 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
     x, y = in_unit(unit) * mesh.p

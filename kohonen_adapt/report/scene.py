@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, one_per, outlined_facets
+from kohonen_adapt.checks import as_reals
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -100,14 +101,14 @@ def _bounds(meshes: Sequence[MeshTri], unit: str) -> list[list[float]]:
 
 
 def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [one_per(each.mesh.t.shape[1], function(each.solution), label, "nelements") for each in results]
+    values = [as_reals(label, function(each.solution), {"nelements": each.mesh.t.shape[1]}) for each in results]
     ends = [_middle_ends(each, result.mesh) for each, result in zip(values, results, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     return _linear(label, "element", values, 0.0 if low >= 0.0 else low, high)
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [one_per(each.mesh.p.shape[1], function(each.solution), label, "nnodes") for each in results]
+    values = [as_reals(label, function(each.solution), {"nnodes": each.mesh.p.shape[1]}) for each in results]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
     return _linear(label, "node", values, *((finite.min(), finite.max()) if finite.size else (0.0, 1.0)))
 
@@ -117,7 +118,7 @@ def _linear(label: str, at: str, values: Sequence[Floats], low: float, high: flo
 
 
 def _indicators(label: str, results: Results) -> Shown:
-    values = [one_per(each.mesh.t.shape[1], each.indicators, "indicators", "nelements") for each in results]
+    values = [as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}) for each in results]
     largest = max((float(each[np.isfinite(each)].max(initial=0.0)) for each in values), default=0.0)
     if largest == 0.0:
         return _scaled(label, "element", values, "linear", 0.0, 1.0)

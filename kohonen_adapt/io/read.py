@@ -1,0 +1,137 @@
+"""Read a mesh, the numbers of its groups or its curves from a file."""
+
+import math
+from numbers import Real
+from os import PathLike
+from pathlib import Path
+
+from skfem import MeshTri
+
+from kohonen_adapt.io.assembly import to_mesh
+from kohonen_adapt.io.content import MSH_VERSION, suffix_of
+from kohonen_adapt.io.gmsh_reader import read_msh
+from kohonen_adapt.io.groups import Groups, to_groups
+from kohonen_adapt.io.second_order import to_curves
+from kohonen_adapt.io.vtu import read_vtu
+from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.outline.spline import Spline
+
+__all__ = ["read_curves", "read_groups", "read_mesh"]
+
+
+def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
+    """Read a mesh of triangles with the names of its surface and line groups.
+
+    Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
+    dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``;
+    `read_groups` reads the numbers of the others.
+    Second-order triangles are read as their corners (`read_curves` reads what their mid-side nodes say), an element in
+    several groups is read once, nodes that no triangle uses are dropped. Which part of the area carries a name, and
+    what was left out, is reported through ``logging``. Boundaries come without orientation: the files hold none that
+    Gmsh keeps.
+
+    Parameters
+    ----------
+    path
+        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or a ``.vtu`` file.
+    scale
+        Metres per unit of the file: 1e-3 for a drawing in millimetres. The files do not say.
+
+    Returns
+    -------
+    MeshTri
+        Nodes and elements in the order of their numbers in the file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> ka.write_mesh("square.msh", skfem.MeshTri().refined(2))
+    >>> mesh = ka.read_mesh("square.msh", scale=1e-3)  # drawn in millimetres
+    >>> mesh.p.shape, float(mesh.p.max())
+    ((2, 25), 0.001)
+    """
+    path = Path(path)
+    suffix = _checked(path, scale, "read_mesh", (*MSH_VERSION, ".vtu"))
+    content = read_vtu(path) if suffix == ".vtu" else read_msh(path)
+    return to_mesh(content, path, float(scale))
+
+
+def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
+    """Read the numbers of the physical groups of a Gmsh file, by which GetDP and others know them.
+
+    ``write_mesh(path, mesh, groups=groups)`` gives them to a mesh that was changed in between.
+
+    Parameters
+    ----------
+    path
+        A Gmsh file. A ``.vtu`` file has names and no numbers, so there is nothing to read.
+    scale
+        The same as for `read_mesh`.
+
+    Returns
+    -------
+    Groups
+        What the groups of each number are called in the mesh that `read_mesh` makes, and where groups of points are.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is unknown or the file is damaged.
+    """
+    path = Path(path)
+    suffix = _checked(path, scale, "read_groups", (*MSH_VERSION, ".vtu"))
+    return Groups() if suffix == ".vtu" else to_groups(read_msh(path), path, float(scale))
+
+
+def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
+    """Read the curves on which a second-order Gmsh file has the mid-side nodes of its named boundaries.
+
+    With ``Mesh.ElementOrder = 2`` Gmsh puts these nodes on the curves of the drawing; the spline through them and the
+    ends of the facets is much nearer to the curves than one through the ends alone. It has pieces as
+    `Spline.through` has.
+
+    Parameters
+    ----------
+    path
+        The Gmsh file.
+    mesh
+        What `read_mesh` made of it, with the names that it now has; interior boundaries too.
+    scale
+        The same as for `read_mesh`.
+
+    Returns
+    -------
+    dict
+        A `Spline` by name for every boundary of `mesh` with a mid-side node off its facet by more than rounding. What
+        is straight is left out.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the suffix is not that of a Gmsh file, the file is damaged or of first order, or `mesh` is another mesh.
+    """
+    path = Path(path)
+    _checked(path, scale, "read_curves", tuple(MSH_VERSION))
+    check_mesh(mesh)
+    return to_curves(read_msh(path), mesh, path, float(scale))
+
+
+def _checked(path: Path, scale: float, caller: str, known: tuple[str, ...]) -> str:
+    """The suffix of a file that can be read."""
+    suffix = suffix_of(path, caller, known)
+    if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
+    if not path.is_file():
+        raise FileNotFoundError(f"{caller} expected a mesh file; there is none at '{path}'.")
+    return suffix

@@ -1,0 +1,146 @@
+"""Write a mesh with names that a file can carry and finite fields of the right shape."""
+
+import logging
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.files import whole_file
+from kohonen_adapt.io.content import MSH_VERSION, suffix_of
+from kohonen_adapt.io.gmsh_writer import write_msh
+from kohonen_adapt.io.groups import Groups
+from kohonen_adapt.io.vtu import write_vtu
+from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.validity import check_mesh
+
+__all__ = ["write_mesh"]
+
+logger = logging.getLogger(__name__)
+
+LONGEST_NAME = 127
+"""Bytes of a name that Gmsh reads."""
+
+
+def write_mesh(
+    path: str | PathLike[str],
+    mesh: MeshTri,
+    *,
+    point_data: Mapping[str, ArrayLike] | None = None,
+    cell_data: Mapping[str, ArrayLike] | None = None,
+    groups: Groups | None = None,
+) -> None:
+    """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
+
+    Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. Sets
+    called ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out, and so is the orientation of boundaries.
+    The file is written whole or not at all.
+
+    Parameters
+    ----------
+    path
+        ``.msh`` writes Gmsh MSH 4.1 and ``.msh2`` MSH 2.2, with a physical group per name and the fields as views.
+        ``.vtu`` is for ParaView: an integer array ``region`` that numbers the combinations of subdomain names, and the
+        names as the arrays ``skfem:s:<name>`` and ``skfem:b:<name>``, which ``skfem.Mesh.load`` understands, too.
+    mesh
+        A `MeshTri`.
+    point_data
+        Fields (nnodes,) by name.
+    cell_data
+        Fields (nelements,) or vectors (2, nelements) by name.
+    groups
+        What `read_groups` read: names keep their numbers, and groups of points are written where they have a node.
+        Without it, ``region_7`` and ``boundary_7`` are groups of that number and no name, and others are numbered
+        anew. VTU files have no numbers.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is unknown, the mesh is empty, broken or not exactly a `MeshTri`, a name or number cannot be
+        stored, or a field has another shape or holds a value that is not finite.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(2).with_boundaries({"left": lambda x: x[0] == 0.0})
+    >>> ka.write_mesh("square.msh", mesh, point_data={"height": mesh.p[1]}, cell_data={"quality": ka.quality(mesh)})
+    >>> list(ka.read_mesh("square.msh").boundaries)
+    ['left']
+    """
+    path = Path(path)
+    suffix = suffix_of(path, "write_mesh", (*MSH_VERSION, ".vtu"))
+    check_mesh(mesh)
+    subdomains = _checked_sets(mesh.subdomains, "subdomain")
+    boundaries = _checked_sets(mesh.boundaries, "boundary")
+    points = _checked_fields(point_data, mesh.p.shape[1], "point_data", vectors=False)
+    cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
+    with whole_file(path) as draft:
+        if suffix == ".vtu":
+            write_vtu(draft, mesh, subdomains, boundaries, points, cells)
+        else:
+            version = MSH_VERSION[suffix]
+            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups or Groups())
+
+
+def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
+    """Named sets of elements or facets, sorted and without repetition; what scikit-fem calls ``gmsh:*`` is left out.
+
+    Parameters
+    ----------
+    sets
+        Indices by name, or None.
+    kind
+        "subdomain" or "boundary", for messages.
+
+    Raises
+    ------
+    ValueError
+        If a name cannot be stored.
+    """
+    checked: dict[str, Ints] = {}
+    for name, indices in named_sets(sets).items():
+        _check_name(name, kind)
+        items = np.unique(indices)
+        if len(items) == 0:
+            logger.warning("%s '%s' is empty: Gmsh will not show it.", kind, name)
+        checked[name] = items
+    return checked
+
+
+def _checked_fields(
+    fields: Mapping[str, ArrayLike] | None, count: int, kind: str, *, vectors: bool
+) -> dict[str, Floats]:
+    """Fields by name as float arrays (count,), or (2, count) where `vectors` allows it.
+
+    Raises
+    ------
+    ValueError
+        If a name cannot be stored, a shape is another, or a value is not finite.
+    """
+    expected = f"({count},) or (2, {count})" if vectors else f"({count},)"
+    checked = {}
+    for name, values in (fields or {}).items():
+        _check_name(name, kind)
+        array = np.asarray(values, dtype=float)
+        if array.shape != (count,) and not (vectors and array.shape == (2, count)):
+            raise ValueError(f"{kind} '{name}' must have shape {expected}; got {array.shape}.")
+        if not np.all(np.isfinite(array)):
+            number = np.sum(~np.isfinite(array))
+            raise ValueError(f"{kind} '{name}' must be finite; {number} of its {array.size} values are not.")
+        checked[name] = array
+    return checked
+
+
+def _check_name(name: object, kind: str) -> None:
+    if not isinstance(name, str) or not name or not name.isprintable() or '"' in name:
+        raise ValueError(
+            f"the name of a {kind} must be printable text without a double quote, which Gmsh cannot read; got {name!r}."
+        )
+    if len(name.encode()) > LONGEST_NAME:
+        raise ValueError(f"the name of a {kind} may have {LONGEST_NAME} bytes, more Gmsh cuts off; got {name!r}.")
