@@ -1,6 +1,5 @@
 """What the loop gives back: status, passes, the result, its table and how a notebook shows it."""
 
-from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
@@ -18,7 +17,6 @@ __all__ = ["AdaptResult", "Pass", "Status", "table_columns"]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
-DRAWN = 30_000  # nodes; with more, whoever asked for a table would wait for its picture
 
 Columns = list[tuple[str, list[str]]]
 
@@ -137,10 +135,10 @@ class AdaptResult:
         return "\n".join([*chain.from_iterable(rows), self.message])
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the table, and the meshes where there is matplotlib."""
+        """The table, for notebooks."""
         columns = chain.from_iterable(table_columns(self.history))
         bold = [step.mesh is self.mesh for step in self.history]
-        return f"{_html_table(list(columns), bold)}\n<p>{escape(self.message)}</p>\n{_html_picture(self)}"
+        return f"{_html_table(list(columns), bold)}\n<p>{escape(self.message)}</p>"
 
 
 def _html_table(columns: Columns, bold: Sequence[bool]) -> str:
@@ -154,18 +152,6 @@ def _html_table(columns: Columns, bold: Sequence[bool]) -> str:
 
 def _html_row(cells: Sequence[str], style: str) -> str:
     return f"<tr{style}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
-
-
-def _html_picture(result: AdaptResult) -> str:
-    """The meshes before and after as an image that the page itself holds; empty without matplotlib."""
-    if result.mesh.p.shape[1] > DRAWN:
-        return ""
-    try:
-        from kohonen_adapt.plotting.notebook import overview_png  # drawn only where somebody looks
-    except ImportError:
-        return ""
-    content = b64encode(overview_png(result.history[0].mesh, result.mesh, result.history)).decode("ascii")
-    return f'<img alt="Mesh before and after, estimate over the passes" src="data:image/png;base64,{content}">'
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
