@@ -1,34 +1,161 @@
-"""What a key of a case may hold: a check for each kind of value, and of a table of keys, that names the key."""
+"""Read tables of a case as arguments: a key may hold what the argument's type says, and every error names its key."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
-from math import inf, isfinite
-from typing import Any
+from inspect import Parameter, signature
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
 __all__ = [
+    "NUMBER",
+    "TEXT",
     "Kind",
+    "Reader",
     "about",
-    "checked",
-    "choice",
-    "flag",
-    "integer",
-    "labels",
-    "number",
-    "pairs",
-    "pins",
-    "table",
+    "called",
+    "kinds_of",
+    "list_of",
+    "made",
+    "made_by_name",
+    "read_table",
     "table_of",
-    "text",
-    "vector",
+    "tuple_of",
 ]
 
-Kind = Callable[[Any, str], Any]
+Reader = Callable[[Any, str], Any]
 """Takes a value and the place of its key, and gives the value as it is meant, or a ValueError that names the place."""
 
 LARGEST = 2**31 - 1  # of integers: nothing that is counted here is more
 
 SHOWN = 60  # characters of a wrong value
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of value: types of TOML, what they are called together, which values fit, and how to read those."""
+
+    types: tuple[type, ...]
+    wanted: str
+    fits: Callable[[Any], bool] = lambda given: True
+    read: Reader = lambda given, place: given
+
+    def __call__(self, given: Any, place: str) -> Any:
+        """Read a value; a ValueError names the place, what was expected and what came."""
+        if type(given) not in self.types or not self.fits(given):
+            hint = " Write it without quotes." if isinstance(given, str) and str not in self.types else ""
+            raise ValueError(f"{place} must be {self.wanted}; got {_shown(given)}.{hint}")
+        return self.read(given, place)
+
+
+FLAG = Kind((bool,), "true or false")
+INTEGER = Kind((int,), f"an integer up to {LARGEST}", lambda given: abs(given) <= LARGEST)
+NUMBER = Kind(
+    (int, float), "a finite number", lambda given: abs(given) <= sys.float_info.max, lambda given, place: float(given)
+)
+TEXT = Kind((str,), "some text in quotes", bool)
+SCALARS = {bool: FLAG, int: INTEGER, float: NUMBER, str: TEXT}
+
+
+def table_of(read: Reader) -> Kind:
+    """A table from names of the user's to values of one kind."""
+
+    def read_each(given: Any, place: str) -> dict[str, Any]:
+        return {TEXT(key, f"a key of {place}"): read(value, _below(place, key)) for key, value in given.items()}
+
+    return Kind((dict,), "a table of keys", read=read_each)
+
+
+TABLE = table_of(lambda given, place: given)
+
+
+def list_of(kind: Kind) -> Kind:
+    """A list of values of one kind."""
+
+    def read(given: Any, place: str) -> list[Any]:
+        return [kind(value, f"{place}[{k}]") for k, value in enumerate(given)]
+
+    return Kind((list,), f"[{kind.wanted}, ...]", read=read)
+
+
+def tuple_of(kinds: Sequence[Kind]) -> Kind:
+    """As many values as kinds, in this order."""
+
+    def read(given: Any, place: str) -> tuple[Any, ...]:
+        return tuple(kind(value, f"{place}[{k}]") for k, (kind, value) in enumerate(zip(kinds, given, strict=True)))
+
+    wanted = f"[{', '.join(kind.wanted for kind in kinds)}]"
+    return Kind((list,), wanted, lambda given: len(given) == len(kinds), read)
+
+
+def kind_of(annotation: Any) -> Kind | None:
+    """What TOML may hold for an argument of that type; None if it can write none of it."""
+    if isinstance(annotation, type) and annotation in SCALARS:
+        return SCALARS[annotation]
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Literal:
+        return Kind((str,), f"one of {', '.join(map(repr, arguments))}", lambda given: given in arguments)
+    kinds = [kind for each in arguments if (kind := kind_of(each))]
+    if not kinds:
+        return None
+    if origin in (Union, UnionType):
+        return _either(kinds)
+    if origin is tuple:
+        return tuple_of(kinds)
+    if origin in (list, Sequence):
+        return list_of(kinds[0])
+    return table_of(kinds[1]) if origin is Mapping and len(kinds) == 2 else None
+
+
+def kinds_of(make: Callable[..., Any], **special: Reader) -> dict[str, Reader]:
+    """How to read those arguments of a class or a function that TOML can write, by annotations but for special ones."""
+    readers = {name: special.get(name) or kind_of(each.annotation) for name, each in signature(make).parameters.items()}
+    return {name: reader for name, reader in readers.items() if reader}
+
+
+def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: Iterable[str] = ()) -> dict[str, Any]:
+    """Read the values of a table, which has no other keys than those that have readers, and all that are required.
+
+    The place is where the table stands, as ``materials.iron``; empty for the case itself.
+    """
+    entries = TABLE(given, place or "a case")
+    for key in entries:
+        if key not in readers:
+            where = f" in {place}" if place else ""
+            raise ValueError(
+                f"{_below(place, key)!r} is no key of a case.{_near(key, readers)} Known{where}: {', '.join(readers)}."
+            )
+    for key in required:
+        if key not in entries:
+            raise ValueError(f"{_below(place, key)} is missing; it must be there.")
+    return {key: readers[key](value, _below(place, key)) for key, value in entries.items()}
+
+
+def made(make: Callable[..., Any], given: Any, place: str, **special: Reader) -> Any:
+    """What a class or a function makes of the values of a table as its arguments."""
+    required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
+    return called(make, read_table(given, kinds_of(make, **special), place, required), place)
+
+
+def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:
+    """What a class or a function makes of arguments; its errors get the place."""
+    with about(place):
+        try:
+            return make(**values)
+        except (ArithmeticError, RuntimeError) as error:  # extreme numbers overflow, or end no iteration
+            raise ValueError(str(error)) from None
+
+
+def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
+    """The same, where one key of the table is the name of the class or function."""
+    entries = TABLE(given, place)
+    name = entries.pop(key, None)
+    if not isinstance(name, str) or name not in makers:
+        said = f"one of {', '.join(map(repr, makers))}"
+        raise ValueError(f"{_below(place, key)} must be {said}; got {_shown(name)}.{_near(name, makers)}")
+    return made(makers[name], entries, place)
 
 
 @contextmanager
@@ -40,144 +167,14 @@ def about(place: object) -> Iterator[None]:
         raise ValueError(f"{place}: {error}") from None
 
 
-def checked(given: Any, kinds: Mapping[str, Kind], place: str, required: Sequence[str] = ()) -> dict[str, Any]:
-    """The values of a table, each as its kind has it.
+def _either(kinds: Sequence[Kind]) -> Kind:
+    """A value of one of several kinds, told apart by their types."""
 
-    Parameters
-    ----------
-    given
-        The table.
-    kinds
-        Key to what it may hold.
-    place
-        Where the table stands, as ``materials.iron``; empty for the case itself.
-    required
-        Keys that must be there.
+    def read(given: Any, place: str) -> Any:
+        return next(kind for kind in kinds if type(given) in kind.types)(given, place)
 
-    Raises
-    ------
-    ValueError
-        If it is no table, has a key that is not known, lacks one that must be there, or holds a wrong value.
-    """
-    entries = table(given, place or "a case")
-    for key in entries:
-        if key not in kinds:
-            raise ValueError(_unknown(key, list(kinds), place))
-    for key in required:
-        if key not in entries:
-            raise ValueError(f"{_below(place, key)} is missing; it must be there.")
-    return {key: kinds[key](value, _below(place, key)) for key, value in entries.items()}
-
-
-def table(given: Any, place: str) -> dict[str, Any]:
-    """A table of keys."""
-    if not isinstance(given, Mapping):
-        raise ValueError(f"{place} must be a table of keys; got {_shown(given)}.")
-    return {text(key, f"a key of {place}"): value for key, value in given.items()}
-
-
-def table_of(kind: Kind) -> Kind:
-    """A table from names of the user's to values of one kind."""
-
-    def check(given: Any, place: str) -> dict[str, Any]:
-        return {name: kind(value, _below(place, name)) for name, value in table(given, place).items()}
-
-    return check
-
-
-def number(*, least: float = -inf, above: float = -inf, most: float = inf) -> Kind:
-    """A finite number in a range."""
-    bounds = [f">= {least:g}"] * (least > -inf) + [f"> {above:g}"] * (above > -inf) + [f"<= {most:g}"] * (most < inf)
-    wanted = " ".join(["a finite number", " and ".join(bounds)]).rstrip()
-
-    def check(given: Any, place: str) -> float:
-        try:
-            value = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else inf
-        except OverflowError:
-            value = inf
-        if not (isfinite(value) and least <= value <= most and value > above):
-            raise ValueError(f"{place} must be {wanted}; got {_shown(given)}.{_unquote(given)}")
-        return value
-
-    return check
-
-
-def integer(*, least: int = 0) -> Kind:
-    """An integer from `least` on."""
-
-    def check(given: Any, place: str) -> int:
-        if not isinstance(given, int) or isinstance(given, bool) or not least <= given <= LARGEST:
-            raise ValueError(
-                f"{place} must be an integer from {least} to {LARGEST}; got {_shown(given)}.{_unquote(given)}"
-            )
-        return given
-
-    return check
-
-
-def choice(*values: str | int) -> Kind:
-    """One of these values."""
-    said = ", ".join(map(repr, values))
-
-    def check(given: Any, place: str) -> Any:
-        if isinstance(given, bool) or not isinstance(given, str | int) or given not in values:
-            near = get_close_matches(given, [str(value) for value in values], 1) if isinstance(given, str) else []
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{place} must be one of {said}; got {_shown(given)}.{hint}")
-        return given
-
-    return check
-
-
-def flag(given: Any, place: str) -> bool:
-    """True or false."""
-    if not isinstance(given, bool):
-        raise ValueError(f"{place} must be true or false; got {_shown(given)}.{_unquote(given)}")
-    return given
-
-
-def text(given: Any, place: str) -> str:
-    """A text that is not empty."""
-    if not isinstance(given, str) or not given:
-        raise ValueError(f"{place} must be a text in quotes that is not empty; got {_shown(given)}.")
-    return given
-
-
-def vector(given: Any, place: str) -> tuple[float, float]:
-    """Two finite numbers."""
-    if not isinstance(given, list) or len(given) != 2:
-        raise ValueError(f"{place} must be two numbers [x, y]; got {_shown(given)}.")
-    x, y = (number()(value, f"{place}[{k}]") for k, value in enumerate(given))
-    return x, y
-
-
-def labels(given: Any, place: str) -> list[str]:
-    """A name, or a list of names."""
-    listed = given if isinstance(given, list) else [given]
-    if not listed or not all(isinstance(name, str) and name for name in listed):
-        raise ValueError(f"{place} must be a name or a list of names; got {_shown(given)}.")
-    return listed
-
-
-def pairs(given: Any, place: str) -> list[tuple[str, str]]:
-    """A list of pairs of names."""
-    if not isinstance(given, list) or not all(map(_is_pair, given)):
-        raise ValueError(f'{place} must be a list of pairs of names, as [["left", "right"]]; got {_shown(given)}.')
-    return [(one, other) for one, other in given]
-
-
-def _is_pair(given: Any) -> bool:
-    return isinstance(given, list) and len(given) == 2 and all(isinstance(name, str) for name in given)
-
-
-def pins(given: Any, place: str) -> list[int | str]:
-    """A list of names and numbers of nodes."""
-    if not isinstance(given, list):
-        raise ValueError(f"{place} must be a list of names and node numbers; got {_shown(given)}.")
-    return [
-        text(entry, f"{place}[{k}]") if isinstance(entry, str) else integer()(entry, f"{place}[{k}]")
-        for k, entry in enumerate(given)
-    ]
+    types = tuple(each for kind in kinds for each in kind.types)
+    return Kind(types, " or ".join(kind.wanted for kind in kinds), read=read)
 
 
 def _below(place: str, key: str) -> str:
@@ -185,15 +182,9 @@ def _below(place: str, key: str) -> str:
     return f"{place}.{name}" if place else name
 
 
-def _unknown(key: str, known: list[str], place: str) -> str:
-    near = get_close_matches(key, known, 1)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    where = f" in {place}" if place else ""
-    return f"{_below(place, key)!r} is no key of a case.{hint} Known{where}: {', '.join(known)}."
-
-
-def _unquote(given: Any) -> str:
-    return " Write it without quotes." if isinstance(given, str) else ""
+def _near(given: Any, known: Iterable[str]) -> str:
+    near = get_close_matches(given, list(known), 1) if isinstance(given, str) else []
+    return f" Did you mean {near[0]!r}?" if near else ""
 
 
 def _shown(given: Any) -> str:

@@ -1,64 +1,34 @@
-"""A case, from TOML to checked settings: mesh file, problem, options of `adapt` and outputs."""
+"""Read a case from TOML: mesh file, problem, options of `adapt` and outputs."""
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from skfem import MeshTri
 
-from kohonen_adapt.cases.kinds import Kind, about, checked, choice, flag, integer, number, pairs, pins, table_of, text
-from kohonen_adapt.cases.materials import material_in
-from kohonen_adapt.cases.quantities import Quantity, quantity
-from kohonen_adapt.cases.shapes import shape
+from kohonen_adapt.cases.contents import Quantity, material_in, quantity, shape
+from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
 from kohonen_adapt.io import MSH_VERSION, Groups, read_groups, read_mesh
-from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.magnetostatics import Magnetostatics
+from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.magnetostatics import Field, Magnetostatics
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.bodies import elements_of
-from kohonen_adapt.outline.rules import Limits
-from kohonen_adapt.som.relocate import guarded_map
 
-__all__ = ["Case", "case_of", "read_case"]
+__all__ = ["ADAPT", "PROBLEM", "Case", "case_of", "read_case"]
 
-PROBLEM: dict[str, Kind] = {
-    "potential": table_of(number()),
-    "ampere_turns": table_of(number()),
-    "depth": number(above=0.0),
-    "axisymmetric": flag,
-    "order": choice(1, 2),
-    "estimator": choice("residual", "recovery", "equilibrated"),
-    "open_boundary": text,
-    "periodic": pairs,
-    "antiperiodic": pairs,
-}
+PROBLEM = kinds_of(Magnetostatics)
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-ADAPT: dict[str, Kind] = {
-    "passes": integer(),
-    "rtol": number(least=0.0),
-    "atol": number(least=0.0),
-    "topology": choice("fixed", "flip", "recycle"),
-    "min_quality": number(least=0.0, most=1.0),
-    "pinned": pins,
-    "seed": integer(),
-    "polish": flag,
-    "target_nodes": integer(least=1),
-    "periodic": pairs,
-    "curves": table_of(shape),
-    "layers": table_of(integer(least=1)),
-    "output_rtol": number(least=0.0),
-}
+ADAPT = {name: kind for name, kind in kinds_of(adapt, curves=table_of(shape)).items() if name != "checkpoint"}
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
 LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
-
-LIMITS = ("topology", "min_quality", "pinned", "curves", "periodic", "layers")
-"""Those of them that limit what nodes may do."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +79,12 @@ class Case:
         per_metre = "" if totals else "/m"
         return {f"{name} ({each.unit}{per_metre})": each for name, each in self.outputs.items()}
 
+    @property
+    def pinned(self) -> list[int | str]:
+        """Names and numbers of what is to stay where it is."""
+        given = self.adapt.get("pinned", [])
+        return [given] if isinstance(given, str) else given
+
     def fitting_mesh(self) -> MeshTri:
         """Read the mesh, and refuse what `adapt` would refuse before it solves.
 
@@ -134,10 +110,21 @@ class Case:
             with about(f"outputs.{name}"):
                 for body in each.bodies:
                     elements_of(mesh, body)
-        with about("adapt"):
-            guarded_map(mesh, Limits(**{name: self.adapt[name] for name in LIMITS if name in self.adapt}))
-            Growth.of(mesh, self.adapt.get("target_nodes"), self.adapt.get("passes", 1))
+        with about("adapt"), suppress(_Checked):
+            unsolved = _Unsolved(**{field.name: getattr(problem, field.name) for field in fields(problem)})
+            adapt(mesh, unsolved, outputs=self.outputs, **self.adapt)
         return mesh
+
+
+class _Checked(Exception):
+    """Ends `adapt` at its first solve: it has checked everything by then."""
+
+
+class _Unsolved(Magnetostatics):
+    """A problem that ends there."""
+
+    def solve(self, mesh: MeshTri) -> Field:
+        raise _Checked
 
 
 def read_case(path: Path) -> Case:
@@ -207,20 +194,18 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     ValueError
         If a key is unknown, missing, or holds a wrong value; the message names it.
     """
-    kinds: dict[str, Kind] = {
-        "mesh": text,
-        "scale": number(above=0.0),
+    readers: dict[str, Reader] = {
+        "mesh": TEXT,
+        "scale": NUMBER,
         "materials": table_of(material_in(folder)),
         **PROBLEM,
-        "adapt": lambda value, place: checked(value, ADAPT, place),
+        "adapt": lambda value, place: read_table(value, ADAPT, place),
         "outputs": table_of(quantity),
     }
-    values = checked(given, kinds, "", required=("mesh", "materials"))
+    values = read_table(given, readers, "", required=("mesh", "materials"))
     problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
-    adapt, outputs = values.get("adapt", {}), values.get("outputs", {})
+    options = values.get("adapt", {})
     joined = [*problem.periodic, *problem.antiperiodic]
     if joined:
-        adapt.setdefault("periodic", joined)  # what belongs together in the field must stay matched in the mesh
-    if "output_rtol" in adapt and not outputs:
-        raise ValueError("adapt.output_rtol limits the changes of outputs, and there are none; add [outputs.NAME].")
-    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, adapt, outputs)
+        options.setdefault("periodic", joined)  # what belongs together in the field must stay matched in the mesh
+    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, options, values.get("outputs", {}))

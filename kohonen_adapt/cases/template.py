@@ -1,4 +1,4 @@
-"""A commented case for a mesh, its names filled in, that runs as it stands where one boundary holds most of the rim."""
+"""Write a commented case for a mesh, which runs as it stands where one boundary holds most of the rim."""
 
 import json
 import re
@@ -8,6 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["case_text"]
 
@@ -85,7 +86,7 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
 
 
 def _materials(mesh: MeshTri) -> str:
-    sets = {name: rows for name, rows in (mesh.subdomains or {}).items() if not name.startswith("gmsh:")}
+    sets = named_sets(mesh.subdomains)
     areas = area(mesh)
     chosen = _partition(sets, areas)
     total, lines = areas.sum(), []
@@ -119,8 +120,7 @@ def _disjoint(sets: Sets, names: list[str], count: int) -> set[str]:
 
 
 def _potential(mesh: MeshTri) -> str:
-    sets = {name: rows for name, rows in (mesh.boundaries or {}).items() if not name.startswith("gmsh:")}
-    shares = {name: _share_of_rim(mesh, rows) for name, rows in sets.items() if len(rows)}
+    shares = {name: _share_of_rim(mesh, rows) for name, rows in named_sets(mesh.boundaries).items() if len(rows)}
     lines = ["", "[potential]  # A in Wb/m; where none is given, flux crosses the boundary at a right angle"]
     candidates = [name for name in sorted(shares) if shares[name] > 0.0]
     outer = max(candidates, key=lambda name: shares[name], default=None)

@@ -144,7 +144,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
     from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
 
     unit, order = _length_unit(after), case.problem.order
-    names = [pin for pin in case.adapt.get("pinned", ()) if isinstance(pin, str)]  # nodes have other numbers now
+    names = [pin for pin in case.pinned if isinstance(pin, str)]  # nodes have other numbers now
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
         PICTURE: _overview(case, before, after),

@@ -127,7 +127,7 @@ class CaseRun:
             interim=self._interim,
             progress=self._progress,
             checkpoint=self.passes,
-            **{**case.adapt, "pinned": [*case.adapt.get("pinned", ()), *held]},
+            **{**case.adapt, "pinned": [*case.pinned, *held]},
         )
         if self._written is not result.mesh:  # all its passes are of a run before
             self._write(result)

@@ -11,8 +11,8 @@ import pytest
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of
-from kohonen_adapt.cases.materials import LAWS
-from kohonen_adapt.cases.quantities import QUANTITIES
+from kohonen_adapt.cases.contents import LAWS, QUANTITIES, SHAPES
+from kohonen_adapt.cases.kinds import kinds_of
 from kohonen_adapt.cases.settings import ADAPT, PROBLEM
 
 ROOT = Path(__file__).parents[2]
@@ -34,8 +34,9 @@ def test_every_case_fits_its_mesh(page, case):
 
 def test_every_key_of_a_case_is_explained():
     said = set(re.findall(r"\w+", PAGES["examples/README.md"].partition("## From the command line")[2]))
-    arguments = {key for _, kinds, _ in QUANTITIES.values() for key in kinds}
-    assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *LAWS, *QUANTITIES, *arguments} <= said
+    named = {**LAWS, **QUANTITIES, **SHAPES}
+    arguments = {key for make in named.values() for key in kinds_of(make)}
+    assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *named, *arguments} <= said
 
 
 def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):

@@ -1,0 +1,120 @@
+"""Make what tables of a case stand for: materials, outputs and curves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from kohonen_adapt.cases.kinds import NUMBER, Reader, called, list_of, made, made_by_name, tuple_of
+from kohonen_adapt.magnetostatics import Arctan, Brauer, Field, Froehlich, Law, Material, Table, read_bh
+from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.spline import Spline
+
+__all__ = ["LAWS", "QUANTITIES", "SHAPES", "Quantity", "material_in", "quantity", "shape"]
+
+Point = tuple[float, float]
+
+POINTS = list_of(tuple_of([NUMBER, NUMBER]))
+
+LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
+
+
+def material_in(folder: Path) -> Reader:
+    """What reads a table under ``materials``; files of curves are sought from the folder."""
+
+    def read(given: Any, place: str) -> Material:
+        return made(Material, given, place, bh=lambda curve, where: _law(curve, where, folder))
+
+    return read
+
+
+def _law(given: Any, place: str, folder: Path) -> Law:
+    if isinstance(given, list):
+        return called(Table, {"points": POINTS(given, place)}, place)
+    if isinstance(given, str):
+        return _read(folder / given, place)
+    if not isinstance(given, dict):
+        raise ValueError(
+            f'{place} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; got {given!r}.'
+        )
+    return made_by_name(LAWS, "law", given, place)
+
+
+def _read(path: Path, place: str) -> Table:
+    # Nothing but a plain file: a device or a pipe would never end.
+    try:
+        if path.is_file():
+            return read_bh(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{place}: {error}") from None
+    raise ValueError(f"{place} must name a file with a table of B and H; there is none at '{path}'.")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A function of a field, the unit of a total of it, and the subdomains that it asks for."""
+
+    function: Callable[[Field], float]
+    unit: str
+    bodies: tuple[str, ...] = ()
+
+    def __call__(self, field: Field) -> float:
+        """Its value."""
+        return float(self.function(field))
+
+
+def _force(body: str | list[str], component: Literal["x", "y"]) -> Quantity:
+    names = _names(body)
+    return Quantity(lambda field: field.force(names)["xy".index(component)], "N", names)
+
+
+def _torque(body: str | list[str], centre: Point = (0.0, 0.0)) -> Quantity:
+    names = _names(body)
+    return Quantity(lambda field: field.torque(names, centre), "N m", names)
+
+
+def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
+    names = _names(coil)
+    return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
+
+
+def _energy() -> Quantity:
+    return Quantity(lambda field: field.energy, "J")
+
+
+def _coenergy() -> Quantity:
+    return Quantity(lambda field: field.coenergy, "J")
+
+
+def _names(given: str | list[str]) -> tuple[str, ...]:
+    if not given:
+        raise ValueError("a body or a coil must be at least one subdomain; got an empty list.")
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+QUANTITIES: dict[str, Callable[..., Quantity]] = {
+    "force": _force,
+    "torque": _torque,
+    "flux_linkage": _flux_linkage,
+    "energy": _energy,
+    "coenergy": _coenergy,
+}
+
+
+def quantity(given: Any, place: str) -> Quantity:
+    """What a table under ``outputs`` stands for."""
+    return made_by_name(QUANTITIES, "quantity", given, place)
+
+
+def _spline(points: list[Point], closed: bool = False) -> Spline:
+    return Spline(np.reshape(points, (-1, 2)).T, closed=closed)
+
+
+SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
+
+
+def shape(given: Any, place: str) -> Arc | Line | Spline:
+    """The curve that a table under ``adapt.curves`` stands for, in metres."""
+    return made_by_name(SHAPES, "curve", given, place)
