@@ -1,4 +1,4 @@
-"""The page: its parts in HTML, every text escaped, and a policy that lets nothing in or out."""
+"""Fill the page of a report: every text escaped, and a policy that lets nothing in or out."""
 
 import base64
 import hashlib

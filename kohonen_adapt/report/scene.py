@@ -1,5 +1,7 @@
-"""What the view of a report shows: two meshes, their fields, and the ends of every colour scale."""
+"""Pack what the view of a report shows: two meshes, their fields, and the ends of every colour scale."""
 
+import base64
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,9 +16,8 @@ from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_fac
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
-from kohonen_adapt.report.packing import packed
 
-__all__ = ["FieldOf", "view_data"]
+__all__ = ["FieldOf", "packed", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
 """What gives the values of a field from the solution that a problem returned."""
@@ -24,6 +25,8 @@ FieldOf = Callable[[Any], ArrayLike]
 Results = Sequence[AdaptResult]
 
 NAMELESS = "no name"
+NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
+
 MOST_NAMES = 255  # as a byte holds; further sets of names are shown as the last
 
 
@@ -166,3 +169,33 @@ def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
     _, first, number = np.unique(codes, return_index=True, return_inverse=True)
     sets = [[name for name, rows in subdomains.items() if np.any(rows == one)] for one in first]
     return np.array([names.setdefault(", ".join(each) or NAMELESS, len(names)) for each in sets])[number]
+
+
+def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
+    """Arrays as short text for a page, which unpacks it to a typed array: planes of their bytes, deflated, in base64.
+
+    Parameters
+    ----------
+    values
+        Of any shape; they go row by row.
+    kind
+        ``"f4"``, ``"u4"`` or ``"u1"``: little-endian floats or integers.
+    coarse
+        Whether floats are rounded to 16 bits (1.5e-5 of each), for what is only looked at.
+
+    Returns
+    -------
+    dict
+        ``type`` and ``data``.
+
+    Notes
+    -----
+    Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then shrink to a third, and floats
+    by the bits that neighbours share.
+    """
+    with np.errstate(over="ignore"):  # what float32 does not hold is infinite, and drawn as the end of the scale
+        flat = np.ascontiguousarray(values).ravel().astype(NUMBERS[kind])
+    if coarse:
+        flat = ((flat.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(flat.dtype)
+    planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T
+    return {"type": kind, "data": base64.b64encode(zlib.compress(planes.tobytes(), 6)).decode("ascii")}

@@ -1,9 +1,20 @@
-"""An adaptation in words: how it ended, what it gained, what became of the outputs."""
+"""Tell an adaptation in words: how it ended, what it gained, and what it takes to compute the same again."""
 
+import platform
+import re
+from importlib.metadata import PackageNotFoundError, version
+
+from kohonen_adapt import __version__
 from kohonen_adapt.display import counted
+from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.result import AdaptResult, Pass
 
-__all__ = ["key_figures", "sentences"]
+__all__ = ["key_figures", "sentences", "versions", "without_folders"]
+
+PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
+
+QUOTED = re.compile(r"""(["'])(?:~|[A-Za-z]:)?[\\/](?:[^"'\n]*[\\/])?""")
+BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)+[\\/]""")
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
@@ -62,3 +73,32 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
     change = f", by {100.0 * (after - before) / abs(before):+.3g}\u00a0%" if before else ""
     return f"{name} went from {before:.5g} to {after:.5g}{change}." if last is not first else f"{name} is {after:.5g}."
+
+
+def versions() -> dict[str, str]:
+    """Name to version of everything that decides the numbers, the kind of processor and the number of threads."""
+    return {
+        "kohonen_adapt": __version__,
+        "Python": platform.python_version(),
+        **{name: found for name in PACKAGES if (found := _version_of(name))},
+        "processor": platform.machine(),
+        "threads": str(number_of_threads()),
+    }
+
+
+def without_folders(text: str) -> str:
+    """The text with absolute paths cut to the names of their files: folders tell who worked where.
+
+    Examples
+    --------
+    >>> without_folders('mesh = "~/meshes/c_core.msh"  # in A/m')
+    'mesh = "c_core.msh"  # in A/m'
+    """
+    return BARE.sub("", QUOTED.sub(r"\1", text))
+
+
+def _version_of(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

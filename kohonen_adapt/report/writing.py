@@ -1,4 +1,4 @@
-"""A report of an adaptation as one HTML file that needs nothing else."""
+"""Write the report of an adaptation as one HTML file that needs nothing else."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -8,9 +8,8 @@ from kohonen_adapt import __version__
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.report.page import filled_page
-from kohonen_adapt.report.reproduction import versions, without_folders
 from kohonen_adapt.report.scene import FieldOf, view_data
-from kohonen_adapt.report.summary import key_figures, sentences
+from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
 
 __all__ = ["write_report"]
 

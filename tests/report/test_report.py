@@ -19,9 +19,9 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.loop.result import Status
 from kohonen_adapt.report import write_report
-from kohonen_adapt.report.packing import packed
 from kohonen_adapt.report.page import filled_page
-from kohonen_adapt.report.reproduction import without_folders
+from kohonen_adapt.report.scene import packed
+from kohonen_adapt.report.summary import without_folders
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
