@@ -1,4 +1,4 @@
-"""Make what tables of a case stand for: materials, outputs and curves."""
+"""Read the tables of a case that stand for materials, outputs and curves."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich,
 
 
 def material_in(folder: Path) -> Reader:
-    """What reads a table under ``materials``; files of curves are sought from the folder."""
+    """A reader of tables under ``materials``; files of curves are sought from the folder."""
 
     def read(given: Any, place: str) -> Material:
         return made(Material, given, place, bh=lambda curve, where: _law(curve, where, folder))
@@ -104,7 +104,7 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
 
 
 def quantity(given: Any, place: str) -> Quantity:
-    """What a table under ``outputs`` stands for."""
+    """Read a table under ``outputs``."""
     return made_by_name(QUANTITIES, "quantity", given, place)
 
 
@@ -116,5 +116,5 @@ SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Lin
 
 
 def shape(given: Any, place: str) -> Arc | Line | Spline:
-    """The curve that a table under ``adapt.curves`` stands for, in metres."""
+    """Read a table under ``adapt.curves``: a curve in metres."""
     return made_by_name(SHAPES, "curve", given, place)

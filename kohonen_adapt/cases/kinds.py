@@ -91,7 +91,7 @@ def tuple_of(kinds: Sequence[Kind]) -> Kind:
 
 
 def kind_of(annotation: Any) -> Kind | None:
-    """What TOML may hold for an argument of that type; None if it can write none of it."""
+    """Find the kind of value that TOML may hold for an argument of that type; None if it can write none of it."""
     if isinstance(annotation, type) and annotation in SCALARS:
         return SCALARS[annotation]
     origin, arguments = get_origin(annotation), get_args(annotation)
@@ -134,13 +134,13 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
 
 
 def made(make: Callable[..., Any], given: Any, place: str, **special: Reader) -> Any:
-    """What a class or a function makes of the values of a table as its arguments."""
+    """Call a class or a function with the values of a table as its arguments."""
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
     return called(make, read_table(given, kinds_of(make, **special), place, required), place)
 
 
 def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:
-    """What a class or a function makes of arguments; its errors get the place."""
+    """Call a class or a function; its errors get the place."""
     with about(place):
         try:
             return make(**values)
@@ -149,7 +149,7 @@ def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> A
 
 
 def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
-    """The same, where one key of the table is the name of the class or function."""
+    """Call the class or function that one key of a table names, with the others as its arguments."""
     entries = TABLE(given, place)
     name = entries.pop(key, None)
     if not isinstance(name, str) or name not in makers:

@@ -168,7 +168,7 @@ def _check_file(mesh: Path) -> None:
 
 
 def _remedy(path: Path) -> str:
-    """What to do about a file that is not TOML."""
+    """Advise about a file that is not TOML."""
     if path.suffix.lower() in (*MSH_VERSION, ".vtu"):
         return f"That is a mesh; make a case for it: kohonen-adapt init {path}."
     return "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma."

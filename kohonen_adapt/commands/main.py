@@ -220,7 +220,7 @@ def _number_or_name(word: str) -> Any:
 
 
 def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn | None:
-    """What the drawing gives, or None without matplotlib; everything else is written by then."""
+    """Draw, when everything else is written, and return what that gives; None without matplotlib."""
     terminal.say(f"Results are in {folder}; now pictures and the report, which Ctrl-C leaves out.")
     terminal.show("draw")
     try:

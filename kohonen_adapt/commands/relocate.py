@@ -25,7 +25,7 @@ MEANINGS: dict[str, Callable[[MeshTri, NDArray[Any]], NDArray[Any]]] = {
     "indicators": density_from_indicators,
     "sizes": density_from_sizes,
 }
-"""What a field may hold, to what makes a density of it."""
+"""Meaning of a field to the function that makes a density of it."""
 
 SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)", re.IGNORECASE | re.DOTALL)
 

@@ -200,7 +200,7 @@ def _write_report(
 
 
 def _asked(case: Case, before: AdaptResult) -> str:
-    """What was to be done, in words."""
+    """Say what was to be done."""
     options, problem = case.adapt, case.problem
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
     limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]

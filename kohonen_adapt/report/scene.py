@@ -20,7 +20,7 @@ from kohonen_adapt.mesh.names import codes_of_names, named_sets
 __all__ = ["FieldOf", "packed", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
-"""What gives the values of a field from the solution that a problem returned."""
+"""A function from the solution that a problem returned to the values of a field."""
 
 Results = Sequence[AdaptResult]
 

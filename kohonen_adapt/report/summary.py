@@ -18,7 +18,7 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
-    """What to look at first, name and value: the error before and after, nodes, quality, outputs."""
+    """Names and values to look at first: the error before and after, nodes, quality, outputs."""
     first, last = result.history[0], _best(result)
     word = "energy error" if _in_percent(first, last) else "estimate"
     return [
