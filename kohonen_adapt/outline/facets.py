@@ -1,4 +1,4 @@
-"""Outline facets of a triangulation: on the outer boundary, between regions, and named; which ones go on into which."""
+"""Find the facets that outlines are made of, on the outer boundary, between regions and named, and link them."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import codes_of_names
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.polylines import CORNER, Runs, traced
+from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, turns
 
 __all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of", "turned"]
 
@@ -97,17 +97,11 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask) -> Joints:
 
     The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are.
     """
-    ends = facets.nodes.ravel()
-    order = np.argsort(ends, kind="stable")
-    count = np.bincount(ends, minlength=len(position))
-    node = np.flatnonzero(count == 2)
-    first = (np.cumsum(count) - count)[node]
-    rows = np.stack([order[first], order[first + 1]], axis=1)
-    other = ends[rows ^ 1]
+    node, rows = meetings(facets.nodes, len(position))
+    other = facets.nodes.ravel()[rows ^ 1]
     # along the first facet to the node, and on along the second: against its own direction where it ends there
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
-    u, w = (position[other[:, side]] - position[node] for side in (0, 1))
-    turn = np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
+    turn = turns(*(position[other[:, side]] - position[node] for side in (0, 1)))
     smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
     return Joints(node, rows // 2, other, (arriving == leaving) & smooth)
 

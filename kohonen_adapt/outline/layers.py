@@ -1,4 +1,4 @@
-"""Layers of elements across thin subdomains: levels of nodes that keep their two sides apart.
+"""Keep layers of elements across thin subdomains, by levels of nodes that hold their two sides apart.
 
 Across a subdomain there are k layers if every way over its edges from one side to the other has k edges or more. Levels
 certify it: 0 on one side, k on the other, and no edge joins nodes whose levels differ by more than 1. A node keeps its
@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import listed
 from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.kernels.triangle.across import lower_to_steps
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.sides import facing_sides, joined
+from kohonen_adapt.outline.facing import facing_sides, joined
 
 __all__ = ["lay"]
 
@@ -70,11 +72,12 @@ def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Ints] | N
         return {}
     if not isinstance(layers, Mapping):
         raise ValueError(f"layers must map names of subdomains to numbers of layers; got {type(layers).__name__}.")
-    names = [name for name in subdomains or {} if not name.startswith("gmsh:")]
+    known = named_sets(subdomains)
     for name, number in layers.items():
-        if name not in names:
-            known = ", ".join(repr(known) for known in sorted(names)) or "none"
-            raise ValueError(f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {known}.")
+        if name not in known:
+            raise ValueError(
+                f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {listed(known)}."
+            )
         if not isinstance(number, int | np.integer) or isinstance(number, bool) or number < 1:
             raise ValueError(f"layers of subdomain {name!r} must be an integer >= 1; got {number!r}.")
     return {name: int(number) for name, number in layers.items()}

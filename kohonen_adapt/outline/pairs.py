@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import Facets, outline_facets
 
@@ -91,7 +92,7 @@ def checked_names(periodic: Sequence[tuple[str, str]], mesh: MeshTri) -> list[tu
             raise ValueError(f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
         for name in pair:
             if name not in known:
-                has = ", ".join(repr(name) for name in sorted(known)) or "none"
+                has = listed(known)
                 raise ValueError(f"periodic has {name!r}, which is no boundary of the mesh; its boundaries are: {has}.")
             if name in seen:
                 raise ValueError(f"boundary {name!r} is in periodic twice; it can have one partner only.")

@@ -1,4 +1,4 @@
-"""Segments in any order joined to polylines, from corner to corner or round a loop."""
+"""Join segments in any order to polylines, from corner to corner or round a loop."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.trace import trace_runs
 
-__all__ = ["CORNER", "Polyline", "Runs", "polylines_of", "traced"]
+__all__ = ["CORNER", "Polyline", "Runs", "meetings", "polylines_of", "traced", "turns"]
 
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
 
@@ -46,7 +46,7 @@ def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
         Loops without a corner are closed. A loop with one corner starts and ends there.
     """
     end = segments[:, [0, -1]]
-    node, segment, start, closed = traced(end, _joints(segments, position))
+    node, segment, start, closed = traced(end, _smooth(segments, position))
     forth = end[segment, 0] == node  # of the last of a run the segment is -1
     polylines = []
     for first, last, loop in zip(start[:-1], start[1:] - 1, closed, strict=True):
@@ -67,25 +67,33 @@ def traced(ends: Ints, through: Ints) -> Runs:
     return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
 
 
-def _joints(segments: Ints, position: Floats) -> Ints:
+def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
+    """The nodes (j,) in which just two segments end, and which ends these are, (j, 2): 2 k and 2 k + 1 of segment k."""
+    flat = ends.ravel()
+    order, count = np.argsort(flat, kind="stable"), np.bincount(flat, minlength=nnodes)
+    node = np.flatnonzero(count == 2)
+    first = (np.cumsum(count) - count)[node]
+    return node, np.stack([order[first], order[first + 1]], axis=1)
+
+
+def turns(u: Floats, w: Floats) -> Floats:
+    """By how much a way turns that comes along -u and goes on along w, (j,) for (j, 2), in radians."""
+    return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
+
+
+def _smooth(segments: Ints, position: Floats) -> Ints:
     """The two segments of which one goes on into the other at a node, (n, 2); -1 at ends and corners."""
-    end = segments[:, [0, -1]].ravel()
-    order = np.argsort(end, kind="stable")
-    node, count = np.unique(end, return_counts=True)
-    first = (np.cumsum(count) - count)[count == 2]
-    one, other = order[first], order[first + 1]
-    x, y = _directions(segments, position)
-    cross = x[one] * y[other] - y[one] * x[other]
-    turn = np.abs(np.arctan2(cross, -(x[one] * x[other] + y[one] * y[other])))
+    node, end = meetings(segments[:, [0, -1]], position.shape[1])
+    way = _directions(segments, position)
+    smooth = turns(way[end[:, 0]], way[end[:, 1]]) < CORNER
     through = np.full((position.shape[1], 2), -1, dtype=np.int32)
-    smooth = turn < CORNER
-    through[node[count == 2][smooth]] = np.stack([one // 2, other // 2], axis=1)[smooth]
+    through[node[smooth]] = end[smooth] // 2
     return through
 
 
 def _directions(segments: Ints, position: Floats) -> Floats:
-    """Where every half leaves its end for, (2, 2 m): along the segment, or the parabola through its three nodes."""
+    """Where every half leaves its end for, (2 m, 2): along the segment, or the parabola through its three nodes."""
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)
-    return np.stack([forth, back], axis=2).reshape(2, -1)
+    return np.stack([forth, back], axis=2).reshape(2, -1).T

@@ -1,4 +1,4 @@
-"""The two sides of thin parts of a mesh: chains of outline that face each other, and what belongs to them."""
+"""Find the two sides of thin parts of a mesh: the chains of outline that face each other, and their nodes."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,17 +14,17 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["facing_sides", "joined"]
 
-LOOKS = (8, 2_000)  # at least from every chain, and about so many from all together
-FAR = 3.0  # of the median distance: what is farther away, or as much askance, is not across
-UNSURE = 0.5  # of the length by distance of the sides: what contradicts them with more may as well be them
+LOOKS = (8, 2_000)  # rays from every chain at least, and about so many from all together
+FAR = 3.0  # times the median distance: a chain that is farther away, or as much askance, is not across
+UNSURE = 0.5  # of the weight of the sides found: where chains of more weight contradict them, there are no sides
 
 
 class Looks(NamedTuple):
-    """What the chains of a part see, a row for each point looked from."""
+    """Which chains see which, a row for each ray that met one."""
 
-    start: Ints  # which of the chains
-    end: Ints  # and which it sees
-    weight: Floats  # length of the chain that the point stands for, by distance, less where it looks askance
+    start: Ints  # the chain it starts on
+    end: Ints  # and the one it meets
+    weight: Floats  # length of chain that the ray stands for, by its own length, less where it meets askance
 
 
 def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
@@ -44,13 +44,13 @@ def facing_sides(triangulation: Triangulation, constraints: Constraints, inside:
 
 
 def joined(a: Ints, b: Ints, count: int) -> Ints:
-    """Number the sets of things that pairs join, (count,)."""
+    """Number the connected components of `count` things that pairs (a, b) join, (count,)."""
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def ends_of(chain: Ints, nodes: Ints) -> Ints:
-    """The nodes in which chains meet: rows of a chain and a node of it, of the facets of these chains, (f, 2)."""
+    """The nodes in which chains meet, as rows of chain and node; `chain` (f,) and `nodes` (f, 2) are of facets."""
     rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
     return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
@@ -58,7 +58,7 @@ def ends_of(chain: Ints, nodes: Ints) -> Ints:
 def views_of(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Ints, k: Ints, chains: Ints
 ) -> Looks:
-    """What every one of the chains, to which the edges opposite to corners k of e belong, sees inward."""
+    """Cast rays inward from the chains, to which the edges opposite to corners k of elements e belong."""
     length = constraints.chains.length
     least, most = LOOKS
     looks = least + np.round(most * length[chains] / length[chains].sum())
@@ -85,30 +85,30 @@ def median(values: Floats, weights: Floats) -> float:
 def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
     """The side that every chain of a part is on, (count,): 2 i and 2 i + 1 face each other, -1 for none.
 
-    Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot be, as
-    for the ends of a gap or the walls of a slot, the larger of their lengths by the distance decides. Runs of chains
-    that are left belong to a side if they join nothing else; those that join two sides are the ends of gaps.
+    Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot hold,
+    as for the ends of a gap or the walls of a slot, the larger weight decides. Runs of the other chains belong to the
+    side they touch; those that join two sides are the ends of gaps.
     """
     sides = Sides(count)
     weight = faced(sides, looks, touching(ends), count)
     group = np.array([sides.side(chain) // 2 for chain in range(count)])
     weights = np.bincount(group, weight, count)
-    heard = np.zeros(count, dtype=bool)
+    accepted = np.zeros(count, dtype=bool)
     for number in np.argsort(-weights, kind="stable"):
-        enough = UNSURE * np.bincount(group, heard, count).astype(bool) @ weights
+        enough = UNSURE * np.bincount(group, accepted, count).astype(bool) @ weights
         if not weights[number]:
             break
-        more = heard | (group == number)
+        more = accepted | (group == number)
         tried = sides.copy()
         if all(tried.relate(a, b, False) for a, b in touching(ends[more[ends[:, 0]]])):
-            sides, heard = tried, more
+            sides, accepted = tried, more
         elif weights[number] > enough:
             return np.full(count, -1)
-    return with_runs(sides, heard, ends)
+    return with_runs(sides, accepted, ends)
 
 
 def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
-    """Relate chains that see each other, first the longest and nearest; returns what each adds, (count,).
+    """Relate chains that see each other, those of most weight first; returns the weight that each adds, (count,).
 
     Those that meet in a sharp corner see each other too, but nothing is between them.
     """
@@ -122,12 +122,12 @@ def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
     return weight
 
 
-def with_runs(sides: "Sides", heard: Mask, ends: Ints) -> Ints:
-    """The sides of the chains that were heard, and of the runs of others between chains of one side, (c,)."""
-    runs = runs_between(ends, heard)
+def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
+    """The sides of the accepted chains, and of the runs of others between chains of one side, (c,)."""
+    runs = runs_between(ends, accepted)
     for _, around in runs:
         sides.join(around)
-    side = np.where(heard, [sides.side(chain) for chain in range(len(heard))], -1)
+    side = np.where(accepted, [sides.side(chain) for chain in range(len(accepted))], -1)
     for run, around in runs:
         found = np.unique(side[around])
         side[run] = found[0] if len(found) == 1 else -1
@@ -141,16 +141,16 @@ def touching(ends: Ints) -> Ints:
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
-def runs_between(ends: Ints, heard: Mask) -> list[tuple[list[int], list[int]]]:
-    """The chains that were not heard, in runs that only others part, each with those others it comes to."""
-    is_heard = heard[ends[:, 0]]
-    links = touching(ends[~np.isin(ends[:, 1], ends[is_heard, 1])])
-    label = joined(links[:, 0], links[:, 1], len(heard))
+def runs_between(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]]:
+    """The chains that were not accepted, in connected runs, each with the accepted chains it touches."""
+    is_accepted = accepted[ends[:, 0]]
+    links = touching(ends[~np.isin(ends[:, 1], ends[is_accepted, 1])])
+    label = joined(links[:, 0], links[:, 1], len(accepted))
     others: dict[int, list[int]] = {}
-    for chain, node in ends[is_heard].tolist():
+    for chain, node in ends[is_accepted].tolist():
         others.setdefault(node, []).append(chain)
     runs: dict[int, tuple[set[int], set[int]]] = {}
-    for chain, node in ends[~is_heard].tolist():
+    for chain, node in ends[~is_accepted].tolist():
         run, around = runs.setdefault(label[chain], (set(), set()))
         run.add(chain)
         around.update(others.get(node, ()))
@@ -158,7 +158,7 @@ def runs_between(ends: Ints, heard: Mask) -> list[tuple[list[int], list[int]]]:
 
 
 class Sides:
-    """Which chains are on the same side, and which on opposite ones; what contradicts that is not heard."""
+    """Record which chains are on the same side and which on opposite ones; a relation that contradicts is refused."""
 
     def __init__(self, count: int) -> None:
         self._parent = list(range(count))
@@ -166,13 +166,13 @@ class Sides:
         self._size = [1] * count
 
     def copy(self) -> "Sides":
-        """What is known now."""
+        """The same relations, to be added to apart."""
         other = Sides(0)
         other._parent, other._opposite, other._size = self._parent.copy(), self._opposite.copy(), self._size.copy()
         return other
 
     def _root(self, chain: int) -> tuple[int, bool]:
-        """One chain for all that are related, and whether this one is opposite to it."""
+        """The chain that stands for all related ones, and whether this one is opposite to it."""
         opposite = False
         while self._parent[chain] != chain:
             opposite ^= self._opposite[chain]
@@ -185,7 +185,7 @@ class Sides:
         return 2 * root + opposite
 
     def relate(self, a: int, b: int, opposite: bool) -> bool:
-        """Two chains are on opposite sides, or on the same one; returns whether that was heard."""
+        """Put two chains on opposite sides, or on the same one; returns whether that contradicts nothing."""
         (a, of_a), (b, of_b) = self._root(a), self._root(b)
         if a == b:
             return of_a ^ of_b == opposite
@@ -196,7 +196,7 @@ class Sides:
         return True
 
     def join(self, chains: list[int]) -> None:
-        """What is between these is one side, unless some of them are opposite."""
+        """Put chains on one side, unless some of them are opposite."""
         found = {self.side(chain) for chain in chains}
         if not any(side ^ 1 in found for side in found):
             for chain in chains[1:]:
