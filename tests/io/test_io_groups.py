@@ -120,9 +120,8 @@ def test_relocate_keeps_the_groups(drawing, suffix, topology):
     assert not np.array_equal(ka.read_mesh(out).p, mesh.p)
 
 
-def test_run_leaves_points_where_they_are(tmp_path, monkeypatch):
+def test_run_leaves_points_where_they_are(tmp_path):
     """Where a coarser mesh would do, so that their nodes would be taken away."""
-    monkeypatch.setattr(cli, "write_pictures", lambda *given: [])
     mesh = ka.read_mesh(EXAMPLES / "c_core.msh")
     inside = mesh.interior_nodes()
     probes = mesh.p[:, inside[np.argsort(np.hypot(*mesh.p[:, inside]))[-40:]]]

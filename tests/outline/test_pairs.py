@@ -1,5 +1,10 @@
 """Periodic pairs: boundaries that are one another's image stay so, node by node, and a point reaches across them."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from helpers.meshes import square
@@ -129,13 +134,23 @@ def test_a_pinned_node_pins_its_partner():
     assert 0.375 in result.p[1, result.p[0] == 1.0]
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-def test_the_mesh_does_not_depend_on_the_number_of_threads(threads, monkeypatch):
-    mesh = cell(48)
-    usual = ka.relocate(mesh, peak_at(0.0, 0.3), periodic=BOTH)
-    for room in ("kernels.threads", "som.training"):
-        monkeypatch.setattr(f"kohonen_adapt.{room}.number_of_threads", lambda: threads)
-    np.testing.assert_array_equal(ka.relocate(mesh, peak_at(0.0, 0.3), periodic=BOTH).p, usual.p)
+@pytest.mark.slow
+def test_the_mesh_does_not_depend_on_the_number_of_threads():
+    """Numba fixes the number of threads at import, so in processes of their own."""
+    code = """
+from test_pairs import BOTH, cell, ka, peak_at
+print(ka.relocate(cell(48), peak_at(0.0, 0.3), periodic=BOTH).p.tobytes().hex())
+"""
+    here = Path(__file__).parent
+    path = os.pathsep.join([str(here), str(here.parent), str(here.parents[1])])
+    said = set()
+    for threads in ("1", "3"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": path}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        said.add(done.stdout)
+    assert len(said) == 1
+    moved = np.frombuffer(bytes.fromhex(said.pop())).reshape(2, -1)
+    np.testing.assert_array_equal(moved, ka.relocate(cell(48), peak_at(0.0, 0.3), periodic=BOTH).p)
 
 
 class Cell:
