@@ -1,1 +1,1 @@
-"""Benchmark problems with exact answers, and what uniform meshes, refinement and the map make of them."""
+"""Compare the package with other methods on problems with exact answers, and check its cost."""

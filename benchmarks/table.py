@@ -1,4 +1,4 @@
-"""Plain aligned text for every table that the benchmarks print, and the same in Markdown for README.md."""
+"""Align the text of every table that the benchmarks print, and print the same in Markdown for README.md."""
 
 from collections.abc import Sequence
 

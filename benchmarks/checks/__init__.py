@@ -1,1 +1,1 @@
-"""What a change may not make worse: speed, memory, spread, drift, results."""
+"""Check what a change may not make worse: speed, memory, spread, drift, results, size."""

@@ -1,4 +1,4 @@
-"""Calls of `relocate` in a row, each on a fresh estimate: eight must end no worse than four."""
+"""Call `relocate` again and again, each time on a fresh estimate: eight calls must end no worse than four."""
 
 from collections.abc import Sequence
 

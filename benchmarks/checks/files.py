@@ -1,4 +1,4 @@
-"""Large mesh files: seconds and memory to write and to read each format, every one in a process of its own."""
+"""Time large mesh files, and measure the memory that they take, each in a process of its own."""
 
 import subprocess
 import sys

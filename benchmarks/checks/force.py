@@ -1,4 +1,4 @@
-"""Force noise: a magnet moved past iron in small steps, each position meshed by Gmsh, as it is and adapted."""
+"""Measure the noise of forces on a magnet moved past iron, on meshes of Gmsh and on the same adapted."""
 
 import tempfile
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""How near the meshes of L come to the best there is, and what stands between.
+"""Compare the errors on meshes of L with the least there can be, and tell what stands between.
 
 With the exact error e_K of every element E sqrt(T / 2) is (sum of e_K / sqrt 2) times the spread sqrt(1 + cv^2) of the
 e_K. The limit of the first factor over all shapes of elements is 0.6917: right isosceles triangles with their legs on

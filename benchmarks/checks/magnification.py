@@ -1,4 +1,4 @@
-"""Magnification: which density of nodes comes of which density of training points, beside what theory says."""
+"""Measure which density of nodes comes of which density of training points, beside what theory says."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Time how a mesh with many outlines is taken apart and its chains are found."""
+"""Time how a mesh with many outlines is made a map."""
 
 import time
 from collections.abc import Sequence

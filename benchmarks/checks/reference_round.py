@@ -1,4 +1,4 @@
-"""The yardstick of the timings: a round of problem L as scikit-fem users write it. Frozen, so that it does not move."""
+"""Time a round of problem L as scikit-fem users write it: the yardstick of all timings, frozen so as not to move."""
 
 import time
 

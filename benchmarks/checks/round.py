@@ -1,4 +1,4 @@
-"""Cost of a round of `Magnetostatics` by step, beside a round as scikit-fem users write it on the same meshes."""
+"""Time a round of `Magnetostatics`, beside one as scikit-fem users write it on the same meshes."""
 
 import time
 from collections.abc import Callable, Sequence

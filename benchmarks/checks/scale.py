@@ -1,4 +1,4 @@
-"""How the cost of one relocation, the dearest of a loop, grows with the number of nodes."""
+"""Measure how the cost of one relocation, the dearest of a loop, grows with the number of nodes."""
 
 import resource
 import time

@@ -1,4 +1,4 @@
-"""Cost of a relocation beside one round of assembly, solve and indicators as scikit-fem users write it."""
+"""Time a relocation beside one round of assembly, solve and indicators as scikit-fem users write it."""
 
 import cProfile
 import pstats

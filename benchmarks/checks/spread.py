@@ -1,4 +1,4 @@
-"""A constant density on a mesh that has it: what the map loses where there is nothing to gain."""
+"""Measure what the map loses where there is nothing to gain: on a constant density that the mesh has already."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What sweeps of energy descent are worth: the error against their number, and their cost."""
+"""Measure the error against the number of sweeps of energy descent, and what they cost."""
 
 import time
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""Comparisons with other methods and programs."""
+"""Compare the package with other methods and programs."""

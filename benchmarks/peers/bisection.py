@@ -1,4 +1,4 @@
-"""Newest-vertex bisection, the baseline that the theory of adaptive methods is about."""
+"""Bisect newest vertices: the baseline that the theory of adaptive methods is about."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

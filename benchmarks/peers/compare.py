@@ -1,4 +1,4 @@
-"""One case by three methods in one run: uniform mesh, scikit-fem's refinement, and this package."""
+"""Run one case by three methods: uniform mesh, scikit-fem's refinement, and this package."""
 
 import time
 from collections.abc import Iterator, Sequence

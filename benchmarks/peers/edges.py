@@ -1,4 +1,4 @@
-"""Edges found by the pairs of their end nodes."""
+"""Find edges by the pairs of their end nodes."""
 
 import numpy as np
 

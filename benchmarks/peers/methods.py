@@ -1,4 +1,4 @@
-"""The other methods of adaptation, each as a loop that yields every mesh with its error and the seconds so far."""
+"""Run the other methods of adaptation, each as a loop that yields every mesh with its error and the seconds so far."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""NGSolve as an oracle: energies, forces and fluxes of adapted meshes against its P3 elements on the same polygon."""
+"""Compare energies, forces and fluxes of adapted meshes with NGSolve's P3 elements on the same polygon."""
 
 import runpy
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""This package beside refinement, bisection and remeshers at equal numbers of nodes: every method on every case."""
+"""Compare this package with refinement, bisection and remeshers at equal numbers of nodes, on every case."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The tables of the comparison with peers, as README.md shows them: errors, seconds, qualities, names and numbers."""
+"""Print the comparison with peers as README.md shows it: errors, seconds, qualities, names and numbers."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""The loop of a remesher: solve, estimate, turn that into a metric of the wanted number of nodes, remesh."""
+"""Run the loop of a remesher: solve, estimate, turn that into a metric of the wanted number of nodes, remesh."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any

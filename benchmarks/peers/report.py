@@ -1,4 +1,4 @@
-"""The comparison of one case as a table: a row per method, medians over the seeds."""
+"""Print the comparison of one case as a table: a row per method, medians over the seeds."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Nodes and seconds from a coarse start to a given true error, method by method."""
+"""Count nodes and seconds from a coarse start to a given true error, method by method."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The optional wheels of the benchmarks (`pip install .[bench]`): whether they can be imported, and if not, why."""
+"""Tell which optional wheels of the benchmarks (`pip install .[bench]`) can be imported, and why others cannot."""
 
 import importlib
 

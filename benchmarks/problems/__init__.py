@@ -1,1 +1,1 @@
-"""The problems that methods are compared on."""
+"""Define the problems that methods are compared on."""

@@ -1,4 +1,4 @@
-"""Problem C: the C-core magnet of the examples, in a plain P1 solver of its own."""
+"""Solve problem C, the C-core magnet of the examples, by a plain P1 solver."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The reference energy of problem C: P2 elements on meshes bisected where their error is, until the energy settles.
+"""Compute the reference energy of problem C by P2 elements on meshes bisected where their error is, until it settles.
 
 `python -m benchmarks.problems.c_core_reference` prints the energy of every mesh and the limit it points to.
 """

@@ -1,4 +1,4 @@
-"""Every comparison that is made: start mesh, problem, figures, how to refine, and the targets."""
+"""List every comparison that is made: start mesh, problem, figures, how to refine, and the targets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The domains of the problems as models for Gmsh, with the names that their meshes have."""
+"""Draw the domains of the problems for Gmsh, with the names that their meshes have."""
 
 from typing import Any
 

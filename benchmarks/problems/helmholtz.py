@@ -1,4 +1,4 @@
-"""Problem H: a Gaussian bump as solution of -lap u + u = f, Firedrake movement's Monge-Ampere demonstration."""
+"""Solve problem H, -lap u + u = f with a Gaussian bump, Firedrake movement's Monge-Ampere demonstration."""
 
 import numpy as np
 from skfem import MeshTri

@@ -1,4 +1,4 @@
-"""Problem L: Laplace on the L-shape with the exact solution r^(2/3) sin(2 theta / 3)."""
+"""Solve problem L: Laplace on the L-shape with the exact solution r^(2/3) sin(2 theta / 3)."""
 
 import numpy as np
 from skfem import MeshTri

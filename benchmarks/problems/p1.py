@@ -1,4 +1,4 @@
-"""P1 elements on plain arrays that the problems share; apart from the package, so that no change there moves them."""
+"""Assemble P1 elements on plain arrays, apart from the package, so that no change there moves the problems."""
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix

@@ -1,4 +1,4 @@
-"""Problem F: scikit-fem's example 22, -lap u = 1 on the L-shape with u = 0 all round."""
+"""Solve problem F: scikit-fem's example 22, -lap u = 1 on the L-shape with u = 0 all round."""
 
 import numpy as np
 from skfem import MeshTri

@@ -1,4 +1,4 @@
-"""Problem R: mesh density that follows the ring monitor of Firedrake's movement; nothing is solved."""
+"""Measure how node density follows the ring monitor of Firedrake's movement (problem R); nothing is solved."""
 
 import numpy as np
 from skfem import MeshTri

@@ -1,4 +1,4 @@
-"""Problem M: a square permanent magnet, alone or over an iron block."""
+"""Solve problem M: a square permanent magnet, alone or over an iron block."""
 
 import numpy as np
 from skfem import MeshTri

@@ -1,4 +1,4 @@
-"""The ways to use this package that the comparisons run."""
+"""Name the ways to use this package that the comparisons run."""
 
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,4 +1,4 @@
-"""The other methods of the benchmarks: bisection, remeshing by Gmsh and Mmg, and the tables that compare them."""
+"""The other methods of the benchmarks, bisection and remeshing by Gmsh and Mmg, do what they say, and so do tables."""
 
 from functools import partial
 from itertools import takewhile

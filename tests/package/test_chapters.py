@@ -1,4 +1,4 @@
-"""The chapters of the package and their direction: a file imports from its own chapter and from those below it."""
+"""A file imports from its own chapter and from those below it."""
 
 import ast
 import os

@@ -1,4 +1,4 @@
-"""GetDP on both sides of the command `relocate`: a smaller error at the same nodes, and all groups by their numbers."""
+"""GetDP on both sides of `relocate` has a smaller error at the same nodes, and all groups by their numbers."""
 
 import runpy
 import shutil

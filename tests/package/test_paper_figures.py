@@ -1,4 +1,4 @@
-"""The figures of the paper, drawn small: the numbers behind each say what the paper says, or where it falls short."""
+"""The numbers behind the figures of the paper, drawn small, say what the paper says, or where it falls short."""
 
 import runpy
 from pathlib import Path

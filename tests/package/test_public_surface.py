@@ -1,4 +1,4 @@
-"""What a user sees of the package: names that are listed, docstrings that say all, and no state that calls share."""
+"""The package lists its names, its docstrings say all, and calls share no state."""
 
 import ast
 import copy

@@ -1,4 +1,4 @@
-"""What a type checker says to a user's program: nothing where it is right, and the place where it is not."""
+"""A type checker finds nothing in a user's program where it is right, and the place where it is not."""
 
 import os
 import re
