@@ -15,7 +15,8 @@ from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, rea
 from kohonen_adapt.io import MSH_VERSION, Groups, read_groups, read_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics import Field, Magnetostatics
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
+from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.bodies import elements_of
@@ -103,9 +104,9 @@ class Case:
         problem = self.problem
         with about("materials"):
             coefficients(mesh, problem.materials, problem.ampere_turns)
-        given = Boundaries(problem.potential or {}, problem.open_boundary, problem.periodic, problem.antiperiodic)
         with about("boundary conditions"):
-            conditions_of(mesh, given, AXISYMMETRIC if problem.axisymmetric else PLANAR, problem.order)
+            symmetry = AXISYMMETRIC if problem.axisymmetric else PLANAR
+            conditions_of(elements_on(mesh, problem.order), problem.boundaries, symmetry)
         for name, each in self.outputs.items():
             with about(f"outputs.{name}"):
                 for body in each.bodies:

@@ -1,4 +1,4 @@
-"""Recovery estimator: the distance of the flux from its nodal averages, region by region."""
+"""Average over the elements around a node, region by region; estimate errors by the distance from the averages."""
 
 from typing import Any
 
@@ -10,8 +10,9 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
+from kohonen_adapt.mesh.measures import area, hat_gradients
 
-__all__ = ["recovery"]
+__all__ = ["corner_averages", "linear_between", "recovery"]
 
 
 def recovery(
@@ -71,14 +72,31 @@ def recovery(
     True
     """
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    corner = _corners(mesh, _regions(mesh, _data(discrete, region)))
-    weight = np.bincount(corner.ravel(), np.tile(discrete.area, 3))
+    averages = corner_averages(mesh, discrete.values, _regions(mesh, _data(discrete, region)))
     squared = np.zeros(mesh.t.shape[1])
-    for component in discrete.values:
-        total = np.bincount(corner.ravel(), np.tile(discrete.area * component, 3))
-        difference = (total / weight)[corner] - component
+    for average, component in zip(averages, discrete.values, strict=True):
+        difference = average - component
         squared += np.sum(difference**2, axis=0) + np.sum(difference, axis=0) ** 2
     return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
+
+
+def corner_averages(mesh: MeshTri, values: Floats, region: Ints) -> Floats:
+    """Area-weighted averages of values per element (k, nelements) at the corners of the elements, (k, 3, nelements).
+
+    A corner takes the elements around its node that are of its own region, so that jumps between regions stay jumps.
+    """
+    pair = region * mesh.p.shape[1] + mesh.t
+    corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
+    weight = np.bincount(corner.ravel(), np.tile(size, 3))
+    totals = [np.bincount(corner.ravel(), np.tile(size * component, 3)) for component in values]
+    return np.stack([(total / weight)[corner] for total in totals])
+
+
+def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Ints) -> Floats:
+    """Values at points x (2, n) of these elements, linear between corner values (k, 3, nelements)."""
+    offset = x - mesh.p[:, mesh.t[:, element]].mean(axis=1)
+    share = 1.0 / 3.0 + np.einsum("cin,cn->in", hat_gradients(mesh)[:, :, element], offset)
+    return np.einsum("kin,in->kn", corners[:, :, element], share)
 
 
 def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
@@ -102,9 +120,3 @@ def _regions(mesh: MeshTri, data: NDArray[Any]) -> Ints:
     ones = np.ones(np.count_nonzero(same), dtype=np.int8)
     graph = coo_array((ones, (one[same], other[same])), shape=(nelements, nelements))
     return connected_components(graph, directed=False)[1].astype(np.int64)
-
-
-def _corners(mesh: MeshTri, region: Ints) -> Ints:
-    """A number for every pair of region and node, (3, nelements): a node on an interface counts once per region."""
-    pair = region * mesh.p.shape[1] + mesh.t
-    return np.unique(pair, return_inverse=True)[1].reshape(pair.shape)

@@ -8,7 +8,7 @@ from skfem import ElementTriP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.inputs import checked
+from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -79,10 +79,10 @@ def duality_gap(
     """
     check_mesh(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
-    nodal = checked("potential", potential, {"nnodes": nnodes}, "node")
-    corners = checked("field", field, {"2": 2, "3": 3, "nelements": nelements}, "element")
+    nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
+    corners = finite_reals("field", field, {"2": 2, "3": 3, "nelements": nelements}, "element")
     empty = np.zeros((2, nelements)) if flux is None else flux
-    prescribed = checked("flux", empty, {"2": 2, "nelements": nelements}, "element")
+    prescribed = finite_reals("flux", empty, {"2": 2, "nelements": nelements}, "element")
     slope = gradient(mesh, nodal)
     (x, y), weights = get_quadrature(ElementTriP1, DEGREE)
     at_points = np.einsum("cik,iq->cqk", corners + prescribed[:, None], np.stack((1.0 - x - y, x, y)))

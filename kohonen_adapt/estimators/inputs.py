@@ -1,4 +1,4 @@
-"""What all estimators start from: checked arguments and the discrete flux they give."""
+"""Check the arguments that all estimators share, and evaluate the discrete flux they give."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,12 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["DiscreteFlux", "checked", "discrete_flux"]
+__all__ = ["DiscreteFlux", "discrete_flux"]
 
 
 @dataclass(frozen=True)
@@ -33,30 +34,17 @@ def discrete_flux(
     check_mesh(mesh)
     number_facets(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
-    nodal = checked("potential", potential, {"nnodes": nnodes}, "node")
-    material = checked("reluctivity", reluctivity, {"nelements": nelements}, "element")
+    nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
+    material = finite_reals("reluctivity", reluctivity, {"nelements": nelements}, "element")
     _check_positive(material)
-    load = checked("source", np.zeros(nelements) if source is None else source, {"nelements": nelements}, "element")
-    empty = np.zeros((2, nelements)) if flux is None else flux
-    prescribed = checked("flux", empty, {"2": 2, "nelements": nelements}, "element")
+    load, prescribed = np.zeros(nelements), np.zeros((2, nelements))
+    if source is not None:
+        load = finite_reals("source", source, {"nelements": nelements}, "element")
+    if flux is not None:
+        prescribed = finite_reals("flux", flux, {"2": 2, "nelements": nelements}, "element")
     hats = hat_gradients(mesh)
     values = material * gradient(mesh, nodal, hats) - prescribed
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
-
-
-def checked(name: str, given: ArrayLike, wanted: dict[str, int], place: str) -> Floats:
-    """A copy of an argument as floats, or an error that says what of its shape or values is wrong."""
-    array = np.asarray(given)
-    shape = tuple(wanted.values())
-    if array.shape != shape:
-        names = ", ".join(wanted) + ("," if len(wanted) == 1 else "")
-        raise ValueError(f"{name} must have shape ({names}) = {shape}; got {array.shape}.")
-    if array.dtype.kind not in "fiub":
-        raise ValueError(f"{name} must be real numbers; got an array of {array.dtype}.")
-    bad = np.flatnonzero(~np.isfinite(array).reshape(-1, shape[-1]).all(axis=0))
-    if bad.size:
-        raise ValueError(f"{name} must be finite; it is not at {bad.size} of {shape[-1]} {place}s, first {bad[0]}.")
-    return array.astype(float)
 
 
 def _check_positive(reluctivity: Floats) -> None:

@@ -6,11 +6,10 @@ from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlic
 from kohonen_adapt.magnetostatics.materials.magnetisation import halbach, radial
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
-from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
 from kohonen_adapt.magnetostatics.solution import NotConverged
 
 __all__ = [

@@ -1,19 +1,18 @@
-"""Error indicators of a magnetic field: the scalar problem that stands for it, and the estimators of that."""
+"""Estimate the error of a magnetic field: by the scalar problem that stands for it, of order 2 by its own residual."""
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
+from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.joints import joints_of
-from kohonen_adapt.magnetostatics.equations.system import Scalar, scalar_of
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.quadratic_residual import quadratic_residual
+from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
-from kohonen_adapt.mesh.measures import gradient
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
 
 __all__ = ["ESTIMATORS", "RESIDUAL_SCALE", "estimated"]
 
@@ -31,14 +30,14 @@ RESIDUAL_SCALE = 1.0 / 3.6
 QUADRATIC_SCALE = 1.0 / 6.1
 ESTIMATORS = ("residual", "recovery", "equilibrated")
 
+# scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
+ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
+
+Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
+
 
 def estimated(
-    mesh: MeshTri,
-    given: Coefficients,
-    field: Field,
-    estimator: str,
-    boundaries: Boundaries,
-    kinds: NDArray[np.int64] | None,
+    mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, kinds: NDArray[np.int64] | None
 ) -> Floats:
     """Indicators by the estimator of that name, (nelements,), unsquared.
 
@@ -47,14 +46,13 @@ def estimated(
     """
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
-        joined = joints_of(mesh, boundaries.periodic, boundaries.antiperiodic).facets
-    if isinstance(field, QuadraticField):
-        return QUADRATIC_SCALE * quadratic_residual(field.problem, field.values, joined)
+        joined = joints_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
+    if field.elements.order == 2:
+        return QUADRATIC_SCALE * quadratic_residual(field, joined)
     if estimator == "equilibrated":
-        return bound(mesh, given, field, boundaries)
-    scalar, unknown = scalar_of(mesh, field.symmetry, given), field.unknown
-    if given.pieces:
-        scalar = linearised(mesh, field, scalar, estimator)
+        return bound(mesh, field, boundaries)
+    given, unknown = field.coefficients, field.unknown
+    scalar = linearised(field, estimator) if given.pieces else scalar_problem(field.elements, field.symmetry, given)
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, joined=joined)
         return RESIDUAL_SCALE * bare
@@ -62,9 +60,10 @@ def estimated(
     return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, region=region)
 
 
-def bound(mesh: MeshTri, given: Coefficients, field: Field, boundaries: Boundaries) -> Floats:
+def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
     """Guaranteed indicators of a planar field: the duality gap, which for linear material are the equilibrated ones."""
-    fixed, _ = fixed_values(mesh, boundaries.potential)
+    fixed, _ = fixed_values(field.elements, boundaries.potential)
+    given = field.coefficients
     source, flux = given.current_density, given.flux
     if not given.pieces:
         return equilibrated(mesh, field.potential, given.reluctivity, source=source, flux=flux, fixed=fixed)
@@ -72,7 +71,7 @@ def bound(mesh: MeshTri, given: Coefficients, field: Field, boundaries: Boundari
     return duality_gap(mesh, field.potential, balanced, given.stored, given.costored, flux=flux)
 
 
-def linearised(mesh: MeshTri, field: Field, scalar: Scalar, estimator: str) -> Scalar:
+def linearised(field: Field, estimator: str) -> Scalar:
     """The scalar problem that a nonlinear solution solves, with a reluctivity that weights its error.
 
     Its flux makes ``nu grad u - flux`` the field strength of the solution, whatever the weight nu. A scalar has to
@@ -85,6 +84,66 @@ def linearised(mesh: MeshTri, field: Field, scalar: Scalar, estimator: str) -> S
     weight = field.differential_reluctivity
     if estimator == "residual":
         weight = np.sqrt(field.reluctivity * weight)
-    reluctivity = field.symmetry.reluctivity(mesh, weight)
-    flux = reluctivity * gradient(mesh, field.unknown) - field.symmetry.flux(field.field_strength)
-    return Scalar(reluctivity, flux, scalar.source)
+    reluctivity = field.symmetry.reluctivity(field.elements.points, weight)
+    flux = reluctivity * field.elements.gradient(field.unknown) - field.symmetry.flux(field.field_strength)
+    return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
+
+
+def quadratic_residual(field: Field, joined: Facets | None) -> Floats:
+    """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
+
+    q is ``nu grad u - flux``, the field strength turned by a right angle: linear in every element, for nonlinear
+    material by its values at the corners. Symbols and `joined` as of `estimators.residual`.
+    """
+    mesh, given = field.mesh, field.coefficients
+    number_facets(mesh)
+    size, hats = area(mesh), hat_gradients(mesh)
+    density = _corner_flux_density(mesh, field.unknown).reshape(2, -1)
+    everywhere = given.repeated(3)
+    flux = PLANAR.flux(everywhere.field_strength(density)).reshape(2, -1, 3)
+    pair = everywhere.reluctivities(density)
+    weight = np.sqrt(pair[0] * pair[1]).reshape(-1, 3).mean(axis=1)
+    load = size**2 * (given.current_density + np.einsum("cki,cik->k", flux, hats)) ** 2 / weight
+    return np.sqrt(load + _jumps(mesh, flux, weight, size * hats, joined))
+
+
+def _corner_flux_density(mesh: MeshTri, values: Floats) -> Floats:
+    """B at the corners of every element, from inside it, (2, nelements, 3)."""
+    hats, nodes = hat_gradients(mesh), mesh.p.shape[1]
+    node, middle = values[mesh.t], values[nodes + mesh.t2f]
+    at = []
+    for corner in range(3):
+        slope = np.einsum("ik,cik->ck", -node, hats) + 4.0 * node[corner] * hats[:, corner]
+        for side, ends in enumerate(ENDS):
+            if corner in ends:
+                other = ends[0] if ends[1] == corner else ends[1]
+                slope += 4.0 * middle[side] * hats[:, other]
+        at.append(PLANAR.flux_density(mesh.p[:, mesh.t[corner]], slope))
+    return np.stack(at, axis=-1)
+
+
+def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joined: Facets | None) -> Floats:
+    """The facet part: a jump that is linear on a facet, from its values at the two ends, times the facet's length."""
+    nfacets = mesh.facets.shape[1]
+    outflow, largest = np.zeros((2, nfacets)), np.zeros(nfacets)
+    sides, along, clockwise = np.zeros(nfacets, dtype=int), np.zeros(nfacets, dtype=bool), signed_area(mesh) < 0.0
+    for side, ends in enumerate(ENDS):
+        facet = mesh.t2f[side]
+        first = mesh.t[ends[0]] == mesh.facets[0, facet]
+        normal = -2.0 * scaled_hats[:, OPPOSITE[side]]
+        at = [np.einsum("ck,ck->k", flux[:, :, end], normal) for end in ends]
+        np.add.at(outflow[0], facet, np.where(first, at[0], at[1]))
+        np.add.at(outflow[1], facet, np.where(first, at[1], at[0]))
+        np.maximum.at(largest, facet, weight)
+        np.add.at(sides, facet, 1)
+        along[facet] = first ^ (side == 2) ^ clockwise  # runs counter-clockwise in the only element of an outer facet
+    jump = np.where(sides == 2, outflow, 0.0)
+    if joined is not None:
+        one, other, sign = joined
+        same = along[one] != along[other]  # partners run against one another
+        beyond = np.where(same, outflow[:, other], outflow[::-1, other])
+        jump[:, one] = outflow[:, one] + sign * beyond
+        jump[:, other] = sign * np.where(same, jump[:, one], jump[::-1, one])
+        largest[one] = largest[other] = np.maximum(largest[one], largest[other])
+    squared = (jump[0] ** 2 + jump[0] * jump[1] + jump[1] ** 2) / 3.0
+    return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)

@@ -1,24 +1,27 @@
-"""The magnetostatic problem of a user: materials by subdomain, conditions by boundary, solve and indicators."""
+"""State a magnetostatic problem by materials and conditions; solve it, and estimate the error."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.arguments import check_problem, checked_pairs, checked_turns
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, conditions_of
-from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.estimation import ESTIMATORS, estimated
-from kohonen_adapt.magnetostatics.goal_estimation import error_of_goal, goal_indicators
-from kohonen_adapt.magnetostatics.incremental import linkage_slope
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
+from kohonen_adapt.magnetostatics.equations.elements import elements_on
+from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
+from kohonen_adapt.magnetostatics.estimation import estimated
+from kohonen_adapt.magnetostatics.linearised import error_of_goal, goal_indicators, linkage_slope
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.solution import carried, quadratic_solution_of, solution_of
+from kohonen_adapt.magnetostatics.solution import functional_of, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
@@ -109,79 +112,16 @@ class Magnetostatics:
     goal: Goal | None = None
 
     norm: ClassVar[str] = "energy"
+    method: ClassVar[Newton] = Newton()  # a subclass may have another
 
     def __post_init__(self) -> None:
-        if self.estimator not in ESTIMATORS:
-            names = ", ".join(repr(name) for name in ESTIMATORS)
-            raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
-        if not isinstance(self.materials, Mapping):
-            raise ValueError(f"materials must map subdomain names to Materials; got {self.materials!r}.")
-        for name, material in self.materials.items():
-            if not isinstance(material, Material):
-                raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
-        self._check_fixed()
-        self._check_order()
-        self._check_depth()
-        self._check_bound()
-        self._check_goal()
+        check_problem(self)
         # Copies: what the caller does to the mappings later must not change a problem that has been solved.
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
+        object.__setattr__(self, "ampere_turns", checked_turns(self.ampere_turns, self.materials))
         for name in ("periodic", "antiperiodic"):
-            object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
-
-    def _check_fixed(self) -> None:
-        elsewhere = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
-        given = isinstance(self.potential, Mapping) and len(self.potential) > 0
-        if not given and not (elsewhere and self.potential in (None, {})):
-            raise ValueError(
-                "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
-                f"otherwise A is known only up to a constant; got {self.potential!r}."
-            )
-
-    def _check_order(self) -> None:
-        if self.order not in (1, 2) or isinstance(self.order, bool):
-            raise ValueError(f"order of the elements must be 1 or 2; got {self.order!r}.")
-        if self.order == 2 and self.axisymmetric:
-            raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
-        if self.order == 2 and self.estimator != "residual":
-            raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {self.estimator!r}.")
-
-    def _check_bound(self) -> None:
-        beyond = {
-            "an axis": self.axisymmetric,
-            "an open boundary": self.open_boundary is not None,
-            "periodic sides": bool(self.periodic),
-            "antiperiodic sides": bool(self.antiperiodic),
-        }
-        has = [name for name, there in beyond.items() if there]
-        if self.estimator == "equilibrated" and has:
-            raise ValueError(
-                f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
-                f"this one has {' and '.join(has)}: take 'residual' or 'recovery'."
-            )
-
-    def _check_goal(self) -> None:
-        if self.goal is None:
-            return
-        if isinstance(self.goal, type) or not isinstance(self.goal, Goal):
-            raise ValueError(
-                "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
-                f"goal.derivative(field), or None; got {self.goal!r}."
-            )
-        if self.order == 2:
-            raise ValueError("a goal needs elements of order 1; got order 2.")
-        if self.estimator != "residual":
-            raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
-
-    def _check_depth(self) -> None:
-        if self.depth is None:
-            return
-        if self.axisymmetric:
-            raise ValueError(f"an axisymmetric problem has no depth, its results are totals; got depth {self.depth!r}.")
-        if not isinstance(self.depth, int | float | np.number) or not 0.0 < self.depth < np.inf:
-            raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {self.depth!r}.")
+            object.__setattr__(self, name, checked_pairs(name, getattr(self, name)))
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -189,11 +129,8 @@ class Magnetostatics:
         return (*self.periodic, *self.antiperiodic)
 
     @property
-    def _symmetry(self) -> Symmetry:
-        return AXISYMMETRIC if self.axisymmetric else PLANAR
-
-    @property
-    def _boundaries(self) -> Boundaries:
+    def boundaries(self) -> Boundaries:
+        """The conditions on the boundaries, by name."""
         return Boundaries(self.potential or {}, self.open_boundary, self.periodic, self.antiperiodic)
 
     def solve(self, mesh: MeshTri) -> Field:
@@ -220,7 +157,6 @@ class Magnetostatics:
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
         """
-        check_mesh(mesh)
         return self._solved(mesh, None)
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
@@ -245,12 +181,7 @@ class Magnetostatics:
         ValueError
             As `solve`.
         """
-        check_mesh(mesh)
-        return self._solved(mesh, None if self._linear else carried(mesh, old_field, self.order))
-
-    @property
-    def _linear(self) -> bool:
-        return all(material.bh is None for material in self.materials.values())
+        return self._solved(mesh, old_field)
 
     @property
     def _turns(self) -> bool:
@@ -261,17 +192,17 @@ class Magnetostatics:
     @property
     def _kinds(self) -> NDArray[np.int64] | None:
         """Per material the first in the mapping that equals it, where their numbers alone do not tell them apart."""
-        filled, varies = list(self.materials.values()), not self._linear or self.axisymmetric or self._turns
+        filled = list(self.materials.values())
+        varies = self.axisymmetric or self._turns or any(material.bh is not None for material in filled)
         return np.array([filled.index(material) for material in filled]) if varies else None
 
-    def _solved(self, mesh: MeshTri, start: Floats | None) -> Field:
-        given = self._coefficients(mesh)
-        if self.order == 2:
-            return quadratic_solution_of(mesh, given, self._boundaries, self.depth, start)
-        return solution_of(mesh, given, self._boundaries, self._symmetry, self.depth, start)
-
-    def _coefficients(self, mesh: MeshTri) -> Coefficients:
-        return coefficients(mesh, self.materials, self.ampere_turns)
+    def _solved(self, mesh: MeshTri, old: Field | None) -> Field:
+        check_mesh(mesh)
+        symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
+        given = coefficients(mesh, self.materials, self.ampere_turns)
+        elements = elements_on(mesh, self.order)
+        energy = EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
+        return solution_of(energy, self.depth, old, self.method)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Error indicators of a solution, near the true error in the energy norm.
@@ -292,8 +223,8 @@ class Magnetostatics:
             Unsquared, in sqrt(J/m) whatever the depth; axisymmetric in sqrt(J). With a goal in the root of its unit.
         """
         if self.goal is not None:
-            return goal_indicators(mesh, field, self.goal, self._boundaries)
-        return estimated(mesh, self._coefficients(mesh), field, self.estimator, self._boundaries, self._kinds)
+            return goal_indicators(field, self.goal, self.boundaries, self.method)
+        return estimated(mesh, field, self.estimator, self.boundaries, self._kinds)
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """``d linkage / d current`` of a circuit at a solution: what it has for small changes of its current.
@@ -320,7 +251,7 @@ class Magnetostatics:
         ValueError
             If the circuit is no such mapping, or the mesh lacks its names.
         """
-        return linkage_slope(field, self._boundaries, circuit)
+        return linkage_slope(field, self.boundaries, circuit, self.method)
 
     def goal_error(self, field: Field) -> float:
         """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
@@ -359,7 +290,7 @@ class Magnetostatics:
         """
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
-        return error_of_goal(field.mesh, field, self.goal, self._boundaries)
+        return error_of_goal(field, self.goal, self.boundaries, self.method)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`.
@@ -419,39 +350,5 @@ class Magnetostatics:
             raise NotOffered("its elements are of order 2")
         if self.open_boundary is not None:
             raise NotOffered("its open boundary adds to the energy, which the polish does not see")
-        given = self._coefficients(mesh)
-        conditions = conditions_of(mesh, self._boundaries, self._symmetry)
-        fixed = conditions.fixed.copy()
-        if conditions.joints is not None:
-            fixed[conditions.joints.one] = fixed[conditions.joints.other] = True
-        number = np.arange(given.number.size) if self._turns else given.number
-        used, first = np.unique(number, return_index=True)
-        place = np.searchsorted(used, number)
-        tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
-        filled = list(self.materials.values())
-        laws = () if self._linear else tuple(filled[index].bh for index in given.number[first])
-        return Ritz(field.potential, fixed, *tables, place, laws)
-
-
-def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
-    if given is not None and not isinstance(given, Mapping):
-        raise ValueError(f"ampere_turns must map subdomain names to amperes; got {given!r}.")
-    for name, total in (given or {}).items():
-        if name not in materials:
-            has = ", ".join(repr(other) for other in sorted(materials)) or "none"
-            raise ValueError(f"ampere_turns has {name!r}, which is not among the materials: {has}.")
-        if not isinstance(total, int | float | np.number) or not np.isfinite(total):
-            raise ValueError(f"ampere_turns of {name!r} must be a finite number in A; got {total!r}.")
-        if materials[name].current_density != 0.0:
-            raise ValueError(
-                f"the coil {name!r} has ampere_turns or a current density; got both, "
-                f"{materials[name].current_density:g} A/m^2 of its material."
-            )
-    return {name: float(total) for name, total in (given or {}).items()}
-
-
-def _checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
-    pairs = list(given) if isinstance(given, list | tuple) else None
-    if pairs is None or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in pairs):
-        raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
-    return tuple((one, other) for one, other in pairs)
+        number = field.coefficients.number
+        return functional_of(field, self.boundaries, np.arange(number.size) if self._turns else number)

@@ -1,24 +1,16 @@
-"""How a problem is solved on a mesh: in one step where it is linear, else by Newton's method from where it begins."""
-
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
+"""Solve a problem on a mesh, and state the functional that its solution minimises."""
 
 import numpy as np
 from scipy.spatial import KDTree
-from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, conditions_of, places
-from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, NewtonStep, Nonlinear, iterate, whole_step
-from kohonen_adapt.magnetostatics.equations.quadratic import Quadratic
-from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.equations.system import loads, scalar_of, solve_scalar
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.quadratic_field import QuadraticField
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, Newton, NewtonStep
+from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
+from kohonen_adapt.problem.ritz import Ritz
 
-__all__ = ["NotConverged", "carried", "quadratic_solution_of", "solution_of", "tangent_solution"]
+__all__ = ["NotConverged", "functional_of", "solution_of"]
 
 
 class NotConverged(np.linalg.LinAlgError):
@@ -42,90 +34,56 @@ class NotConverged(np.linalg.LinAlgError):
         )
 
 
-def solution_of(
-    mesh: MeshTri,
-    given: Coefficients,
-    boundaries: Boundaries,
-    symmetry: Symmetry,
-    depth: float | None,
-    start: Floats | None,
-) -> Field:
-    """Solve by P1 elements, nonlinear problems from a nodal potential (nnodes,) where there is one."""
-    conditions = conditions_of(mesh, boundaries, symmetry)
+def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
+    """Minimise the energy: of nonlinear material from an old solution, perhaps on another mesh, where there is one.
 
-    def linear() -> Floats:
-        return solve_scalar(mesh, scalar_of(mesh, symmetry, given), conditions)
-
-    steps: tuple[NewtonStep, ...] = ()
-    if not given.pieces:
-        unknown = linear()
-    else:
-        begin = conditions.admitted(symmetry.unknown(mesh, start)) if start is not None else _begin(conditions, linear)
-        unknown, steps = iterate(Nonlinear(mesh, given, symmetry, conditions), begin)
-    return checked(Field(mesh, symmetry.potential(mesh, unknown), given, symmetry, depth, steps))
-
-
-def quadratic_solution_of(
-    mesh: MeshTri, given: Coefficients, boundaries: Boundaries, depth: float | None, start: Floats | None
-) -> QuadraticField:
-    """Solve by P2 elements, nonlinear problems from values at all unknowns where there are some."""
-    conditions = conditions_of(mesh, boundaries, PLANAR, 2)
-    problem = Quadratic(mesh, given, conditions)
-
-    def linear() -> Floats:
-        plain = Quadratic(mesh, replace(given, pieces=()), conditions)
-        return conditions.values + whole_step(plain, conditions.values, plain.residual(conditions.values)[0])
-
-    steps: tuple[NewtonStep, ...] = ()
-    if not given.pieces:
-        values = linear() if conditions.free.size else conditions.values
-    else:
-        begin = _begin(conditions, linear) if start is None else conditions.admitted(start)
-        values, steps = iterate(problem, begin)
-    nodal = values[: mesh.p.shape[1]]
-    return checked(QuadraticField(mesh, nodal, given, PLANAR, depth, steps, problem=problem, values=values))
-
-
-def tangent_solution(field: Field, boundaries: Boundaries, source: Floats, flux: Floats) -> Floats:
-    """The change of ``field.unknown``, (nnodes,), that a small source (nelements,) and flux (2, nelements) make.
-
-    It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
-    with zeros for the values given.
+    Raises
+    ------
+    NotConverged
+        If Newton's method does not converge.
     """
-    conditions = conditions_of(field.mesh, boundaries, field.symmetry)
-    if not conditions.free.size:
-        return np.zeros_like(field.potential)
-    problem = Nonlinear(field.mesh, field.coefficients, field.symmetry, conditions)
-    return whole_step(problem, field.unknown, -loads(field.mesh, source, flux)[conditions.free])
-
-
-def _begin(conditions: Conditions, linear: Callable[[], Floats]) -> Floats:
-    """Where Newton's method begins without an old solution.
-
-    From A = 0 its first step is the whole of the linear solution, and halved where that saturates everything. Where
-    values are given, A = 0 beside them would be a steep wall, and the linear solution is a better start.
-    """
-    return linear() if np.any(conditions.values) else conditions.values
-
-
-Solved = TypeVar("Solved", bound=Field)
-
-
-def checked(field: Solved) -> Solved:
-    """The field, unless Newton's method has not converged to it."""
-    if field.newton and not field.newton[-1].converged:
+    elements, steps = energy.elements, tuple[NewtonStep, ...]()
+    if energy.given.pieces:
+        unknown, steps = newton.descend(energy, _begin(energy, old, newton))
+    else:
+        unknown = newton.linear(energy)
+    values = energy.symmetry.potential(elements.places, unknown)
+    made = elements.mesh, values[: elements.mesh.p.shape[1]], energy.given, energy.symmetry, depth, steps
+    field = Field(*made) if elements.order == 1 else QuadraticField(*made, values=values)
+    if steps and not steps[-1].converged:
         raise NotConverged(field)
     return field
 
 
-def carried(mesh: MeshTri, old: Field, order: int = 1) -> Floats:
-    """The potential of an old solution at the nodes of another mesh, for elements of order 2 at the middles of its
-    facets, too; outside the old mesh that of its nearest node.
+def _begin(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
+    """Where Newton's method begins.
+
+    Without an old solution from A = 0: its first step is the whole of the linear solution, and halved where that
+    saturates everything. Where values are given, A = 0 beside them would be a steep wall, and the linear solution is a
+    better start.
     """
-    x = places(mesh, order)
+    conditions = energy.conditions
+    if old is not None:
+        x = energy.elements.places
+        return conditions.admitted(energy.symmetry.unknown(x, carried(x, old)))
+    return newton.linear(energy) if np.any(conditions.values) else conditions.values
+
+
+def carried(x: Floats, old: Field) -> Floats:
+    """The potential of an old solution at points (2, n); outside its mesh that of the nearest node."""
     values = old.potential_at(x)
     outside = np.isnan(values)
     if outside.any():
         nearest = KDTree(old.mesh.p.T).query(x[:, outside].T)[1]
         values[outside] = old.potential[nearest]
     return values
+
+
+def functional_of(field: Field, boundaries: Boundaries, number: Ints) -> Ritz:
+    """What a planar field of order 1 minimises; elements of one number (nelements,) have equal coefficients."""
+    given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
+    _, first, place = np.unique(number, return_index=True, return_inverse=True)
+    tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
+    law_of = {int(given.number[piece.elements[0]]): piece.law for piece in given.pieces if piece.elements.size}
+    laws = tuple(law_of.get(int(index)) for index in given.number[first]) if given.pieces else ()
+    return Ritz(field.potential, conditions.tied, *tables, place, laws)

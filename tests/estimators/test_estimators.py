@@ -280,7 +280,7 @@ def spoilt(array, place, value):
             {"potential": spoilt(np.zeros(30), 7, np.nan)},
             "potential must be finite; it is not at 1 of 30 nodes, first 7",
         ),
-        ({"potential": 1j * np.ones(30)}, "potential must be real numbers; got an array of complex128"),
+        ({"potential": 1j * np.ones(30)}, "potential must be real numbers; got complex128"),
         ({"reluctivity": 1.0}, r"reluctivity must have shape \(nelements,\) = \(40,\); got \(\)\."),
         (
             {"reluctivity": spoilt(np.ones(40), 3, 0.0)},

@@ -1,9 +1,8 @@
 """Axisymmetric magnetostatics against known inductances and exact fields."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
+from helpers.devices import INCH, coil, coil_mesh
 from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from helpers.meshes import square
 from skfem import MeshTri
@@ -13,39 +12,6 @@ from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
 
 MU0 = 4e-7 * np.pi
-INCH = 0.0254
-
-
-def graded(step, growth, end, *knots):
-    """Places from the first knot on, `step` apart up to the last, then farther and farther."""
-    near = [np.linspace(a, b, round((b - a) / step) + 1)[:-1] for a, b in pairwise(knots)]
-    far = [0.0]
-    while far[-1] < end - knots[-1]:
-        far.append(far[-1] + step * growth ** len(far))
-    return np.concatenate([*near, knots[-1] + np.array(far) * (end - knots[-1]) / far[-1]])
-
-
-def coil_mesh(fineness, end):
-    """FEMM's tutorial: a coil of 1 and 3 inches in diameter and 2 inches in length; air to `end` in metres."""
-    step, growth = INCH / (8 * fineness), 1.25 ** (1 / fineness)
-    z = graded(step, growth, end, 0.0, INCH)
-    mesh = MeshTri.init_tensor(graded(step, growth, end, 0.0, 0.5 * INCH, 1.5 * INCH), np.append(-z[:0:-1], z))
-
-    def in_coil(x):
-        return (x[0] > 0.5 * INCH) & (x[0] < 1.5 * INCH) & (np.abs(x[1]) < INCH)
-
-    mesh = mesh.with_boundaries({"far": lambda x: (x[0] > 0.999 * end) | (np.abs(x[1]) > 0.999 * end)})
-    return mesh.with_subdomains({"coil": in_coil, "air": lambda x: ~in_coil(x)})
-
-
-def coil(estimator="residual"):
-    return Magnetostatics(
-        {"coil": Material(), "air": Material()},
-        potential={"far": 0.0},
-        ampere_turns={"coil": 1000.0},  # 1 A
-        axisymmetric=True,
-        estimator=estimator,
-    )
 
 
 def test_a_coil_has_its_inductance():

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.devices import MM, coil, coil_mesh, rings_mesh
 from scipy.special import ellipe, ellipkm1
 from skfem import MeshTri
-from test_axisymmetric import coil, coil_mesh, graded
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
@@ -18,18 +18,6 @@ from kohonen_adapt.magnetostatics import (
 )
 
 MU0 = 4e-7 * np.pi
-MM = 1e-3
-
-
-def rings_mesh(parts, end=0.2):
-    """1 mm squares to 20 mm, wider beyond; `parts`: name to (r0, r1, z0, z1) in mm, the rest air."""
-    r, up = graded(MM, 1.2, end, 0.0, 0.02), graded(MM, 1.2, end, 0.0, 0.02)
-    mesh = MeshTri.init_tensor(r, np.append(-up[:0:-1], up))
-    r, z = mesh.p[:, mesh.t].mean(axis=1) / MM
-    inside = {name: (r > a) & (r < b) & (z > c) & (z < d) for name, (a, b, c, d) in parts.items()}
-    inside["air"] = ~np.any(list(inside.values()), axis=0)
-    mesh = mesh.with_boundaries({"far": lambda x: (x[0] > 0.999 * end) | (np.abs(x[1]) > 0.999 * end)})
-    return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in inside.items()})
 
 
 def mutual(a, b, d):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.exact_fields import Corner
 from helpers.meshes import disk
-from scipy.optimize import brentq
-from skfem import Basis, ElementTriP1, MeshTri
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
@@ -41,43 +41,6 @@ def test_a_coaxial_cable_has_its_inductance():
 
 
 EXPONENTS = {10.0: 0.731692, 100.0: 0.673921, 1000.0: 0.667401}
-
-
-class Corner:
-    """Iron in a right angle about the x axis and the field that is singular at its corner, odd in the angle.
-
-    A = Im z^l in the iron and c Im w^l with w = -conj(z) outside: sin(l t) and c sin(l (pi - t)) times r^l.
-    """
-
-    def __init__(self, permeability):
-        a, b = np.pi / 4, 3 * np.pi / 4
-        meet = lambda x: permeability * np.sin(x * a) * np.cos(x * b) + np.sin(x * b) * np.cos(x * a)  # noqa: E731
-        self.exponent = brentq(meet, 0.6, 0.99)
-        self.outside = np.sin(self.exponent * a) / np.sin(self.exponent * b)
-        self.materials = {"iron": Material(permeability), "air": Material()}
-
-    def mesh(self, n):
-        ticks = np.linspace(-1.0, 1.0, 2 * n + 1)
-        plain = MeshTri.init_tensor(ticks, ticks)
-        iron = np.all(plain.p[:, plain.t].mean(axis=1) > 0.0, axis=0)
-        turn = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)
-        mesh = MeshTri(turn @ plain.p, plain.t).with_boundaries({"rim": lambda x: x[0] > -9}, boundaries_only=True)
-        return mesh.with_subdomains({"iron": np.flatnonzero(iron), "air": np.flatnonzero(~iron)})
-
-    def potential(self, x):
-        z = x[0] + 1j * x[1]
-        iron = np.abs(np.angle(z)) <= np.pi / 4 + 1e-9
-        return np.where(iron, (z**self.exponent).imag, self.outside * ((-z.conj()) ** self.exponent).imag)
-
-    def error(self, mesh, field):
-        basis = Basis(mesh, ElementTriP1(), intorder=8)
-        x = np.asarray(basis.global_coordinates())
-        z, iron = x[0] + 1j * x[1], np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["iron"])[:, None]
-        inside, beyond = (self.exponent * w ** (self.exponent - 1) for w in (z, -z.conj()))
-        along_x = np.where(iron, inside.imag, -self.outside * beyond.imag)
-        along_y = np.where(iron, inside.real, self.outside * beyond.real)
-        off = field.flux_density[:, :, None] - np.stack((along_y, -along_x))
-        return np.sqrt(np.sum(field.reluctivity[:, None] * np.sum(off**2, axis=0) * basis.dx))
 
 
 @pytest.mark.parametrize("permeability", EXPONENTS)

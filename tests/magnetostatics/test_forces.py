@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.devices import MAGNET_HALF, PLACES, turned_magnet, two_magnets, uniform
 from helpers.examples import examples
-from helpers.sheets import MU0, line_potential, rectangle_force, rectangle_potential
+from helpers.sheets import MU0, line_potential, rectangle_force
 from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,12 +21,6 @@ from kohonen_adapt.mesh.measures import area
 AIR, IRON = Material(), Material(1000.0)
 
 
-def uniform(degrees):
-    """A of 1 T in that direction."""
-    a = np.deg2rad(degrees)
-    return lambda x: x[1] * np.cos(a) - x[0] * np.sin(a)
-
-
 def area_of(mesh, name):
     return area(mesh)[mesh.subdomains[name]].sum()
 
@@ -36,14 +31,6 @@ def area_of(mesh, name):
 def rate(sizes, errors):
     """Exponent of the fit errors ~ sizes^rate."""
     return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
-
-
-def turned_magnet(cells, degrees):
-    """A magnet of 10 x 5 mm, 1e6 A/m, in 1 T in that direction. Its image in the square box is along it."""
-    ticks = np.linspace(-0.02, 0.02, cells + 1)
-    mesh = box(ticks, ticks, {"magnet": (-0.005, 0.005, -0.0025, 0.0025)})
-    magnet = Material(remanence=(MU0 * 1e6, 0.0))
-    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": uniform(degrees)})
 
 
 def test_torque_on_nested_meshes():
@@ -110,22 +97,9 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
     assert 1.8 < -rate(rings, errors) < 2.5
 
 
-HALF = (0.005, 0.0025)
-PLACES = {"a": (-0.0075, -0.0025), "b": (0.0075, 0.0025)}
-
-
-def two_magnets(k):
-    """Two magnets of 10 x 5 mm side by side, the second 5 mm higher, both along y."""
-    sides = {n: (x - HALF[0], x + HALF[0], y - HALF[1], y + HALF[1]) for n, (x, y) in PLACES.items()}
-    mesh = box(np.linspace(-0.025, 0.025, 20 * k + 1), np.linspace(-0.02, 0.02, 16 * k + 1), sides)
-    magnet = Material(remanence=(0.0, MU0 * 1e6))
-    potential = {"outer": lambda x: sum(rectangle_potential(x, place, HALF) for place in PLACES.values())}
-    return mesh, Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential)
-
-
 def test_force_between_two_magnets_on_nested_meshes():
     """Of second order, as the torque."""
-    wanted, fineness, errors = rectangle_force(PLACES["b"], PLACES["a"], HALF), (2, 4, 8), []
+    wanted, fineness, errors = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF), (2, 4, 8), []
     for k in fineness:
         mesh, problem = two_magnets(k)
         errors.append(np.hypot(*(problem.solve(mesh).force("b") - wanted)) / np.hypot(*wanted))
@@ -134,7 +108,7 @@ def test_force_between_two_magnets_on_nested_meshes():
 
 def test_force_between_two_magnets():
     """Within 0.5 % at 5265 nodes, and by the number of nodes as the square of the error in the energy norm."""
-    wanted, errors, nodes = rectangle_force(PLACES["b"], PLACES["a"], HALF), [], []
+    wanted, errors, nodes = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF), [], []
     for k in (2, 4):
         mesh, problem = two_magnets(k)
         field = ka.adapt(mesh, problem).solution
@@ -154,7 +128,7 @@ def test_the_loop_stops_when_the_force_has_settled():
     before, last = result.history[-2:]
     assert 1 < last.number < 9
     assert all(abs(last.outputs[name] / before.outputs[name] - 1.0) <= 0.01 for name in outputs)
-    assert last.outputs["pull"] == pytest.approx(rectangle_force(PLACES["b"], PLACES["a"], HALF)[0], rel=0.03)
+    assert last.outputs["pull"] == pytest.approx(rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[0], rel=0.03)
 
 
 def test_arkkio_agrees_with_the_eggshell():

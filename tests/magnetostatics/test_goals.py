@@ -5,18 +5,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.devices import (
+    AIR,
+    CIRCUIT,
+    MAGNET_HALF,
+    PLACES,
+    STEEL,
+    TURNS,
+    actuator,
+    machine,
+    plunger,
+    shielded,
+    turned_magnet,
+    two_magnets,
+)
 from helpers.examples import examples
 from helpers.sheets import rectangle_force
-from helpers.tensor_meshes import box, disk, equal_rings, sector
+from helpers.tensor_meshes import box
 from hypothesis import given
 from hypothesis import strategies as st
-from test_axisymmetric_forces import rings_mesh
-from test_forces import HALF, PLACES, turned_magnet, two_magnets
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators import equilibrated
 from kohonen_adapt.magnetostatics import (
-    Brauer,
     FluxLinkage,
     Force,
     Goal,
@@ -25,53 +36,10 @@ from kohonen_adapt.magnetostatics import (
     StoredEnergy,
     Torque,
 )
-from kohonen_adapt.magnetostatics.equations.system import loads
-from kohonen_adapt.magnetostatics.solution import tangent_solution
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.linearised import tangent_solution
 from kohonen_adapt.mesh.measures import area, gradient
 
-AIR, STEEL = Material(), Material(bh=Brauer(100.0, 10.0, 1.8))
-TURNS = 5e4  # A in a coil side of the actuator
-
-
-def actuator(cells=20, **more):
-    """A coil of two sides over a bar of steel that it saturates."""
-    parts = {"go": (-0.008, -0.004, 0.002, 0.006), "back": (0.002, 0.006, 0.002, 0.006), "bar": (-0.01, 0.01, -8e-3, 0)}
-    mesh = box(np.linspace(-0.02, 0.02, cells + 1), np.linspace(-0.02, 0.02, cells + 1), parts)
-    given = {"potential": {"outer": 0.0}, "ampere_turns": {"go": TURNS, "back": -TURNS}, "depth": 0.03} | more
-    return mesh, Magnetostatics({"go": AIR, "back": AIR, "bar": STEEL, "air": AIR}, **given)
-
-
-def plunger():
-    """The same around an axis: a coil and a plunger of steel."""
-    mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)})
-    parts = {"coil": AIR, "plunger": STEEL, "air": AIR}
-    return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True)
-
-
-PITCH = np.pi / 2
-
-
-def machine():
-    """A pole of a machine, its sides antiperiodic."""
-    parts = {"coil": (0.02, 0.03, 0.35, 0.85), "hub": (0.01, 0.02, 0, PITCH), "tooth": (0.035, 0.045, 0.1, 0.5)}
-    mesh = sector(np.linspace(0.01, 0.05, 41), np.linspace(0.0, PITCH, 31), parts)
-    materials = {"coil": Material(current_density=6e8), "hub": STEEL, "tooth": STEEL, "air": AIR}
-    return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")])
-
-
-def shielded():
-    """Two wires beside one another in a tube of steel, with an open boundary."""
-    mesh = disk(equal_rings(20, 0.04), {"inside": 8, "tube": 12, "air": 20})
-    x, y = mesh.p[:, mesh.t].mean(axis=1)
-    places = {name: np.hypot(x - at, y) < 0.005 for name, at in (("go", -0.008), ("back", 0.008))}
-    rest = np.setdiff1d(mesh.subdomains["inside"], np.flatnonzero(places["go"] | places["back"]))
-    parts = {name: np.flatnonzero(there) for name, there in places.items()} | {"inside": rest}
-    mesh = mesh.with_subdomains(mesh.subdomains | parts)
-    materials = dict.fromkeys(("go", "back", "inside", "air"), AIR) | {"tube": STEEL}
-    return mesh, Magnetostatics(materials, ampere_turns={"go": TURNS, "back": -TURNS}, open_boundary="outer")
-
-
-CIRCUIT = {"go": 50, "back": -50}
 CASES = {
     "force": (actuator, Force("bar", (3.0, 4.0))),
     "torque": (actuator, Torque(["bar"], (0.01, 0.02))),
@@ -103,7 +71,7 @@ def test_goals_have_the_values_of_the_field():
 
 def shifted(field, change):
     """The field with another potential; `change` (nnodes,) is of u."""
-    potential = field.symmetry.potential(field.mesh, field.unknown + change)
+    potential = field.symmetry.potential(field.mesh.p, field.unknown + change)
     return replace(field, potential=potential)
 
 
@@ -114,7 +82,7 @@ def test_derivatives_are_those_of_the_values(case, seed):
     make, goal = CASES[case]
     field = FIELDS[make]
     change = 1e-6 * np.random.default_rng(seed).normal(size=field.potential.size) * np.abs(field.unknown).max()
-    change[field.symmetry.on_axis(field.mesh)] = 0.0
+    change[field.symmetry.on_axis(field.mesh.p)] = 0.0
     wanted = 0.5 * (goal(shifted(field, change)) - goal(shifted(field, -change)))
     source, flux = goal.derivative(field)
     mean = change[field.mesh.t].mean(axis=0)
@@ -127,10 +95,10 @@ def test_the_dual_tells_what_a_current_does_to_the_goal(case):
     """dJ = int dJ_current z: of nonlinear material, around an axis and with antiperiodic sides."""
     make, goal = CASES[case]
     (mesh, problem), field = make(), FIELDS[make]
-    dual = tangent_solution(field, problem._boundaries, *goal.derivative(field))
+    dual = tangent_solution(field, problem.boundaries, field.elements.loads(*goal.derivative(field)), Newton())
     name = next(name for name in ("go", "coil") if name in mesh.subdomains)
     density = np.where(np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains[name]), 1e4, 0.0)
-    load = loads(mesh, field.symmetry.source(density), np.zeros((2, density.size)))
+    load = field.elements.loads(field.symmetry.source(density), np.zeros((2, density.size)))
 
     def value(sign):
         materials, size = dict(problem.materials), float(np.sum(area(mesh)[density > 0]))
@@ -147,8 +115,8 @@ def test_the_goal_of_a_linear_problem_is_the_dual_times_its_source():
     mesh, problem = actuator()
     problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
     field, goal = problem.solve(mesh), FluxLinkage(CIRCUIT)
-    dual = tangent_solution(field, problem._boundaries, *goal.derivative(field))
-    load = loads(mesh, field.current_density, np.zeros((2, mesh.t.shape[1])))
+    dual = tangent_solution(field, problem.boundaries, field.elements.loads(*goal.derivative(field)), Newton())
+    load = field.elements.loads(field.current_density, np.zeros((2, mesh.t.shape[1])))
     assert load @ dual == pytest.approx(goal(field), rel=1e-9)
 
 
@@ -210,7 +178,7 @@ def errors(mesh, problem, goal, exact):
 
 
 PULL = Force("b", (1, 0))
-PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], HALF)[0]
+PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[0]
 
 
 @pytest.mark.slow
@@ -247,7 +215,7 @@ def test_the_error_of_the_goal_is_told_with_its_sign():
     mesh, problem = two_magnets(2)
     problem = replace(problem, goal=Force("b", (0, 1)))
     result = ka.adapt(mesh, problem)
-    missing = rectangle_force(PLACES["b"], PLACES["a"], HALF)[1] - problem.goal(result.solution)
+    missing = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[1] - problem.goal(result.solution)
     assert problem.goal_error(result.solution) == pytest.approx(missing, rel=0.25)
 
 

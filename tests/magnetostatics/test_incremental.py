@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_goals import CIRCUIT, TURNS, actuator, machine, plunger
+from helpers.devices import CIRCUIT, TURNS, actuator, machine, plunger
 
 from kohonen_adapt.magnetostatics import FluxLinkage, Material, apparent_inductance, energy_inductance
 

@@ -2,17 +2,24 @@
 
 import numpy as np
 import pytest
+from helpers.exact_fields import (
+    LAYERS,
+    MAGNETISATION,
+    RECTANGLE,
+    random_mesh,
+    rectangle_mesh,
+    sheet_field,
+    sheet_potential,
+)
 from helpers.meshes import disk
-from helpers.sheets import MU0, rectangle_field, rectangle_potential
-from helpers.tensor_meshes import box, everywhere
+from helpers.sheets import MU0
+from helpers.tensor_meshes import everywhere
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
 from kohonen_adapt.mesh.measures import area
-
-MAGNETISATION = 1e6  # A/m, of the magnets with exact fields
 
 
 def true_error(mesh, field, exact):
@@ -104,27 +111,6 @@ def test_estimates_of_the_cylinder_are_near_its_error(rings):
 
 # --- exact: a rectangle magnet in free space ---------------------------------------------------------------------
 
-HALF = np.array([0.01, 0.005])
-
-
-def sheet_field(x):
-    return rectangle_field(x, (0.0, 0.0), HALF)
-
-
-def sheet_potential(x):
-    return rectangle_potential(x, (0.0, 0.0), HALF)
-
-
-RECTANGLE = Magnetostatics(
-    {"magnet": Material(remanence=(0.0, MU0 * MAGNETISATION)), "air": Material()}, potential={"outer": sheet_potential}
-)
-
-
-def rectangle_mesh(n):
-    """60 x 40 mm around the magnet of 20 x 10 mm, 2 n squares to 10 mm."""
-    sides = {"magnet": (-HALF[0], HALF[0], -HALF[1], HALF[1])}
-    return box(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1), sides)
-
 
 def test_the_sheets_have_the_tabulated_field():
     points = np.array([[0.0, 0.0, 0.015, 0.009], [0.0, 0.01, 0.0, 0.002]])
@@ -155,21 +141,6 @@ def test_rectangle_magnet_converges_to_its_exact_field():
 
 
 # --- exact in every mesh: what P1 holds without error ------------------------------------------------------------
-
-
-def random_mesh(seed=0, cells=6):
-    """The square (0, 3)^2 with nodes moved at random but on the lines x = 1 and x = 2, and its four sides by name."""
-    mesh = MeshTri.init_tensor(np.linspace(0, 3, 3 * cells + 1), np.linspace(0, 3, 3 * cells + 1))
-    shift = np.random.default_rng(seed).uniform(-0.25, 0.25, mesh.p.shape) / cells
-    shift[:, mesh.boundary_nodes()] = 0.0
-    shift[0, np.isin(mesh.p[0].round(9), (1.0, 2.0))] = 0.0
-    sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 3 - 1e-9}
-    sides |= {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 3 - 1e-9}
-    layers = {"iron": lambda x: x[0] < 1, "magnet": lambda x: (x[0] > 1) & (x[0] < 2), "air": lambda x: x[0] > 2}
-    return MeshTri(mesh.p + shift, mesh.t).with_boundaries(sides).with_subdomains(layers)
-
-
-LAYERS = {"iron": Material(1000.0), "magnet": Material(1.05, remanence=(0.0, 1.2)), "air": Material()}
 
 
 @pytest.mark.parametrize("estimator", ["residual", "recovery"])

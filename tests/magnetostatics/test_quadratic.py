@@ -2,24 +2,23 @@
 
 import numpy as np
 import pytest
+from helpers.devices import tube, wire_mesh
+from helpers.exact_fields import LAYERS, RECTANGLE, Corner, random_mesh, rectangle_mesh, sheet_field
 from helpers.meshes import disk, generic_square, square
-from test_exact_cases import Corner
-from test_magnetostatics import LAYERS, RECTANGLE, random_mesh, rectangle_mesh, sheet_field
-from test_nonlinear import tube, wire_mesh
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, QuadraticField
+from kohonen_adapt.mesh.measures import area
 
 MU0 = 4e-7 * np.pi
 
 
 def true_error(field, exact):
     """sqrt(int nu |B_h - B|^2) of linear material."""
-    problem = field.problem
-    x = np.asarray(problem.basis.global_coordinates())
-    found = problem.flux_density(field.values).reshape(2, *problem.weights.shape)
-    squared = np.sum((found - exact(x)) ** 2, axis=0)
-    return np.sqrt(np.sum(problem.weights * field.reluctivity[:, None] * squared))
+    elements, symmetry = field.elements, field.symmetry
+    found = symmetry.flux_density(elements.points, elements.gradient(field.values))
+    squared = np.sum((found - exact(elements.points)) ** 2, axis=0)
+    return np.sqrt(np.sum(elements.mean(squared) * area(field.mesh) * field.reluctivity))
 
 
 def overrating(problem, mesh, field, exact):

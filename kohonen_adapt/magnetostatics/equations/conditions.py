@@ -1,4 +1,4 @@
-"""What holds on the boundaries: fixed values, the open boundary, and nodes that are one; which unknowns are left."""
+"""Constrain the unknowns on the boundaries: values given, nodes that are one; tell which unknowns are left."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components
-from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.joints import Joints, Names, joints_of, with_middles
-from kohonen_adapt.magnetostatics.equations.robin import robin_matrix
+from kohonen_adapt.magnetostatics.equations.elements import Elements
+from kohonen_adapt.magnetostatics.equations.joints import Joints, Names, joints_of
+from kohonen_adapt.magnetostatics.equations.open_boundary import robin_matrix
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
-from kohonen_adapt.magnetostatics.materials.coefficients import named
+from kohonen_adapt.mesh.names import named
 
-__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values", "places"]
+__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values"]
 
 CONTRADICTION = 1e-9  # of the largest fixed value: values that joined nodes may differ by
 
@@ -39,18 +39,18 @@ class Conditions:
     Attributes
     ----------
     fixed
-        (nnodes,) bool: nodes of given values.
+        (nunknowns,) bool: unknowns of given values.
     values
-        (nnodes,): these values, zero elsewhere.
+        (nunknowns,): these values, zero elsewhere.
     free
-        The other nodes.
+        The other unknowns.
     robin
-        (nnodes, nnodes): what the open boundary adds to the matrix, or None.
+        (nunknowns, nunknowns): what the open boundary adds to the matrix, or None.
     join
-        (nfree, nunknowns): the values of the free nodes from one unknown for each class of them, or None where every
-        node has its own.
+        (nfree, nclasses): the values of the free unknowns from one for each class of them, or None where each is its
+        own.
     joints
-        Nodes that are one, or None.
+        Unknowns that are one, or None.
     """
 
     fixed: Mask
@@ -60,28 +60,40 @@ class Conditions:
     join: csc_array | None = None
     joints: Joints | None = None
 
+    @property
+    def tied(self) -> Mask:
+        """(nunknowns,) bool: unknowns of given values, and all that are one with others."""
+        tied = self.fixed.copy()
+        if self.joints is not None:
+            tied[self.joints.one] = tied[self.joints.other] = True
+        return tied
+
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
-        """The equations of the free nodes as those of the unknowns, the open boundary added to the matrix."""
+        """The equations of the free unknowns as those of their classes, the open boundary added to the matrix."""
         if self.robin is not None:
             matrix = (matrix + self.robin[self.free][:, self.free]).tocsc()
         if self.join is not None:
-            matrix, right = (self.join.T @ matrix @ self.join).tocsc(), self.join.T @ right
-        return matrix, right
+            matrix = (self.join.T @ matrix @ self.join).tocsc()
+        return matrix, self.gathered(right)
 
-    def expanded(self, unknowns: Floats) -> Floats:
-        """Values at the free nodes, (nfree,)."""
-        return unknowns if self.join is None else self.join @ unknowns
+    def gathered(self, pull: Floats) -> Floats:
+        """What pulls at the classes, (nclasses,), of what pulls at the free unknowns, (nfree,)."""
+        return pull if self.join is None else self.join.T @ pull
+
+    def expanded(self, values: Floats) -> Floats:
+        """Values of the free unknowns, (nfree,), from those of their classes."""
+        return values if self.join is None else self.join @ values
 
     def admitted(self, values: Floats) -> Floats:
-        """The nodal values nearest to these that keep the conditions, (nnodes,)."""
+        """The values nearest to these that keep the conditions, (nunknowns,)."""
         kept = np.where(self.fixed, self.values, values)
         if self.joints is not None:
             kept = np.where(self.fixed, self.values, self.joints.sign * kept[self.joints.master])
         return kept
 
 
-def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, order: int = 1) -> Conditions:
-    """The conditions on the nodes of a mesh, with elements of order 2 on its nodes and then the middles of its facets.
+def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> Conditions:
+    """The conditions on the unknowns of the elements.
 
     Raises
     ------
@@ -89,40 +101,30 @@ def conditions_of(mesh: MeshTri, given: Boundaries, symmetry: Symmetry, order: i
         For names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
         that is no circle, and connected parts of the mesh where nothing fixes the potential.
     """
-    fixed, values = fixed_values(mesh, given.potential, order)
-    if order == 1:
-        values, axis = symmetry.unknown(mesh, values), symmetry.on_axis(mesh)
-        fixed, values = fixed | axis, np.where(axis, 0.0, values)
-    robin = None if given.open_boundary is None else robin_matrix(mesh, given.open_boundary, symmetry, order)
+    fixed, values = fixed_values(elements, given.potential)
+    values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
+    fixed, values = fixed | axis, np.where(axis, 0.0, values)
+    robin = None if given.open_boundary is None else robin_matrix(elements, given.open_boundary, symmetry)
     joints = None
     if given.periodic or given.antiperiodic:
-        joints = joints_of(mesh, given.periodic, given.antiperiodic)
-        joints = joints if order == 1 else with_middles(joints, mesh.facets.shape[1])
-        fixed, values = _shared(places(mesh, order), joints, fixed, values)
-    _check_tied(mesh, fixed, robin, joints)
+        joints = joints_of(elements, given.periodic, given.antiperiodic)
+        fixed, values = _shared(elements.places, joints, fixed, values)
+    _check_tied(elements.mesh.facets, elements.mesh.p.shape[1], fixed, robin, joints)
     free = np.flatnonzero(~fixed)
     return Conditions(fixed, values, free, robin, None if joints is None else _join(joints, free), joints)
 
 
-def places(mesh: MeshTri, order: int) -> Floats:
-    """Where the unknowns are, (2, n): the nodes, of order 2 then the middles of the facets."""
-    return mesh.p if order == 1 else np.hstack((mesh.p, mesh.p[:, mesh.facets].mean(axis=1)))
+def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Mask, Floats]:
+    """Which unknowns have a given potential, (nunknowns,) bool, and the values there, (nunknowns,), zero elsewhere.
 
-
-def fixed_values(mesh: MeshTri, potential: Mapping[str, Value], order: int = 1) -> tuple[Mask, Floats]:
-    """Which nodes have a given potential, (nnodes,) bool, and the values there, (nnodes,) with zeros elsewhere.
-
-    A boundary hands its value to all nodes of its facets; at a node of several, the last in the mapping counts.
+    A boundary hands its value to all unknowns of its facets; where several meet, the last in the mapping counts.
     """
-    x = places(mesh, order)
+    x = elements.places
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
     for name, value in potential.items():
-        facets = named(mesh.boundaries, name, "boundary")
-        nodes = np.unique(mesh.facets[:, facets])
-        if order == 2:
-            nodes = np.append(nodes, mesh.p.shape[1] + np.asarray(facets))
-        fixed[nodes] = True
-        values[nodes] = _evaluated(name, value, x[:, nodes])
+        rows = np.unique(elements.on_facets(named(elements.mesh.boundaries, name, "boundary")))
+        fixed[rows] = True
+        values[rows] = _evaluated(name, value, x[:, rows])
     return fixed, values
 
 
@@ -163,10 +165,9 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
     return everywhere
 
 
-def _check_tied(mesh: MeshTri, fixed: Mask, robin: csc_array | None, joints: Joints | None) -> None:
+def _check_tied(facets: Ints, nodes: int, fixed: Mask, robin: csc_array | None, joints: Joints | None) -> None:
     """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
-    nodes = mesh.p.shape[1]
-    pairs, tied = mesh.facets, fixed[:nodes]
+    pairs, tied = facets, fixed[:nodes]
     if robin is not None:
         tied = tied | (robin.diagonal()[:nodes] > 0.0)
     if joints is not None:

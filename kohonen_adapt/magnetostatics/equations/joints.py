@@ -1,4 +1,4 @@
-"""Nodes that periodic and antiperiodic boundaries make one: classes of nodes that share a value up to its sign."""
+"""Join the unknowns of periodic and antiperiodic boundaries: classes that share a value up to its sign."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,27 +7,28 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.outline.pairs import image_nodes
 
-__all__ = ["Joints", "joints_of", "with_middles"]
+__all__ = ["Joints", "joints_of"]
 
 Names = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Joints:
-    """``u[node] = sign[node] u[master[node]]``.
+    """``u[i] = sign[i] u[master[i]]``.
 
     Attributes
     ----------
     master
-        (nnodes,): one node for each class of nodes that are one; most are their own.
+        (nunknowns,): one for each class of unknowns that are one; most are their own.
     sign
-        (nnodes,) 1.0 or -1.0.
+        (nunknowns,) 1.0 or -1.0.
     zero
-        (nnodes,) bool: nodes of classes that hold their own negative, so that u = 0 there.
+        (nunknowns,) bool: those of classes that hold their own negative, so that u = 0 there.
     one, other, between
-        Nodes that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
+        Unknowns that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
     facets
         Facets that are one, and the sign between them: three arrays (f,).
     """
@@ -41,37 +42,32 @@ class Joints:
     facets: tuple[Ints, Ints, Floats]
 
 
-def joints_of(mesh: MeshTri, periodic: Names, antiperiodic: Names) -> Joints:
-    """Join the nodes of every pair of boundaries, and those that several pairs join, as the corners of a cell.
+def joints_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Joints:
+    """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell.
 
     Raises
     ------
     ValueError
         If a name is no boundary, or the nodes of a pair do not match.
     """
-    names = [*periodic, *antiperiodic]
+    mesh, names = elements.mesh, [*periodic, *antiperiodic]
     try:
         found = image_nodes(mesh, names)
     except ValueError as error:
         raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
-    signs = [1.0] * len(periodic) + [-1.0] * len(antiperiodic)
-    one, other = np.concatenate([nodes for nodes, _ in found]), np.concatenate([images for _, images in found])
-    between = np.repeat(signs, [len(nodes) for nodes, _ in found])
+    signs = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)])
     facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
     images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
-    pairs = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
-    return _joined(mesh.p.shape[1], one, other, between, pairs)
+    along = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
+    inside, beyond = (elements.on_facets(rows)[2:].ravel() for rows in along[:2])
+    one = np.concatenate([*(nodes for nodes, _ in found), inside])
+    other = np.concatenate([*(images for _, images in found), beyond])
+    between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), along[2][: inside.size])
+    return Joints(*_classes(elements.places.shape[1], one, other, between), one, other, between, along)
 
 
-def with_middles(joints: Joints, nfacets: int) -> Joints:
-    """The same for nodes and then the middles of facets, as quadratic elements have them."""
-    nodes = len(joints.master)
-    facets, images, sign = joints.facets
-    one, other = np.append(joints.one, nodes + facets), np.append(joints.other, nodes + images)
-    return _joined(nodes + nfacets, one, other, np.append(joints.between, sign), joints.facets)
-
-
-def _joined(count: int, one: Ints, other: Ints, between: Floats, facets: tuple[Ints, Ints, Floats]) -> Joints:
+def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints, Floats, Mask]:
+    """`master`, `sign` and `zero` of `Joints`."""
     master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
@@ -82,7 +78,7 @@ def _joined(count: int, one: Ints, other: Ints, between: Floats, facets: tuple[I
             break
     zero = np.zeros(count, dtype=bool)
     zero[master[one[sign[one] != between * sign[other]]]] = True
-    return Joints(master, sign, zero[master], one, other, between, facets)
+    return master, sign, zero[master]
 
 
 def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> Ints:

@@ -1,18 +1,20 @@
-"""The materials of a problem as values per element of a mesh, and what they make of a flux density."""
+"""Tell every element its material, and work out field strength and energy density from flux density."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.materials.laws import Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements", "named"]
+__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements"]
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,15 @@ class Coefficients:
     def flux(self) -> Floats:
         """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
         return np.stack((-self.coercivity[1], self.coercivity[0]))
+
+    def repeated(self, times: int) -> "Coefficients":
+        """The same for `times` points in every element, those of an element together."""
+        if times == 1:
+            return self
+        names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
+        arrays = {name: np.repeat(getattr(self, name), times, axis=-1) for name in names}
+        pieces = [Piece(each.law, (each.elements[:, None] * times + np.arange(times)).ravel()) for each in self.pieces]
+        return replace(self, **arrays, pieces=tuple(pieces))
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""
@@ -161,14 +172,6 @@ def _area_of(mesh: MeshTri, name: str) -> float:
     return total
 
 
-def named(sets: Mapping[str, NDArray[np.int32]] | None, name: str, kind: str) -> NDArray[np.int32]:
-    """The set of that name, or an error that lists the names there are."""
-    if sets is None or name not in sets:
-        has = ", ".join(repr(other) for other in sorted(sets or ())) or "none"
-        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {has}.")
-    return sets[name]
-
-
 def material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> NDArray[np.int64]:
     """Place in the mapping of the one material of every element, (nelements,)."""
     number = np.full(mesh.t.shape[1], -1)
@@ -187,8 +190,8 @@ def _check_filled(mesh: MeshTri, number: NDArray[np.int64]) -> None:
     empty = np.flatnonzero(number < 0)
     if not empty.size:
         return
-    inside = [repr(name) for name, elements in sorted((mesh.subdomains or {}).items()) if empty[0] in elements]
-    where = f"in subdomain {', '.join(inside)}" if inside else "in no subdomain"
+    inside = [name for name, elements in named_sets(mesh.subdomains).items() if empty[0] in elements]
+    where = f"in subdomain {listed(inside)}" if inside else "in no subdomain"
     raise ValueError(
         f"every element needs a material; {empty.size} of {number.size} have none, "
         f"first element {empty[0]} ({where}). Add a material for their subdomain."

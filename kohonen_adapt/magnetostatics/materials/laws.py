@@ -1,13 +1,14 @@
 """Magnetic laws H(B) of isotropic material: the protocol, its continuation to any B, and the analytic ones."""
 
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import pi
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.optimize import brentq
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import is_number
 
 __all__ = [
     "VACUUM_PERMEABILITY",
@@ -106,7 +107,7 @@ class Brauer(Continued):
     def __post_init__(self) -> None:
         for name in ("k2", "k3"):
             _check_positive("Brauer", name, getattr(self, name))
-        if not (_is_number(self.k1) and self.k1 >= 0.0):
+        if not (is_number(self.k1) and 0.0 <= self.k1 < np.inf):
             raise ValueError(f"k1 of Brauer must be a finite number >= 0; got {self.k1!r}.")
         if self.k1 + self.k2 >= VACUUM_RELUCTIVITY:
             raise ValueError(
@@ -262,15 +263,11 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     return np.where(wanted > 0.0, high, 0.0)[place]
 
 
-def _is_number(given: Any) -> bool:
-    return isinstance(given, int | float | np.integer | np.floating) and isfinite(given)
-
-
 def _check_positive(law: str, name: str, given: Any) -> None:
-    if not (_is_number(given) and given > 0.0):
+    if not (is_number(given) and 0.0 < given < np.inf):
         raise ValueError(f"{name} of {law} must be a finite number > 0; got {given!r}.")
 
 
 def _check_permeable(law: str, given: Any) -> None:
-    if not (_is_number(given) and given > 1.0):
+    if not (is_number(given) and 1.0 < given < np.inf):
         raise ValueError(f"permeability of {law}, relative and at B = 0, must be a finite number > 1; got {given!r}.")

@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
-__all__ = ["VACUUM_PERMEABILITY", "Material", "Vector"]
+__all__ = ["Material", "Vector"]
 
 Vector = tuple[float, float] | Callable[[Floats], ArrayLike]
 

@@ -6,9 +6,9 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.magnetostatics.materials.coefficients import named
-from kohonen_adapt.magnetostatics.materials.material import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.solved import SolvedField
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.mesh.names import named, named_sets
 
 __all__ = ["Names", "air_elements", "elements_of", "isolated_body"]
 
@@ -20,20 +20,20 @@ Names = str | Sequence[str]
 def elements_of(mesh: MeshTri, names: Names) -> Mask:
     """Which elements are in one of these subdomains, (nelements,)."""
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
-    for name in _listed(names):
+    for name in _name_list(names):
         inside[named(mesh.subdomains, name, "subdomain")] = True
     if not inside.any():
         raise ValueError(f"subdomain {_said(names)} has no elements; name one that has.")
     return inside
 
 
-def air_elements(field: SolvedField) -> Mask:
+def air_elements(field: LocalField) -> Mask:
     """Which elements have permeability 1, no current and no remanence, (nelements,)."""
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
-def isolated_body(field: SolvedField, names: Names) -> Mask:
+def isolated_body(field: LocalField, names: Names) -> Mask:
     """Which elements are in the body, (nelements,), where there is nothing but air around it.
 
     Raises
@@ -57,7 +57,7 @@ def isolated_body(field: SolvedField, names: Names) -> Mask:
     return inside
 
 
-def _listed(names: Names) -> list[str]:
+def _name_list(names: Names) -> list[str]:
     listed = [names] if isinstance(names, str) else list(names) if isinstance(names, Sequence) else []
     if not listed or not all(isinstance(name, str) for name in listed):
         raise ValueError(f"a body is the name of a subdomain or a sequence of names; got {names!r}.")
@@ -65,8 +65,8 @@ def _listed(names: Names) -> list[str]:
 
 
 def _said(names: Names) -> str:
-    return " + ".join(repr(name) for name in _listed(names))
+    return " + ".join(repr(name) for name in _name_list(names))
 
 
 def _names_at(mesh: MeshTri, element: int) -> str:
-    return " + ".join(repr(name) for name, rows in sorted((mesh.subdomains or {}).items()) if element in rows)
+    return " + ".join(repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if element in rows)

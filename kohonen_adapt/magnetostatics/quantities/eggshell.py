@@ -5,10 +5,10 @@ from scipy.sparse import coo_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.system import solved
+from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.quantities.bodies import air_elements
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut
-from kohonen_adapt.magnetostatics.solved import SolvedField
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
 __all__ = ["weight_gradient"]
@@ -20,7 +20,7 @@ __all__ = ["weight_gradient"]
 # two magnets on a regular grid, 5265 nodes: error of force 1.2 / 3.1 / 1.1 %, of order 1.5 for Laplace's, 2 for this
 
 
-def weight_gradient(field: SolvedField, inside: Mask, cut: Cut) -> Floats:
+def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
     """Gradient of the weight, (2, nelements) in 1/m; zero but in the air around the body.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
@@ -54,5 +54,5 @@ def _laplace(mesh: MeshTri, air: Mask, twin: Ints, values: Floats, held: Mask) -
     matrix = coo_array((products.ravel(), (row, column)), shape=(values.size, values.size)).tocsr()
     solution, unknown = values.copy(), np.unique(twin[~held[twin]])
     if unknown.size:
-        solution[unknown] = solved(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
+        solution[unknown] = Solver().solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
     return solution[twin]

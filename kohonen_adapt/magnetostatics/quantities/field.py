@@ -1,28 +1,26 @@
-"""A solved magnetic field: potential, flux density, field strength, energies and values at points."""
+"""Ask a solved magnetic field: values at points, forces, torques and flux linkages."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
-from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.estimators.averaging import corner_averages, linear_between
+from kohonen_adapt.magnetostatics.equations.elements import Quadratic
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
-from kohonen_adapt.magnetostatics.recovered import at_corners, linear_between
-from kohonen_adapt.mesh.locate import find_elements, interpolate
-from kohonen_adapt.mesh.measures import gradient
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Field"]
+__all__ = ["Field", "QuadraticField"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Field:
+class Field(LocalField):
     """What `Magnetostatics.solve` returns: the field of a P1 potential, constant in every element.
 
     Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`; with one, and of an
@@ -44,13 +42,6 @@ class Field:
         The steps of Newton's method that led to it; empty for linear problems.
     """
 
-    mesh: MeshTri
-    potential: Floats
-    coefficients: Coefficients
-    symmetry: Symmetry = PLANAR
-    depth: float | None = None
-    newton: tuple[NewtonStep, ...] = ()
-
     def __repr__(self) -> str:
         per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
         largest = np.max(np.hypot(*self.flux_density))
@@ -59,102 +50,10 @@ class Field:
             f"energy {self.energy:.4g} J{per_metre}>"
         )
 
-    @property
-    def axisymmetric(self) -> bool:
-        """Whether x is the distance r from an axis, y the height z along it and the potential A_phi."""
-        return self.symmetry is AXISYMMETRIC
-
-    @property
-    def unknown(self) -> Floats:
-        """What is linear in every element, (nnodes,): A, axisymmetric r A."""
-        return self.symmetry.unknown(self.mesh, self.potential)
-
-    @property
-    def mean_unknown(self) -> Floats:
-        """Mean of `unknown` over every element, (nelements,)."""
-        return self.unknown[self.mesh.t].mean(axis=0)
-
     @cached_property
-    def flux_density(self) -> Floats:
-        """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T."""
-        return self.symmetry.flux_density(self.mesh, gradient(self.mesh, self.unknown))
-
-    @cached_property
-    def field_strength(self) -> Floats:
-        """``H = nu B - Hc``, (2, nelements) in A/m."""
-        return self.coefficients.field_strength(self.flux_density)
-
-    @cached_property
-    def _reluctivities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.reluctivities(self.flux_density)
-
-    @property
-    def reluctivity(self) -> Floats:
-        """The secant one, ``|H + Hc| / |B|``, (nelements,) in m/H."""
-        return self._reluctivities[0]
-
-    @property
-    def differential_reluctivity(self) -> Floats:
-        """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
-        return self._reluctivities[1]
-
-    def change_of_strength(self, change: Floats) -> Floats:
-        """How H changes with a small change of B: differential along B, secant across it.
-
-        Parameters
-        ----------
-        change : (2, nelements)
-            Of B, in T.
-
-        Returns
-        -------
-        ndarray (2, nelements)
-            Of H, in A/m.
-        """
-        size = np.hypot(*self.flux_density)
-        along = self.flux_density / np.where(size > 0.0, size, 1.0)
-        secant, differential = self._reluctivities
-        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
-
-    @property
-    def remanence(self) -> Floats:
-        """B at which H = 0, (2, nelements) in T."""
-        return self.coefficients.remanence
-
-    @property
-    def current_density(self) -> Floats:
-        """Out of the page, or along phi: (nelements,) in A/m^2."""
-        return self.coefficients.current_density
-
-    @cached_property
-    def volume(self) -> Floats:
-        """Of every element, (nelements,): in m^2, its area, per metre of depth; else in m^3."""
-        return self.symmetry.volume(self.mesh) * (1.0 if self.depth is None else self.depth)
-
-    @cached_property
-    def energy_density(self) -> Floats:
-        """``int H . dB`` since the remanent state, (nelements,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
-        return self.coefficients.energy_density(self.flux_density)
-
-    @property
-    def squared_norm(self) -> float:
-        """``int nu |B|^2`` over the mesh, in J/m whatever the depth; axisymmetric in J."""
-        return float(np.sum(self.symmetry.volume(self.mesh) * self.reluctivity * self.flux_density**2))
-
-    @property
-    def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, (nelements,) in J/m^3."""
-        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
-
-    @property
-    def energy(self) -> float:
-        """Energy stored since the remanent state, ``int of H . dB``, in J/m; a total in J, see the class."""
-        return float(np.sum(self.volume * self.energy_density))
-
-    @property
-    def coenergy(self) -> float:
-        """``int H . B`` less the energy, in J/m; a total in J, see the class."""
-        return float(np.sum(self.volume * self.coenergy_density))
+    def _regions(self) -> Ints:
+        """Number of the region of every element: connected, with the same subdomain names."""
+        return Triangulation.of(self.mesh).region_of_input.astype(np.int64)
 
     @cached_property
     def corner_flux_density(self) -> Floats:
@@ -164,12 +63,12 @@ class Field:
         subdomain names) by itself, so that B still jumps between materials. Nearer to the truth than the constants of
         the elements, but for nodes at sharp corners of iron and magnets.
         """
-        return at_corners(self.mesh, self.flux_density)
+        return corner_averages(self.mesh, self.flux_density, self._regions)
 
     @cached_property
     def corner_field_strength(self) -> Floats:
         """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
-        return at_corners(self.mesh, self.field_strength)
+        return corner_averages(self.mesh, self.field_strength, self._regions)
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Flux density at points.
@@ -228,7 +127,7 @@ class Field:
         ValueError
             If `x` is not of shape (2, n).
         """
-        return interpolate(self.mesh, self.potential, np.asarray(x, dtype=float))
+        return self.elements.interpolate(self.potential, np.asarray(x, dtype=float))
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
@@ -347,3 +246,32 @@ class Field:
         True
         """
         return eggshell_torque(self, body, centre)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class QuadraticField(Field):
+    """A planar field that is linear in every element; what is given per element is its mean there.
+
+    Parameters
+    ----------
+    mesh, potential, coefficients, symmetry, depth, newton
+        As of a `Field`; the potential at the nodes is the first part of `values`.
+    values : (nnodes + nfacets,)
+        A at the nodes and at the middles of the facets, in Wb/m.
+    """
+
+    values: Floats
+
+    @cached_property
+    def elements(self) -> Quadratic:
+        """The elements whose functions the potential is one of."""
+        return Quadratic(self.mesh)
+
+    @property
+    def unknown(self) -> Floats:
+        """A at the nodes and at the middles of the facets, (nnodes + nfacets,)."""
+        return self.values
+
+    def potential_at(self, x: ArrayLike) -> Floats:
+        """As of `Field`, but quadratic in every element."""
+        return self.elements.interpolate(self.values, np.asarray(x, dtype=float))

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.magnetostatics.materials.material import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_of, isolated_body
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, mirror_cut, sector_cut
 from kohonen_adapt.magnetostatics.quantities.eggshell import weight_gradient
-from kohonen_adapt.magnetostatics.solved import SolvedField
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 
 __all__ = [
     "Lever",
@@ -45,14 +45,14 @@ class Lever(NamedTuple):
     arm: Floats
 
 
-def force_lever(field: SolvedField, body: Names, direction: Floats) -> Lever:
+def force_lever(field: LocalField, body: Names, direction: Floats) -> Lever:
     """The lever of the component of a force along a unit vector (2,)."""
     slope, cut = _shell(field, body)
     along = _along(field, cut, direction)
     return Lever(slope, np.tile(along[:, None], slope.shape[1]))
 
 
-def torque_lever(field: SolvedField, body: Names, centre: ArrayLike) -> Lever:
+def torque_lever(field: LocalField, body: Names, centre: ArrayLike) -> Lever:
     """The lever of a torque about a centre."""
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
@@ -61,7 +61,7 @@ def torque_lever(field: SolvedField, body: Names, centre: ArrayLike) -> Lever:
     return Lever(slope, np.stack((-y, x)))
 
 
-def pulled(field: SolvedField, lever: Lever) -> Floats:
+def pulled(field: LocalField, lever: Lever) -> Floats:
     """How ``-arm . T slope`` changes with B, (2, nelements): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
     / mu0``.
     """
@@ -70,23 +70,23 @@ def pulled(field: SolvedField, lever: Lever) -> Floats:
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
-def worked(field: SolvedField, lever: Lever) -> float:
+def worked(field: LocalField, lever: Lever) -> float:
     """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
     return 0.5 * float(np.sum(field.volume * pulled(field, lever) * field.flux_density))
 
 
-def eggshell_force(field: SolvedField, body: Names) -> Floats:
+def eggshell_force(field: LocalField, body: Names) -> Floats:
     """See `Field.force`."""
     slope, cut = _shell(field, body)
     return _along(field, cut, -np.sum(_pull(field, slope), axis=1))
 
 
-def eggshell_torque(field: SolvedField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """See `Field.torque`."""
     return worked(field, torque_lever(field, body, centre))
 
 
-def arkkio_torque(field: SolvedField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """Torque on what a ring of air encloses (Arkkio, Acta Polytechnica Scandinavica El. 59, 1987).
 
     ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o, B constant per element.
@@ -128,7 +128,7 @@ def arkkio_torque(field: SolvedField, gap: Names, centre: ArrayLike = (0.0, 0.0)
     return float(np.sum(field.volume[ring] * product.mean(axis=0)) / (VACUUM_PERMEABILITY * (outer - inner)))
 
 
-def lorentz_force(field: SolvedField, coil: Names) -> Floats:
+def lorentz_force(field: LocalField, coil: Names) -> Floats:
     """Force on the currents of a coil, ``int J x B``.
 
     Parameters
@@ -164,7 +164,7 @@ def lorentz_force(field: SolvedField, coil: Names) -> Floats:
     return _along_axis(field, np.sum(_current_force(field, coil), axis=1))
 
 
-def lorentz_torque(field: SolvedField, coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
+def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """Torque on the currents of a coil about a centre, ``int (x - centre) x (J x B)``.
 
     Parameters
@@ -190,43 +190,43 @@ def lorentz_torque(field: SolvedField, coil: Names, centre: ArrayLike = (0.0, 0.
     return _moment(field, _current_force(field, coil), checked_point("centre", centre))
 
 
-def _pull(field: SolvedField, slope: Floats) -> Floats:
+def _pull(field: LocalField, slope: Floats) -> Floats:
     """``T grad w`` times the volume of every element, (2, nelements), with Maxwell's stress tensor T of air."""
     b = field.flux_density
     normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
     return field.volume / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
 
 
-def _shell(field: SolvedField, body: Names) -> tuple[Floats, Cut]:
+def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
     """Gradient of the weight around a body that a mirror plane may cut, (2, nelements) in 1/m."""
     inside = isolated_body(field, body)
     cut = mirror_cut(field.mesh, inside)
     return weight_gradient(field, inside, cut), cut
 
 
-def _along(field: SolvedField, cut: Cut, force: Floats) -> Floats:
+def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
     """What of a force the modelled part of a body tells."""
     left = _along_axis(field, force)
     return left if cut.direction is None else cut.direction * (cut.direction @ left)
 
 
-def _along_axis(field: SolvedField, force: Floats) -> Floats:
+def _along_axis(field: LocalField, force: Floats) -> Floats:
     """What of a force is left when a ring of it is added up: (0, F_z) of an axisymmetric field, else all."""
     return force * (0.0, 1.0) if field.axisymmetric else force
 
 
-def _check_planar(field: SolvedField) -> None:
+def _check_planar(field: LocalField) -> None:
     if field.axisymmetric:
         raise ValueError("an axisymmetric field has no torque: it is the same at every angle.")
 
 
-def _moment(field: SolvedField, force: Floats, centre: Floats) -> float:
+def _moment(field: LocalField, force: Floats, centre: Floats) -> float:
     """Sum of ``(x - centre) x force`` over forces in the middles of the elements."""
     x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - centre[:, None]
     return float(np.sum(x * force[1] - y * force[0]))
 
 
-def _current_force(field: SolvedField, coil: Names) -> Floats:
+def _current_force(field: LocalField, coil: Names) -> Floats:
     """``J x B`` times the volume of every element, (2, nelements)."""
     inside = elements_of(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
@@ -240,7 +240,7 @@ def _current_force(field: SolvedField, coil: Names) -> Floats:
     return field.volume * current * np.stack((-up, right))
 
 
-def _radii(field: SolvedField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
+def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
     """Inner and outer radius of a ring."""
     mesh = field.mesh
     one, other = mesh.f2t

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import is_number
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
-from kohonen_adapt.magnetostatics.solved import SolvedField
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.measures import area
 
 __all__ = [
@@ -24,10 +25,7 @@ __all__ = [
 EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
 
 
-_NUMBERS = (int, float, np.integer, np.floating)
-
-
-def coil_linkage(field: SolvedField, coil: Names, turns: float) -> float:
+def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
     """See `Field.flux_linkage`."""
     inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
@@ -35,14 +33,14 @@ def coil_linkage(field: SolvedField, coil: Names, turns: float) -> float:
     return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
-def linkage_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
+def linkage_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
     """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
     (nelements,).
     """
     return turn_length(field) * turns_density(field, circuit)
 
 
-def turns_density(field: SolvedField, circuit: Mapping[str, float]) -> Floats:
+def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
     """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
     density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
     for name, turns in circuit.items():
@@ -64,7 +62,7 @@ def checked_circuit(circuit: Any) -> dict[str, float]:
     return {name: _turns(name, turns) for name, turns in circuit.items()}
 
 
-def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
+def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
     """Current in the conductor of a circuit.
 
     Parameters
@@ -111,7 +109,7 @@ def circuit_current(field: SolvedField, circuit: Mapping[str, float]) -> float:
     return mean
 
 
-def apparent_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
+def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
     """Flux linkage over current of a circuit.
 
     Of linear material without magnets and other currents it is *the* inductance. Magnets and other circuits add their
@@ -150,7 +148,7 @@ def apparent_inductance(field: SolvedField, circuit: Mapping[str, float]) -> flo
     return sum(coil_linkage(field, name, turns) for name, turns in circuit.items()) / current
 
 
-def energy_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float:
+def energy_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
     """``2 W / I^2`` of a circuit with the stored energy W of the whole field.
 
     So no other circuit may carry a current and no magnet be there; linear material. With A = 0 around it is
@@ -188,18 +186,17 @@ def energy_inductance(field: SolvedField, circuit: Mapping[str, float]) -> float
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 
 
-def turn_length(field: SolvedField) -> float:
+def turn_length(field: LocalField) -> float:
     """Of a turn, over r where it is a ring."""
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 
 
-def _ampere_turns(field: SolvedField, name: str) -> float:
+def _ampere_turns(field: LocalField, name: str) -> float:
     inside = elements_of(field.mesh, name)
     return float(np.sum((area(field.mesh) * field.current_density)[inside]))
 
 
 def _turns(coil: Names, turns: Any) -> float:
-    number = isinstance(turns, _NUMBERS) and not isinstance(turns, bool)
-    if not (number and np.isfinite(turns) and turns != 0):
+    if not (is_number(turns) and np.isfinite(turns) and turns != 0):
         raise ValueError(f"turns of {coil!r} must be a finite number other than 0; got {turns!r}.")
     return float(turns)

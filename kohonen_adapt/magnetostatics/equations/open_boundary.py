@@ -1,48 +1,33 @@
-"""The open boundary: beyond a circle the field is that of a dipole at its centre, which a Robin condition says."""
+"""Close an open boundary by a Robin condition: beyond a circle the field is that of a dipole at its centre."""
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
-from kohonen_adapt.magnetostatics.materials.coefficients import named
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import named
 
 __all__ = ["circle_of", "robin_matrix"]
 
 ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle
 
-# Integrals of the products of the functions of a facet, per length: of its ends, of order 2 then its middle.
-MASS = {
-    1: np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0,
-    2: np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0,
-}
 
-
-def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry, order: int = 1) -> csc_array:
-    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (n, n) for n nodes or unknowns.
+def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array:
+    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (nunknowns, nunknowns).
 
     In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
     sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    name
-        The boundary.
-    symmetry
-        Whether it is a circle or a sphere.
-    order
-        Of the elements.
 
     Raises
     ------
     ValueError
         If the mesh lacks the boundary, or it lies not on one circle.
     """
+    mesh = elements.mesh
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
     inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
@@ -54,11 +39,9 @@ def robin_matrix(mesh: MeshTri, name: str, symmetry: Symmetry, order: int = 1) -
     start, end = mesh.facets[:, facets]
     (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
     weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
-    unknowns, products, count = np.stack((start, end)), MASS[order], mesh.p.shape[1]
-    if order == 2:
-        unknowns, count = np.vstack((unknowns, count + facets)), count + mesh.facets.shape[1]
+    unknowns, count = elements.on_facets(facets), elements.places.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
-    values = products[:, :, None] * weight
+    values = elements.facet_products[:, :, None] * weight
     return coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
 
 
