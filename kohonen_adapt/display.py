@@ -9,14 +9,14 @@ from kohonen_adapt.mesh.names import codes_of_names, named_sets
 __all__ = ["DECADES", "counted", "in_unit", "level_of_share", "outlined_facets"]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
-"""Units of the axes and what mesh units are multiplied by; "" is for a mesh without a unit."""
+"""Units of the axes, and the factors for metres; "" is for a mesh without a unit."""
 
 DECADES = 3
 """How far below the largest indicator the colours reach."""
 
 
 def in_unit(unit: str) -> float:
-    """What lengths of a mesh are multiplied by to be drawn in a unit; a ValueError if it is unknown."""
+    """The factor by which lengths of a mesh are drawn in a unit; a ValueError if it is unknown."""
     if unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
     return UNITS[unit]

@@ -1,4 +1,4 @@
-"""Mesh files in and out: Gmsh MSH 2.2 and 4.1 with physical groups, curves of second order too; VTU for ParaView."""
+"""Read and write mesh files: Gmsh MSH 2.2 and 4.1 with physical groups, second order too; VTU for ParaView."""
 
 from kohonen_adapt.io.content import MSH_VERSION
 from kohonen_adapt.io.groups import Groups

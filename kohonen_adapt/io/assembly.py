@@ -18,7 +18,6 @@ logger = logging.getLogger(__name__)
 
 Sets = dict[str, Ints]
 
-CORNERS = {LINE: 2, TRIANGLE: 3}
 FLAT = 1e-9
 """How far from a plane z = constant a drawing may be, in sizes of the mesh."""
 
@@ -26,22 +25,13 @@ FLAT = 1e-9
 def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     """The triangles of a file as a mesh, with its groups as subdomains and boundaries.
 
-    Parameters
-    ----------
-    content
-        What the file holds.
-    path
-        Where it came from, for messages.
-    scale
-        Factor for the coordinates.
-
     Raises
     ------
     ValueError
-        If the file holds other than triangles in the xy-plane.
+        If the file, `path`, holds other than triangles in the xy-plane.
     """
     _check_shapes(content, path)
-    rows = _rows_of(TRIANGLE, content)
+    rows = content.of_shape(TRIANGLE)
     triangles, element = _listed_once(rows)
     is_used = np.zeros(len(content.points), dtype=bool)
     is_used[triangles] = True
@@ -72,18 +62,6 @@ def _check_shapes(content: Content, path: Path) -> None:
             f"read_mesh expected triangles; '{path}' has {found}. "
             "Mesh in two dimensions (gmsh -2) and give the surfaces a physical group: Gmsh saves only what has one."
         )
-
-
-def _rows_of(shape: str, content: Content) -> Rows:
-    """All rows of one shape, whatever their order, by their corners: Gmsh lists these first."""
-    parts = [rows for kind, rows in sorted(content.rows.items()) if shape_of(kind) == shape]
-    if not parts:
-        return Rows(np.empty((0, CORNERS[shape]), np.int64), np.empty(0, np.int64), np.empty(0, np.int64))
-    return Rows(
-        np.concatenate([part.nodes[:, : CORNERS[shape]] for part in parts]),
-        np.concatenate([part.group for part in parts]),
-        np.concatenate([part.number for part in parts]),
-    )
 
 
 def _listed_once(rows: Rows) -> tuple[Ints, Ints]:
@@ -130,7 +108,7 @@ def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | No
 
 
 def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets | None:
-    rows = _rows_of(LINE, content)
+    rows = content.of_shape(LINE)
     if len(rows.number) == 0 and not content.names:
         return None
     node = found_in(used, rows.nodes)

@@ -27,11 +27,12 @@ __all__ = [
 ]
 
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
-"""Which version of MSH a suffix asks for; `.msh2` is what Gmsh itself takes for 2.2."""
+"""Suffix to version of MSH; Gmsh itself takes `.msh2` for 2.2."""
 
 SHOWN = 160  # characters of what went wrong: a file may put anything there
 
 LINE, TRIANGLE = "line", "triangle"
+CORNERS = {LINE: 2, TRIANGLE: 3}
 
 # Nodes per element by Gmsh's numbers for element types; the corners always come first.
 _SHAPES = {
@@ -87,6 +88,16 @@ class Content:
     missing: tuple[int, ...] = ()
     numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
+    def of_shape(self, shape: str) -> Rows:
+        """All lines or triangles, whatever their order, by their corners: Gmsh lists these first."""
+        corners, none = CORNERS[shape], np.empty(0, np.int64)
+        parts = [rows for kind, rows in sorted(self.rows.items()) if shape_of(kind) == shape]
+        return Rows(
+            np.concatenate([np.empty((0, corners), np.int64), *(part.nodes[:, :corners] for part in parts)]),
+            np.concatenate([none, *(part.group for part in parts)]),
+            np.concatenate([none, *(part.number for part in parts)]),
+        )
+
 
 @dataclass(frozen=True)
 class Field:
@@ -139,7 +150,7 @@ def nodes_of(kind: int) -> int:
 
 
 def found_in(known: Ints, wanted: Ints) -> Ints:
-    """Where numbers of any shape stand among known ones (k,), -1 for nowhere."""
+    """Look up the places of numbers of any shape among known ones (k,), -1 for none."""
     if len(known) == 0:
         return np.full(wanted.shape, -1)
     order = np.argsort(known, kind="stable")

@@ -1,4 +1,4 @@
-"""Fields of other programs: one number per node or element, from a file, on the mesh at hand."""
+"""Read a field of another program, one number per node or element, onto the mesh at hand."""
 
 from pathlib import Path
 
@@ -63,7 +63,7 @@ def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floa
 
 
 def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
-    """Where in the file every element of the mesh stands, (nelements,)."""
+    """Match every element of the mesh with a triangle of the file, (nelements,)."""
     used = np.unique(triangles)
     counts, own = (len(used), len(triangles)), (mesh.p.shape[1], mesh.t.shape[1])
     # Programs with discontinuous elements write a point for every corner.
@@ -80,7 +80,7 @@ def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
 
 
 def _check_unit(mesh: MeshTri, points: Floats, path: Path, scale: float) -> None:
-    """The most common mistake has a message of its own: everything times the same factor."""
+    """Refuse another unit in a message of its own: the most common mistake is everything times the same factor."""
     if not (len(points) and np.all(np.isfinite(points))):
         return
     own, given = (np.array([np.min(p, axis=0), np.max(p, axis=0)]) for p in (mesh.p.T, points))

@@ -1,8 +1,8 @@
-"""The numbers of one section of a Gmsh file, taken from its front, text or binary."""
+"""Take the numbers of one section of a Gmsh file from its front, text or binary."""
 
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,37 +19,6 @@ Table = tuple[int, int, Ints]
 SHORT = 4  # rows that plain Python compares
 
 LARGEST = 2.0**53  # of whole numbers in a text, which are parsed as floats
-
-
-class Numbers(Protocol):
-    """Where the readers of sections get their numbers from."""
-
-    def count(self) -> int:
-        """Take the count that MSH 2.2 writes as text, in binary files too."""
-
-    def integer(self) -> int:
-        """Take one number of C type int."""
-
-    def size(self) -> int:
-        """Take one number of C type size_t."""
-
-    def ints(self, count: int) -> Ints:
-        """Take `count` numbers of C type int."""
-
-    def sizes(self, count: int) -> Ints:
-        """Take `count` numbers of C type size_t."""
-
-    def floats(self, count: int) -> Floats:
-        """Take `count` numbers of C type double."""
-
-    def numbered_elements(self, count: int) -> Iterator[Table]:
-        """Take `count` elements of MSH 2.2."""
-
-    def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of an int and some doubles: numbers (count,) and values (count, components)."""
-
-    def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
-        """Take `count` rows of an int, how many nodes, and doubles for each: (m,) and (m, nodes, components)."""
 
 
 class TextNumbers:
@@ -98,12 +67,15 @@ class TextNumbers:
     size = count = integer
 
     def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of an integer and some floats."""
+        """Take `count` rows of an integer and some floats: numbers (count,) and values (count, components)."""
         rows = self.floats((1 + components) * count).reshape(count, 1 + components)
         return _whole(rows[:, 0]), rows[:, 1:]
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
-        """Take `count` rows; those of as many nodes come together."""
+        """Take `count` rows of an integer, how many nodes, and floats for each: (m,) and (m, nodes, components).
+
+        Rows of as many nodes come together.
+        """
 
         def row(nodes: int) -> tuple[int, int]:
             return 2 + _counted(nodes) * components, 1
@@ -174,12 +146,12 @@ class BinaryNumbers:
         return self._take(np.dtype(np.float64), count)
 
     def numbered_values(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take `count` rows of four bytes and some times eight."""
+        """Take `count` rows of four bytes and some times eight: numbers (count,) and values (count, components)."""
         rows = self._take(np.dtype([("number", np.int32), ("values", np.float64, (components,))]), count)
         return rows["number"].astype(np.int64), rows["values"]
 
     def numbered_lists(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
-        """Take `count` rows; those of as many nodes come together."""
+        """Take `count` rows, as those of a text."""
 
         def row(nodes: int) -> tuple[int, int]:
             return 2 + 2 * _counted(nodes) * components, 1
@@ -209,6 +181,10 @@ class BinaryNumbers:
     def _words(self) -> NDArray[np.int32]:
         """All that is left, as numbers of four bytes."""
         return np.frombuffer(self._data, np.int32, (len(self._data) - self._position) // 4, self._position)
+
+
+Numbers = TextNumbers | BinaryNumbers
+"""Numbers that the readers of sections take one after another."""
 
 
 def _alike(

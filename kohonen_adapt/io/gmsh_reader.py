@@ -31,18 +31,7 @@ LARGEST = 2**31 - 1  # of numbers of groups: Gmsh has them as int
 
 
 def read_msh(path: Path) -> Content:
-    """What a Gmsh file holds.
-
-    Parameters
-    ----------
-    path
-        A file of version 2.2 or 4.1.
-
-    Raises
-    ------
-    ValueError
-        If it is none, or damaged.
-    """
+    """Read the content of a Gmsh file of version 2.2 or 4.1; a ValueError if it is none, or damaged."""
     with path.open("rb") as stream:
         start = stream.read(FRONT)
         version, binary = header_of(start, path)
@@ -51,13 +40,7 @@ def read_msh(path: Path) -> Content:
 
 
 def header_of(data: bytes, path: Path) -> tuple[str, bool]:
-    """Version of a Gmsh file, and whether it is binary.
-
-    Raises
-    ------
-    ValueError
-        If it is no Gmsh file, or one of another version or byte order.
-    """
+    """Version of a Gmsh file, and whether it is binary; a ValueError if it is none, or of another version or order."""
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
     if start < 0 or len(words) < 3:

@@ -1,4 +1,4 @@
-"""Gmsh's post-processing views: data on the mesh of an MSH file, and the lists of triangles that GetDP writes."""
+"""Read Gmsh's post-processing views: data on the mesh of an MSH file, and lists of triangles as GetDP writes them."""
 
 import re
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, refusing, shape_of
+from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, refusing
 from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
 from kohonen_adapt.io.gmsh_reader import header_of, read_msh
 
@@ -142,16 +142,14 @@ def _means(numbers: Numbers, components: int, count: int) -> tuple[Ints, Floats]
 
 
 def _on_mesh(content: Content, views: list[View]) -> Sampled:
-    rows = [rows for kind, rows in content.rows.items() if shape_of(kind) == TRIANGLE]
-    corners = np.concatenate([np.empty((0, 3), np.int64), *(part.nodes[:, :3] for part in rows)])
-    number = np.concatenate([np.empty(0, np.int64), *(part.number for part in rows)])
+    rows = content.of_shape(TRIANGLE)
     # An element of several groups is listed again, in MSH 2.2 under another number: any of them has its data.
-    triangles, element = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    triangles, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
     fields = []
     for view in views:
         nodal = view.kind == "NodeData"
         values = np.full((len(content.points) if nodal else len(triangles), view.values.shape[1]), np.nan)
-        owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), number)
+        owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
         place = found_in(known, view.number)
         values[owner[place[place >= 0]]] = view.values[place >= 0]
         fields.append(Field(view.name, nodal, values))

@@ -70,23 +70,7 @@ def write_msh(
     version: str,
     groups: Groups,
 ) -> None:
-    """Write a mesh to a Gmsh file; arguments as `write_mesh` has checked them.
-
-    Parameters
-    ----------
-    path
-        A file to create.
-    mesh
-        The triangles.
-    subdomains, boundaries
-        Elements and facets by name.
-    point_data, cell_data
-        Fields (nnodes,), and (nelements,) or (2, nelements), by name.
-    version
-        "4.1" or "2.2".
-    groups
-        Numbers for names, and groups of points.
-    """
+    """Write a mesh to a Gmsh file of version "4.1" or "2.2"; the other arguments are those `write_mesh` has checked."""
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *boundaries.values()]))
     lines = {name: np.searchsorted(facets, items) for name, items in boundaries.items()}
     nodes = groups.nodes(mesh)

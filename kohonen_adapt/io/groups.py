@@ -75,22 +75,12 @@ class Groups:
 
 
 def name_of(content: Content, dimension: int, number: int) -> str:
-    """What a group of a file is called."""
+    """The name of a group of a file."""
     return content.names.get((dimension, number)) or UNNAMED[dimension].format(number)
 
 
 def to_groups(content: Content, path: Path, scale: float) -> Groups:
-    """The groups that a file has, whether or not anything of the mesh is in them.
-
-    Parameters
-    ----------
-    content
-        What the file holds.
-    path
-        Where it came from, for messages.
-    scale
-        Factor for the coordinates.
-    """
+    """The groups that a file, `path`, has, whether or not anything of the mesh is in them."""
     keys = {key for key in content.names if key[0] in UNNAMED}
     for kind, rows in content.rows.items():
         dimension = DIMENSION.get(shape_of(kind))

@@ -33,21 +33,10 @@ DIGITS = 1e-14
 def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict[str, Spline]:
     """Splines through the end and mid-side nodes of the named boundaries of a mesh that are curved in its file.
 
-    Parameters
-    ----------
-    content
-        What the file holds.
-    mesh
-        The mesh of the corners, with names.
-    path
-        Where both came from, for messages.
-    scale
-        Factor for the coordinates of the file.
-
     Raises
     ------
     ValueError
-        If the file holds triangles of another order, or the mesh is not that of the file.
+        If the file, `path`, holds triangles of another order, or the mesh is not that of its corners.
     """
     _check_order(content, path)
     triangles = content.rows[TRIANGLE6].nodes
@@ -123,7 +112,7 @@ def _check_finite(points: Floats, path: Path) -> None:
 
 
 def _is_bent(segments: Ints, position: Floats) -> Mask:
-    """Which middles are off the chord by more than rounding, (f, 3) -> (f,)."""
+    """Tell whether a middle is off its chord by more than rounding, (f, 3) -> (f,)."""
     start, middle, end = (position[:, segments[:, k]] for k in range(3))
     chord, off = end - start, middle - start
     length = np.sqrt(np.sum(chord**2, axis=0))

@@ -1,4 +1,4 @@
-"""VTU files for ParaView, with names as scikit-fem stores them."""
+"""Write VTU files for ParaView, with names as scikit-fem stores them, and read them back."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ GMSH_TYPES = {1: 15, 3: LINE, 21: 8, VTK_TRIANGLE: TRIANGLE, 22: 9}
 
 SOLID = (10, 11, 12, 13, 14, 15, 16, 24, 25, 26, 27, 28, 29, 31, 32, 33, 42, 71, 72, 73, 74)
 QUADRILATERAL, TETRAHEDRON = 3, 4
-"""What all that is refused anyhow counts as."""
+"""Gmsh's types that stand for all that is refused anyhow."""
 
 LARGEST = 2.0**53
 SIDES = ([0, 1], [1, 2], [0, 2])
@@ -81,18 +81,7 @@ def _components(values: np.ndarray) -> np.ndarray:
 
 
 def read_vtu(path: Path) -> Content:
-    """What a VTU file holds, with the names that `write_vtu` or scikit-fem put there.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
-    """
+    """Read a VTU file with the names that `write_vtu` or scikit-fem put there; damage is a ValueError."""
     grid = read_grid(path, "read_mesh")
     rows = {GMSH_TYPES[kind]: _rows(*grid.cells(kind)) for kind in np.unique(grid.types).tolist() if kind in GMSH_TYPES}
     solid = np.isin(grid.types, SOLID)
@@ -111,18 +100,7 @@ def _rows(which: Ints, nodes: Ints) -> Rows:
 
 
 def read_arrays(path: Path) -> Sampled:
-    """The triangles of a VTU file and the fields on them.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
-    """
+    """Read the triangles of a VTU file and the fields on them; damage is a ValueError."""
     grid = read_grid(path, "read_field")
     which, triangles = grid.cells(VTK_TRIANGLE)
     nodal = [Field(name, True, values) for name, values in grid.point_data.items()]

@@ -48,7 +48,7 @@ ALWAYS = 2**26  # bytes: ...what any may
 
 @dataclass(frozen=True)
 class Grid:
-    """What a VTU file holds.
+    """The content of a VTU file.
 
     Attributes
     ----------
@@ -70,25 +70,18 @@ class Grid:
     cell_data: Data
 
     def cells(self, kind: int) -> tuple[Ints, Ints]:
-        """Which cells have a type of `NODES`, and their nodes (cells, nodes of each)."""
+        """Select the cells of a type of `NODES`: their numbers, and their nodes (cells, nodes of each)."""
         which = np.flatnonzero(self.types == kind)
         return which, self.connectivity[self.first[which][:, None] + np.arange(NODES[kind])]
 
 
 def read_grid(path: Path, caller: str) -> Grid:
-    """What a VTU file holds.
-
-    Parameters
-    ----------
-    path
-        The file.
-    caller
-        For messages.
+    """Read the content of a VTU file.
 
     Raises
     ------
     ValueError
-        If it is none, is damaged, or unpacks to more memory than a mesh of its size needs.
+        If it is none, is damaged, or unpacks to more memory than a mesh of its size needs; `caller` is who asked.
     """
     with refusing(path, f"{caller} expected a VTU file; '{path}' cannot be read: {{}}."):
         return _Reader(path.read_bytes()).grid()

@@ -1,4 +1,4 @@
-"""Project points on the curves that nodes may slide on: what a curve must offer, lines and circles."""
+"""Project points on the curves that nodes may slide on: lines, circles and any with a method `project`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ __all__ = ["Arc", "Curve", "Line", "check_curves", "checked_points"]
 
 
 class Curve(Protocol):
-    """What a boundary may be given as its curve."""
+    """A curve that a boundary may be given."""
 
     def project(self, x: Floats) -> Floats:
         """The points of the curve nearest to x, (2, n)."""

@@ -20,7 +20,7 @@ UNSURE = 0.5  # of the weight of the sides found: where chains of more weight co
 
 
 class Looks(NamedTuple):
-    """Which chains see which, a row for each ray that met one."""
+    """Pairs of chains that see each other, a row for each ray that met one."""
 
     start: Ints  # the chain it starts on
     end: Ints  # and the one it meets

@@ -92,7 +92,7 @@ def _smooth(segments: Ints, position: Floats) -> Ints:
 
 
 def _directions(segments: Ints, position: Floats) -> Floats:
-    """Where every half leaves its end for, (2 m, 2): along the segment, or the parabola through its three nodes."""
+    """Directions in which segments leave their ends, (2 m, 2); with three nodes those of the parabola through them."""
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)

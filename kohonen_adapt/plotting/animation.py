@@ -1,4 +1,4 @@
-"""Moving pictures (GIF) of meshes: pass by pass, and of the map as it learns."""
+"""Draw moving pictures (GIF) of meshes, pass by pass, and of the map as it learns."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence

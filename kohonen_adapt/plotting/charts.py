@@ -131,7 +131,7 @@ def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
 
 
 def _span_of(nodes: Floats) -> tuple[float, float]:
-    """What the axis spans: all the nodes, some room, and at least a factor."""
+    """Ends of the axis: all the nodes, some room, and at least a factor."""
     low, high = nodes.min() / 1.3, nodes.max() * 1.3
     room = max(1.0, SPREAD * low / high) ** 0.5
     return float(low / room), float(high * room)

@@ -182,7 +182,7 @@ def _radii(outline: Outline, recognised: Mask, unit: str) -> str:
 
 
 def _labels(outline: Outline, recognised: Mask, unit: str) -> dict[int, str]:
-    """What is to be written at chains: the names they carry, and the radius that was recognised."""
+    """Texts to be written at chains: the names they carry, and the radius that was recognised."""
     found: dict[int, list[str]] = defaultdict(list)
     for name, manner in outline.names.items():
         for c in np.flatnonzero(manner).tolist():
