@@ -15,6 +15,7 @@ STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
 JUNCTION = -2  # in place of a chain: the node is held where three of them meet
 
 UNGUARDED = -2.0  # in place of a least quality: every triangle exceeds it, overturned ones included
+CROSSINGS = 32  # edges crossed by a check of a circle; where there are more the check in order takes over
 
 # Columns of tables.
 OWN, OTHER = 0, 1  # of `Constraints.chain`
@@ -141,6 +142,19 @@ class SearchScratch(NamedTuple):
     reach: np.ndarray  # (m,): squared distance from the point to the edge it would enter through
     crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
 
+    @classmethod
+    def of(cls, nodes: int, elements: int) -> "SearchScratch":
+        """Room for a mesh with so many nodes and elements."""
+        return cls(
+            np.zeros(nodes, dtype=np.int64),
+            np.zeros(elements, dtype=np.int64),
+            np.zeros(1, dtype=np.int64),
+            np.empty(nodes + elements + 1, dtype=np.int32),
+            np.empty(elements, dtype=np.int32),
+            np.empty(elements),
+            np.empty((CROSSINGS + 3, 2), dtype=np.int32),
+        )
+
 
 class Pool(NamedTuple):
     """Which rows of the arrays of nodes and elements are in use; rows of free elements have node -1."""
@@ -171,6 +185,13 @@ class SurgeryScratch(NamedTuple):
     counter: np.ndarray  # (1,) int64
     stack: np.ndarray  # (m,) int32: elements whose edges may have to be flipped
     waiting: np.ndarray  # (m,) bool
+
+    @classmethod
+    def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
+        """Room for a mesh with so many rows of nodes and elements."""
+        around, other, stack = (np.empty(elements, dtype=np.int32) for _ in range(3))
+        counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
+        return cls(around, other, stamp, counter, stack, np.zeros(elements, dtype=np.bool_))
 
 
 class Laws(NamedTuple):

@@ -22,7 +22,7 @@ def kernel(function: Callable) -> Callable:
 
 
 def inner_kernel(function: Callable) -> Callable:
-    """The same for what only kernels call: without the ways in from Python, which take long to compile."""
+    """Compile a loop that only kernels call: it needs no wrapper for Python, which would take long to compile."""
     return _cached(
         function, njit(function, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
     )
@@ -37,7 +37,7 @@ def number_of_threads() -> int:
 
 
 def _cached(function: Callable, dispatcher: Any) -> Callable:
-    """Do what ``cache=True`` does, with a cache that knows all kernels; uncompiled, there is nothing to keep."""
+    """Keep machine code as ``cache=True`` does, in a cache that knows all kernels; uncompiled there is none to keep."""
     if not config.DISABLE_JIT:
         dispatcher._cache = _KernelCache(function)
     return dispatcher

@@ -14,6 +14,11 @@ class Heap(NamedTuple):
     ends: np.ndarray  # (k, 2) int32
     size: np.ndarray  # (1,) int64
 
+    @classmethod
+    def of(cls, rows: int) -> "Heap":
+        """An empty heap with room for so many edges."""
+        return cls(np.empty(rows), np.empty((rows, 2), dtype=np.int32), np.zeros(1, dtype=np.int64))
+
 
 @kernel
 def insert(heap, key, a, b):

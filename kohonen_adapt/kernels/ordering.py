@@ -7,7 +7,7 @@ BITS = 20  # per coordinate
 
 @kernel
 def hilbert_keys(points, origin, size, keys):
-    """How far along Hilbert's curve through the square at `origin` of this size every point lies, (n,) int64."""
+    """Compute how far along Hilbert's curve through the square at `origin` of this size points lie, (n,) int64."""
     cells = 1 << BITS
     for t in range(points.shape[0]):
         x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))

@@ -1,4 +1,4 @@
-"""Work shared among threads, in a way that what comes out does not depend on their number.
+"""Share work among threads, so that no result depends on their number.
 
 The kernels release Python's global lock, so plain threads run them side by side.
 """

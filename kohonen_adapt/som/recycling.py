@@ -195,18 +195,12 @@ def outer_edges(elements: Elements) -> Ints:
 def heaps_for(elements: Elements) -> tuple[Heap, Heap]:
     """Two heaps with room for all edges more than twice: a mesh has three edges for two elements, and outlines."""
     size = 4 * len(elements.node) + 8
-    longest, shortest = (
-        Heap(np.empty(size), np.empty((size, 2), dtype=np.int32), np.zeros(1, dtype=np.int64)) for _ in range(2)
-    )
-    return longest, shortest
+    return Heap.of(size), Heap.of(size)
 
 
 def room_for(position: Floats, elements: Elements) -> SurgeryScratch:
     """Scratch of the kernel."""
-    n, m = len(position), len(elements.node)
-    around, other, stack = (np.empty(m, dtype=np.int32) for _ in range(3))
-    counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
-    return SurgeryScratch(around, other, stamp, counter, stack, np.zeros(m, dtype=np.bool_))
+    return SurgeryScratch.of(len(position), len(elements.node))
 
 
 def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:

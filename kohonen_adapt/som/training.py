@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.arrays import Constraints, SearchScratch
 from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
-from kohonen_adapt.kernels.triangle.search import CROSSINGS, STRETCH, find_winners
+from kohonen_adapt.kernels.triangle.search import STRETCH, find_winners
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.kernels.triangle.train import learn
 from kohonen_adapt.mesh.ordering import along_curve
@@ -195,13 +195,4 @@ def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
 
 def scratch_for(triangulation: Triangulation) -> SearchScratch:
     """Room for one thread to work in."""
-    n, m = triangulation.nnodes, len(triangulation.elements.node)
-    return SearchScratch(
-        np.zeros(n, dtype=np.int64),
-        np.zeros(m, dtype=np.int64),
-        np.zeros(1, dtype=np.int64),
-        np.empty(n + m + 1, dtype=np.int32),
-        np.empty(m, dtype=np.int32),
-        np.empty(m),
-        np.empty((CROSSINGS + 3, 2), dtype=np.int32),
-    )
+    return SearchScratch.of(triangulation.nnodes, len(triangulation.elements.node))

@@ -7,6 +7,7 @@ from helpers.meshes import comb, generic_square, holed, inset, junction, l_shape
 from skfem import MeshTri
 
 from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.kernels.arrays import SearchScratch
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 
 CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}
@@ -36,11 +37,12 @@ def points_in(p, t, element, rng):
 
 def search(som, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
-    tri, limits, room = som.triangulation, som.outline.constraints, som._classroom.rooms[0]
-    winner, distance = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, room)
+    tri, limits = som.triangulation, som.outline.constraints
+    scratch = SearchScratch.of(tri.nnodes, len(tri.elements.node))
+    winner, distance = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, scratch)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
     arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
-    find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, room)
+    find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, scratch)
     if alike:
         assert winners[0] == winner
         assert distances[0] == pytest.approx(distance, rel=1e-14)

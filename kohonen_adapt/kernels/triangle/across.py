@@ -1,4 +1,4 @@
-"""Looking across a part of the mesh: from its outline along the inward normal to where it ends."""
+"""Look across a part of the mesh, from its outline along the inward normal to where it ends."""
 
 import math
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.triangle.connectivity import corner_towards
 
 
 class Views(NamedTuple):
-    """What was seen from points spread evenly over chains, a row each."""
+    """The chains seen from points spread evenly over chains, a row for each point."""
 
     start: np.ndarray  # (s,) int32: the chain looked from
     end: np.ndarray  # (s,) int32: the chain seen, -1 where the way did not end
@@ -85,7 +85,7 @@ def look(position, elements, inside, e, k, x, y):
 
 @kernel
 def lower_to_steps(edges, value):
-    """Lower values (n,) until those of paired nodes differ by at most 1: to the least of value plus steps to there."""
+    """Lower values (n,) until those of joined nodes differ by at most 1: to the least of value plus steps to there."""
     changed = True
     while changed:
         changed = False

@@ -1,4 +1,4 @@
-"""Chains: the pieces of outline that nodes slide on, and what nodes on them may do.
+"""Look up where nodes are on chains, the pieces of outline that they slide on, and how far they may go there.
 
 A node on a chain is moved in its parameter, and its position is looked up, so it cannot drift. The parameter is arc
 length on straight chains and on arcs of circles; along a table it is what the table was made with.
@@ -72,7 +72,7 @@ def tangent_at(chains, c, parameter):
 
 @inner_kernel
 def nearest_parameter(chains, c, x, y, near):
-    """The parameter of the point of chain c that nearest to (x, y); on a table from the parameter near on."""
+    """The parameter of the point of chain c that is nearest to (x, y); on a table looked for from `near` on."""
     if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, y, near)
     ux, uy = x - chains.place[c, ORIGIN_X], y - chains.place[c, ORIGIN_Y]
@@ -113,7 +113,7 @@ def distance_to_chain(chains, c, x, y, near):
 
 @inner_kernel
 def way_along(chains, c, start, end):
-    """From one parameter to another; on a loop the shorter way round."""
+    """How far it is from one parameter to another; on a loop the shorter way round."""
     way = end - start
     if chains.flags[c, CLOSED]:
         if way > 0.5 * chains.place[c, LENGTH]:
@@ -133,6 +133,16 @@ def gone_along(chains, c, start, way):
         elif parameter >= chains.place[c, LENGTH]:
             parameter -= chains.place[c, LENGTH]
     return parameter
+
+
+@inner_kernel
+def middle_on_chain(position, constraints, c, a, b):
+    """The middle of the stretch of chain c between two nodes on it, and its parameter: (x, y, parameter)."""
+    chains = constraints.chains
+    start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
+    parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
+    x, y = point_at(chains, c, parameter)
+    return x, y, parameter
 
 
 @inner_kernel
@@ -192,7 +202,7 @@ def on_span(knot, k, share):
 
 @inner_kernel
 def nearest_on_table(chains, c, x, y, near):
-    """From the knot before a parameter to ever nearer ones, and then within the spans on both sides of the last."""
+    """The parameter of the nearest point: over ever nearer knots from `near` on, then in the spans beside the last."""
     knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
     distance = squared_to_knot(knot, k, x, y)
     for way in (1, -1):
@@ -251,7 +261,7 @@ def nearest_in_span(knot, k, x, y):
 
 @kernel
 def find_parameters(position, constraints, node, pieces):
-    """The parameters of the nodes of every piece of outline, which is chain of its number, one after another."""
+    """Find the parameters of the nodes of every piece of outline, which is the chain of its number."""
     chains = constraints.chains
     for c in range(pieces.shape[0]):
         near = 0.0
@@ -264,7 +274,7 @@ def find_parameters(position, constraints, node, pieces):
 
 @kernel
 def look_up(constraints, nodes, out):
-    """Where sliding nodes are to be by their parameters, (k, 2)."""
+    """Look up where sliding nodes are to be by their parameters, (k, 2)."""
     for i in range(nodes.shape[0]):
         v = nodes[i]
         chain = np.int64(constraints.chain[v, OWN])
@@ -292,8 +302,7 @@ def farthest_from_facets(position, elements, constraints):
             if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-            start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
-            x, y = point_at(chains, c, gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end)))
+            x, y, _ = middle_on_chain(position, constraints, c, a, b)
             dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])
             farthest = max(farthest, math.sqrt(dx * dx + dy * dy))
     return farthest

@@ -23,14 +23,19 @@ def corner_towards(neighbour, e, other):
 
 
 @inner_kernel
+def corners_around(node, e, k, other):
+    """The ends p and q of the edge opposite to corner k of e, that corner r, and s opposite in the element `other`."""
+    p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+    return p, q, node[e, k], node[other, 0] + node[other, 1] + node[other, 2] - p - q
+
+
+@inner_kernel
 def joined(node, neighbour, e, v, other):
     """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
     for way in (1, 2):
         at = e
         while at >= 0:
-            k = 0
-            while node[at, k] != v:
-                k += 1
+            k = corner_of(node, at, v)
             if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
                 return True
             at = neighbour[at, (k + way) % 3]

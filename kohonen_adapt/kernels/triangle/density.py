@@ -53,7 +53,7 @@ def fill_sites(elements, star, sites):
 
 @kernel
 def average_at_sites(area, density, elements, star, log_density):
-    """Logarithm of the density at the corners of all elements: the area-weighted mean of those around, per region."""
+    """Average densities at the corners of elements, by area and per region; gives their logarithm."""
     for e in range(elements.node.shape[0]):
         region = elements.region[e]
         for corner in range(3):
@@ -95,7 +95,7 @@ def update_factors(position, first, last, sites, base_position, base, log_densit
 
 @kernel
 def multiply_factors(elements, sites, weight):
-    """Square of the geometric mean of the densities at the corners of every element."""
+    """Compute the square of the geometric mean of the densities at the corners of every element."""
     for e in range(elements.node.shape[0]):
         weight[e] = 1.0
         for k in range(3):
@@ -126,7 +126,7 @@ def nearest_element(position, elements, e, x, y):
 
 @kernel
 def draw_points(position, node, order, cumulated, random, points, element):
-    """One random point in each of as many stretches of equal mass, in the elements in the given order.
+    """Draw a random point in each of as many stretches of equal mass, in the elements in the given order.
 
     `cumulated` sums the masses up in that order; `random` (k, 3) has numbers from 0 to 1 for the place in the stretch
     and in the element, which is filled evenly.

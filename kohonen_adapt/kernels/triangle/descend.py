@@ -1,4 +1,4 @@
-"""Sweeps of energy descent: nodes move, and edges flip, to where a Ritz functional of P1 functions is lower.
+"""Lower a Ritz functional of P1 functions by sweeps that move nodes and flip edges.
 
 The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), counter-clockwise with doubled area D, is
 
@@ -26,8 +26,9 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
-from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.geometry import FLAT, element_quality, may_join, may_move, signed_quality
+from kohonen_adapt.kernels.triangle.connectivity import corners_around
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.nonlinear import improve_value, least_parabola, stored, stored_in
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
@@ -139,7 +140,7 @@ def quadratic(position, star, trial, v, x, y):
 
 @inner_kernel
 def move_free(position, star, trial, v, slope, floor):
-    """A step of a free node with its value eliminated, or half as far until it is a gain; returns the gain."""
+    """Move a free node by a step with its value eliminated, or half as far until it is a gain; returns the gain."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     now = total - 0.5 * by_w * by_w / ww
     by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
@@ -184,7 +185,7 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 @inner_kernel
 def move_on_chain(position, star, constraints, trial, v, slope, floor):
-    """The same for a node on a straight chain, in its parameter; its value is eliminated, or looked up where given."""
+    """Move a node along a straight chain in the same way; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     chain, parameter, given = constraints.chain[v, OWN], constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
@@ -229,7 +230,7 @@ def descend_flips(position, elements, trial, floor):
     gain, flips = 0.0, 0
     for e in range(node.shape[0]):
         for k in range(3):
-            other = elements.neighbour[e, k]
+            other = np.int64(elements.neighbour[e, k])
             if other > e and elements.chain[e, k] < 0:
                 lowered = gain_of_flip(position, node, value, data, laws, e, k, other)
                 if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
@@ -245,8 +246,7 @@ def gain_of_flip(position, node, value, data, laws, e, k, other):
 
     The flux adds the same to both: the mean gradient of two elements is a matter of their outline.
     """
-    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    p, q, r, s = corners_around(node, e, k, other)
     x, y, own = position[r, 0], position[r, 1], value[r]
     px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
     qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
@@ -275,17 +275,3 @@ def dirichlet(ax, ay, u, bx, by, v):
     """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
-
-
-@inner_kernel
-def may_flip(position, elements, e, k, other, floor):
-    """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e."""
-    node = elements.node
-    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
-    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
-    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
-    if after <= FLAT or not may_join(elements, e, r, s):
-        return False
-    return after >= floor or after >= min(element_quality(position, node, e), element_quality(position, node, other))

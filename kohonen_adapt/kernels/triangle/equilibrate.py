@@ -1,4 +1,4 @@
-"""Equilibrated fluxes, patch by patch.
+"""Equilibrate fluxes, patch by patch.
 
 Braess and Schoeberl, "Equilibrated residual error estimator for edge elements", Math. Comp. 77 (2008); Ern and
 Vohralik, "Polynomial-degree-robust a posteriori estimates in a unified setting", SIAM J. Numer. Anal. 53 (2015).
@@ -16,12 +16,13 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.geometry import orientation
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
 
 
 class FluxData(NamedTuple):
-    """What is to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
+    """Fluxes to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
 
     point: np.ndarray  # (n, 2)
     node: np.ndarray  # (t, 3) int32
@@ -93,7 +94,7 @@ def gather(data, e, k, fan, seen):
 
 @inner_kernel
 def balance(data, fan, size, closed):
-    """Mean fluxes that bring every element into equilibrium, tilts where prescribed; returns what does not fit."""
+    """Set mean fluxes that bring every element into equilibrium, and prescribed tilts; returns what does not fit."""
     fan.tilt[: size + 1] = 0.0
     fan.held[: size + 2] = False
     fan.mean[0] = 0.0
@@ -119,7 +120,7 @@ def balance(data, fan, size, closed):
 
 @inner_kernel
 def march(data, fan, size):
-    """From spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
+    """Set the means from spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
     for s in range(size):
         e = fan.element[s]
         a, b, c = data.node[e, 0], data.node[e, 1], data.node[e, 2]
@@ -130,8 +131,7 @@ def march(data, fan, size):
 @inner_kernel
 def twice_area(point, a, b, c):
     """Twice the area of a counter-clockwise triangle."""
-    along_x, along_y = point[b, 0] - point[a, 0], point[b, 1] - point[a, 1]
-    return along_x * (point[c, 1] - point[a, 1]) - along_y * (point[c, 0] - point[a, 0])
+    return orientation(point[a, 0], point[a, 1], point[b, 0], point[b, 1], point[c, 0], point[c, 1])
 
 
 @inner_kernel
@@ -160,7 +160,7 @@ def minimise(data, fan, size, closed):
 
 @inner_kernel
 def measure(data, fan, s):
-    """Energies of the boundary values of an element, and their products with the part that its source adds.
+    """Set the energies of the boundary values of an element, and their products with the part that its source adds.
 
     A field with the values P at the centre and Q at the tips, through the right spoke r and the left spoke l, is at
     its three nodes -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|, with b and c along the spokes.
@@ -187,7 +187,7 @@ def measure(data, fan, s):
 
 @inner_kernel
 def set_values(fan, right, left):
-    """The four values outward through the two spokes of an element."""
+    """Set the four values outward through the two spokes of an element."""
     fan.values[0] = -0.5 * fan.jump[right] - fan.mean[right] - fan.tilt[right]
     fan.values[1] = fan.tilt[right] - fan.mean[right]
     fan.values[2] = -0.5 * fan.jump[left] + fan.mean[left] + fan.tilt[left]

@@ -1,10 +1,11 @@
-"""Lawson flips: every region constrained Delaunay, as far as the quality rule lets it."""
+"""Flip edges until every region is constrained Delaunay, as far as the quality rule lets it (Lawson)."""
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.connectivity import corner_towards, joined
-from kohonen_adapt.kernels.triangle.geometry import FLAT, element_quality, may_join, signed_quality
+from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, joined
+from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, may_join, signed_quality
 
 COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
 
@@ -25,27 +26,34 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
 
 @inner_kernel
 def should_flip(position, elements, e, k, other, floor):
-    """Whether the edge opposite to corner k of e is free, not Delaunay, and allowed to flip by layers and quality rule.
+    """Whether the edge opposite to corner k of e is free, not Delaunay, and allowed to flip."""
+    if elements.chain[e, k] >= 0:
+        return False
+    p, q, r, s = corners_around(elements.node, e, k, other)
+    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
+    if not not_delaunay(px, py, qx, qy, position[r, 0], position[r, 1], position[s, 0], position[s, 1]):
+        return False
+    return may_flip(position, elements, e, k, other, floor)
+
+
+@inner_kernel
+def may_flip(position, elements, e, k, other, floor):
+    """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e.
 
     Where the rule is switched off elements may lie on one another. Flips of overturned ones need not come to an end,
     and the new edge may be there already: neither is done.
     """
     node = elements.node
-    if elements.chain[e, k] >= 0:
+    p, q, r, s = corners_around(node, e, k, other)
+    if not may_join(elements, e, r, s):
         return False
-    p, q, r = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
     px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    if not not_delaunay(px, py, qx, qy, rx, ry, sx, sy) or not may_join(elements, e, r, s):
-        return False
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     before = min(element_quality(position, node, e), element_quality(position, node, other))
-    if after <= FLAT or before <= 0.0:
+    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and joined(node, elements.neighbour, e, r, s)):
         return False
-    if floor < 0.0:
-        return not joined(node, elements.neighbour, e, r, s)
-    return after >= floor or after >= before
+    return allowed(after, before, floor)
 
 
 @kernel

@@ -1,10 +1,10 @@
-"""Shared geometry of the kernels: orientation, quality, distances, stars and the guard that keeps elements good."""
+"""Measure triangles and stars, and guard them: no move leaves an element worse than the quality rule allows."""
 
 import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import OWN
+from kohonen_adapt.kernels.arrays import OWN, UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at, within_reach
 
@@ -57,8 +57,8 @@ def worst_in_star(position, star, v, x, y):
 
 @inner_kernel
 def tolerable(worst, floor):
-    """Whether this quality needs no comparison with what was before; a negative floor switches every check off."""
-    return floor < 0.0 or (worst >= floor and worst > FLAT)
+    """Whether this quality needs no comparison with what was before; UNGUARDED switches every check off."""
+    return floor == UNGUARDED or (worst >= floor and worst > FLAT)
 
 
 @inner_kernel
@@ -68,19 +68,30 @@ def allowed(after, before, floor):
 
 
 @inner_kernel
-def star_tolerable(position, star, v, x, y, floor):
-    """Whether all qualities in the star of v were tolerable with v at (x, y).
+def least_share(floor):
+    """What `better_than` is to compare with under a floor."""
+    return 2.0 * max(floor, FLAT) / SQRT12
 
-    The same as `tolerable` of `worst_in_star` in a third of the time: no divisions, and branches that go one way.
+
+@inner_kernel
+def better_than(share, ux, uy, vx, vy):
+    """Whether the triangle of two edges (u, v counter-clockwise) is of better quality than a `least_share` says.
+
+    The same as asking for `signed_quality` in a third of the time: no division, and branches that go one way.
     """
-    least = 2.0 * max(floor, FLAT) / SQRT12
+    return ux * vy - vx * uy > share * (ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy)
+
+
+@inner_kernel
+def star_tolerable(position, star, v, x, y, floor):
+    """Whether all qualities in the star of v were tolerable with v at (x, y)."""
+    share = least_share(floor)
     for k in range(star.start[v], star.start[v + 1]):
         a, b = star.ahead[k], star.behind[k]
         ux, uy = position[a, 0] - x, position[a, 1] - y
         vx, vy = position[b, 0] - x, position[b, 1] - y
-        half_squares = ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy
-        if not ux * vy - vx * uy > least * half_squares:
-            return floor < 0.0
+        if not better_than(share, ux, uy, vx, vy):
+            return floor == UNGUARDED
     return True
 
 
@@ -97,7 +108,7 @@ def mark_sound(position, star, floor, first, last, sound):
 
 @inner_kernel
 def may_move(position, star, v, x, y, floor):
-    """The guard: moving v to (x, y) leaves its star at least as good as min(floor, the worst there before)."""
+    """The guard: whether its star is, with v at (x, y), at least as good as min(floor, the worst there before)."""
     if star_tolerable(position, star, v, x, y, floor):
         return True
     if star_tolerable(position, star, v, position[v, 0], position[v, 1], floor):

@@ -1,4 +1,4 @@
-"""Jumps: corners of outlines go from one neuron to its neighbour, so that nodes travel from chain to chain.
+"""Hand corners of outlines from one node to its neighbour, so that nodes travel from chain to chain.
 
 Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", Fig. 3.
 """
@@ -46,7 +46,7 @@ def relabel_edge(elements, star, a, b, chain):
 
 @inner_kernel
 def jump(position, elements, star, constraints, v, x, y, step, floor):
-    """The jump around a corner (the paper's Fig. 3): v goes on along the nearer chain, its follower takes over."""
+    """Let v leave a corner for the nearer chain, and its follower take over (the paper's Fig. 3)."""
     chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
     corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
@@ -68,7 +68,7 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
 
 @inner_kernel
 def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor):
-    """The same where three chains meet: v goes on along one, its neighbour on another takes over, and the third's end.
+    """Let v leave a junction of three chains along one; its neighbour on another takes over, and the third's end.
 
     That it can where one element is all that lies between the neighbour's chain and the third: its edge from v to the
     third chain's next node becomes free, that from the neighbour becomes the chain's end, and the element changes
@@ -153,7 +153,7 @@ def worst_of_two(position, star, v, w):
 
 @inner_kernel
 def hand_over(constraints, v, next_node, onto, away, parameter):
-    """The corner's constraint goes to the follower, and v slides from now on."""
+    """Give the corner's constraint to the follower; v slides from now on."""
     constraints.kind[next_node], constraints.kind[v] = HELD, SLIDING
     constraints.chain[next_node, OWN], constraints.chain[next_node, OTHER] = onto, away
     constraints.chain[v, OWN], constraints.chain[v, OTHER] = onto, -1

@@ -1,4 +1,4 @@
-"""Which element holds a point: a walk from element to element, and a grid where the walk is blocked."""
+"""Find the element that holds a point: walk from element to element, and ask a grid where the walk is blocked."""
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def walk_each(position, elements, points, found, inside):
 
 @kernel
 def count_in_cells(position, node, origin, size, shape, start):
-    """Number of elements whose bounding box meets each cell of a grid, summed up to row starts."""
+    """Count the elements whose bounding box meets each cell of a grid, summed up to row starts."""
     start[:] = 0
     for e in range(node.shape[0]):
         i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
@@ -68,7 +68,7 @@ def count_in_cells(position, node, origin, size, shape, start):
 
 @kernel
 def fill_cells(position, node, origin, size, shape, start, content):
-    """Lists the elements of every cell."""
+    """List the elements of every cell."""
     cursor = start[:-1].copy()
     for e in range(node.shape[0]):
         i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
@@ -114,7 +114,7 @@ def best_in_cell(position, node, content, first, last, x, y):
 
 @kernel
 def find(position, elements, points, origin, size, shape, start, content, found):
-    """Element that holds each point, -1 outside: a walk from any element of the point's cell, else all of them."""
+    """Find the element that holds each point, or -1: walk from any element of its cell, else look at all of them."""
     node = elements.node
     for t in range(points.shape[0]):
         x, y = points[t, 0], points[t, 1]
@@ -130,7 +130,7 @@ def find(position, elements, points, origin, size, shape, start, content, found)
 
 @kernel
 def barycentric(position, node, points, found, out):
-    """Barycentric coordinates of every point in the element found for it; nan where there is none."""
+    """Compute barycentric coordinates of every point in the element found for it; nan where there is none."""
     for t in range(points.shape[0]):
         e = found[t]
         total = 0.0

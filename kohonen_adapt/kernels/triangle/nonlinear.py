@@ -1,4 +1,4 @@
-"""Stars of nonlinear material: the energy density W of a law looked up, and a node's value by Newton's method.
+"""Look up the energy density W of nonlinear laws, and improve a node's value by Newton's method.
 
 W is a function of s = |grad u|^2. Of a triangle with doubled area D its energy is D W / 2, with the rate dW/ds, half of
 the secant coefficient, in place of a constant; convex in the values, as W is in |grad u|.

@@ -1,4 +1,4 @@
-"""Recycling of neurons: the longest edges are split, the shortest collapsed, in pairs, at a constant number of nodes.
+"""Split the longest edges and collapse the shortest, in pairs, at a constant number of nodes.
 
 The dead-unit cure of vector quantisation (growing neural gas with utility; Fritzke 1995, 1997) on a mesh. Lengths are
 those of the metric that the density sets: the length of an edge times the root of the density along it.
@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.heap import insert, remove_first
-from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, push, should_flip
 from kohonen_adapt.kernels.triangle.surgery import (
     NOWHERE,
@@ -66,11 +66,10 @@ def restore_delaunay(position, elements, pool, origins, longest, shortest, floor
             other = np.int64(elements.neighbour[e, k])
             if other < 0 or not should_flip(position, elements, e, k, other, floor):
                 continue
-            p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
-            s = node[other, 0] + node[other, 1] + node[other, 2] - p - q
+            p, q, r, s = corners_around(node, e, k, other)
             flip_edge(elements, e, k)
             pool.anchor[p], pool.anchor[q] = e, other
-            enter(position, origins, longest, shortest, r, s)
+            enter(position, origins, longest, shortest, np.int64(r), s)
             height = push(scratch.stack, scratch.waiting, push(scratch.stack, scratch.waiting, height, other), e)
             break
 

@@ -1,4 +1,4 @@
-"""The winner of a training point: the nearest node that it reaches within its own region.
+"""Find the winner of a training point: the nearest node that it reaches within its own region.
 
 Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III: a walk from where the last winner was,
 then the check that no other node lies in the circle through the winner.
@@ -6,14 +6,13 @@ then the check that no other node lies in the circle through the winner.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BULGE
+from kohonen_adapt.kernels.arrays import BULGE, CROSSINGS
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
 STRETCH = 64  # points that follow one another and may start where the one before ended
-CROSSINGS = 32  # edges crossed by a circle check; where there are more the check in order takes over
 
 
 @inner_kernel

@@ -111,7 +111,7 @@ def slide_along_chain(position, elements, star, constraints, v, way, floor):
 
 @inner_kernel
 def slide_both_along_chains(position, elements, star, constraints, v, way, floor):
-    """Move a node and its partner that far along their chains, likewise."""
+    """Move a node and its partner that far along their chains, or half as far until both guards agree."""
     for _ in range(HALVINGS + 1):
         parameter = gone_along(constraints.chains, constraints.chain[v, OWN], constraints.parameter[v], way)
         if slide_pair(position, elements, star, constraints, v, parameter, floor):

@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.chains import gone_along, parameter_of, point_at, way_along
+from kohonen_adapt.kernels.triangle.chains import middle_on_chain
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality
 
@@ -62,29 +62,17 @@ def find_edge(elements, pool, a, b, around):
 def half_qualities(position, node, e, k, x, y):
     """Worse quality of the two halves of element e, its edge opposite to corner k split at (x, y)."""
     a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    ax, ay, bx, by, cx, cy = (
-        position[a, 0],
-        position[a, 1],
-        position[b, 0],
-        position[b, 1],
-        position[c, 0],
-        position[c, 1],
-    )
+    ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
+    cx, cy = position[c, 0], position[c, 1]
     return min(signed_quality(ax, ay, x, y, cx, cy), signed_quality(x, y, bx, by, cx, cy))
 
 
 @inner_kernel
 def midpoint(position, constraints, c, a, b):
     """The middle of an edge; on a chain the middle in its parameter, which comes third."""
-    ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
     if c < 0:
-        return 0.5 * (ax + bx), 0.5 * (ay + by), 0.0
-    chains = constraints.chains
-    start = parameter_of(position, constraints, c, a)
-    end = parameter_of(position, constraints, c, b)
-    parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
-    x, y = point_at(chains, c, parameter)
-    return x, y, parameter
+        return 0.5 * (position[a, 0] + position[b, 0]), 0.5 * (position[a, 1] + position[b, 1]), 0.0
+    return middle_on_chain(position, constraints, c, a, b)
 
 
 @inner_kernel
@@ -202,22 +190,26 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
         )
         if not q >= after:
             after = q
-        if (
-            max(metric_length(position, origins.density, w, a), metric_length(position, origins.density, w, b))
-            >= longest
-        ):
+        length = max(metric_length(position, origins.density, w, a), metric_length(position, origins.density, w, b))
+        if length >= longest:
             return -1.0
     if after > 1.5 or not allowed(after, before, floor):
         return -1.0
-    common = 0
+    return after if count_marked(elements, pool, w, mark, scratch) == shared else -1.0
+
+
+@inner_kernel
+def count_marked(elements, pool, w, mark, scratch):
+    """How many neighbours of w carry the mark; they are marked anew, so that none counts twice."""
+    node, count = elements.node, 0
     for i in range(gather_around(elements, pool, w, scratch.around_other)):
         e = np.int64(scratch.around_other[i])
         k = corner_of(node, e, w)
         for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
             if scratch.stamp[other] == mark:
                 scratch.stamp[other] = mark + 1
-                common += 1
-    return after if common == shared else -1.0
+                count += 1
+    return count
 
 
 @inner_kernel

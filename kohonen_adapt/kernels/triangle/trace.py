@@ -1,4 +1,4 @@
-"""Outline facets traced from node to node, and what they trace cut into straight pieces and arcs of circles."""
+"""Trace outline facets from node to node, and cut the runs into straight pieces and arcs of circles."""
 
 import math
 

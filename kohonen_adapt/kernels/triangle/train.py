@@ -1,4 +1,4 @@
-"""The Kohonen map learns: around the winner of every training point the neighbourhood, and the guarded update.
+"""Move the nodes around the winner of every training point towards it, each step guarded.
 
 Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
 Kohonen Maps" (sections II and III).

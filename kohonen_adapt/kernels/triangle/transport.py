@@ -1,4 +1,4 @@
-"""Transport: a flow that carries all nodes at once, in steps that keep every element good.
+"""Carry all nodes at once with a flow, in steps that keep every element good.
 
 Where the guard of one node asks what its move does to elements whose other nodes stand still, here all nodes of an
 element move together, so a smooth flow takes them many edge lengths far.
@@ -11,7 +11,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
-from kohonen_adapt.kernels.triangle.geometry import FLAT, SQRT12, allowed, element_quality
+from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, element_quality, least_share
 
 
 @kernel
@@ -44,7 +44,7 @@ def find_crossings(position, elements, cluster, row, column, length):
 
 @kernel
 def find_centres(position, node, cluster, centre):
-    """The mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
+    """Find the mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
     size = np.zeros(centre.shape[0])
     centre[:] = 0.0
     for e in range(node.shape[0]):
@@ -58,7 +58,7 @@ def find_centres(position, node, cluster, centre):
 
 @kernel
 def find_directions(node, constraints, cluster, along):
-    """Where clusters may flow, as symmetric matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
+    """Find where clusters may flow, as matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
 
     t is the tangent, zero where a node is held; a cluster without such corners may flow anywhere.
     """
@@ -83,7 +83,7 @@ def find_directions(node, constraints, cluster, along):
 
 @kernel
 def move_with_clusters(star, constraints, cluster, flow, first, last, move):
-    """Every node's move is the mean flow of the clusters around it, as far as its outline allows."""
+    """Let every node move with the mean flow of the clusters around it, as far as its outline allows."""
     kind = constraints.kind
     for v in range(first, last):
         x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
@@ -98,7 +98,7 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
 
 @kernel
 def smooth_moves(star, constraints, move, first, last, smoothed):
-    """Every node's move becomes the mean of its neighbours', as far as its outline allows."""
+    """Replace every node's move by the mean of its neighbours', as far as its outline allows."""
     kind = constraints.kind
     for v in range(first, last):
         x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
@@ -125,7 +125,7 @@ def keep_to_outline(constraints, v, move):
 
 @kernel
 def measure_moves(position, star, move, first, last, ratio):
-    """Length of every node's move over the distance of its neighbours."""
+    """Measure the length of every node's move over the distance of its neighbours."""
     for v in range(first, last):
         x, y, doubled = position[v, 0], position[v, 1], 0.0
         for k in range(star.start[v], star.start[v + 1]):
@@ -136,7 +136,7 @@ def measure_moves(position, star, move, first, last, ratio):
 
 @kernel
 def step_ahead(position, constraints, move, share, first, last, ahead, parameter):
-    """Where nodes would be after a share of their moves; those on outlines at a parameter of their chain."""
+    """Compute where nodes would be after a share of their moves; those on outlines at a parameter of their chain."""
     for v in range(first, last):
         ahead[v, 0], ahead[v, 1] = position[v, 0] + share * move[v, 0], position[v, 1] + share * move[v, 1]
         if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
@@ -146,16 +146,12 @@ def step_ahead(position, constraints, move, share, first, last, ahead, parameter
 @kernel
 def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
     """Mark those of some elements that the step would leave worse than the quality rule allows."""
-    least = 2.0 * max(floor, FLAT) / SQRT12
+    share = least_share(floor)
     for e in range(first, last):
-        # without a call or a division, as nearly all elements are tolerable
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         ux, uy = ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1]
         vx, vy = ahead[c, 0] - ahead[a, 0], ahead[c, 1] - ahead[a, 1]
-        half_squares = ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy
-        spoiled[e] = False
-        if not ux * vy - vx * uy > least * half_squares:
-            spoiled[e] = spoils(position, ahead, node, e, floor)
+        spoiled[e] = not better_than(share, ux, uy, vx, vy) and spoils(position, ahead, node, e, floor)
 
 
 @inner_kernel
