@@ -12,8 +12,8 @@ from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import named
 from kohonen_adapt.outline.curves import checked_points
 from kohonen_adapt.outline.polylines import polylines_of
 
@@ -115,10 +115,7 @@ class Spline:
         """
         if type(mesh) is not MeshTri1:
             raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}.")
-        boundaries = mesh.boundaries or {}
-        if name not in boundaries:
-            raise ValueError(f"boundary {name!r} is not in the mesh; its boundaries are: {listed(boundaries)}.")
-        facets = np.unique(np.asarray(boundaries[name], dtype=np.int64))
+        facets = np.unique(np.asarray(named(mesh.boundaries, name, "boundary"), dtype=np.int64))
         if len(facets) == 0:
             raise ValueError(f"boundary {name!r} has no facets, so there is no curve through their nodes.")
         number_facets(mesh)
@@ -171,7 +168,7 @@ class Spline:
 class Samples(NamedTuple):
     """Points all along a piecewise cubic curve c(t), which is nearly straight between neighbours."""
 
-    curve: PPoly  # the pieces one after another; between them it goes on as it was, and leaps
+    curve: PPoly  # the pieces one after another, each with a stretch beyond its end that is not part of it
     t: Floats  # (s,) ascending
     before: Ints  # (s,) the neighbours on the same piece, a sample itself at its ends
     after: Ints

@@ -104,11 +104,11 @@ def animate_map(
         If the file cannot be written.
     """
     check_training(schedule, seed)
-    if callable(points) and not schedule.fresh:
-        most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
-        points, weights = points(ceil(most * som.mesh.p.shape[1]), np.random.default_rng(seed))
     frames: list[Frame] = [(som.mesh, "before")]
     errors: list[float] = []
+    if callable(points) and not schedule.fresh:
+        most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
+        points, weights = points(ceil(most * frames[0][0].p.shape[1]), np.random.default_rng(seed))
     for number, (title, epoch) in enumerate(_epochs(schedule)):
         errors += som.train(points, epoch, weights=weights, seed=seed + number)
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
