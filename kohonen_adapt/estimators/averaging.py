@@ -100,7 +100,7 @@ def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Ints) -> 
 
 
 def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
-    """What is equal inside a region, a column for each element."""
+    """Data that are equal inside a region, a column for each element."""
     if region is None:
         return np.vstack((discrete.reluctivity, discrete.prescribed))
     number = np.asarray(region)

@@ -1,4 +1,4 @@
-"""Goal-oriented estimator: the error of every element weighted with how much it matters to a linear functional."""
+"""Weight the error of every element with how much it matters to a linear functional, the goal."""
 
 import numpy as np
 from numpy.typing import ArrayLike

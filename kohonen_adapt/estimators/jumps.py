@@ -1,4 +1,4 @@
-"""Residual estimator: the load of each element and the jump of the flux across its sides."""
+"""Estimate errors by the residual: the load of each element and the jumps of the flux across its sides."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,11 +7,11 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.inputs import DiscreteFlux, discrete_flux
 
-__all__ = ["residual"]
+__all__ = ["ENDS", "OPPOSITE", "residual"]
 
 
-# scikit-fem's sides of a triangle join the local nodes (0, 1), (1, 2), (0, 2); these are the nodes opposite to them.
-OPPOSITE = [2, 0, 1]
+# scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
+ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
 
 
 def residual(

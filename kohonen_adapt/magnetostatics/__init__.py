@@ -1,10 +1,9 @@
-"""Magnetostatics in the plane or around an axis: the vector potential on a triangular mesh."""
+"""Solve magnetostatics in the plane or around an axis, by the vector potential on a triangular mesh."""
 
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
-from kohonen_adapt.magnetostatics.materials.magnetisation import halbach, radial
-from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.materials.material import Material, halbach, radial
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque

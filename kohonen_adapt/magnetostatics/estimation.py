@@ -1,15 +1,18 @@
-"""Estimate the error of a magnetic field: by the scalar problem that stands for it, of order 2 by its own residual."""
+"""Estimate the error of a magnetic field: as that of a scalar problem, of order 2 by a residual of its own."""
+
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
+from kohonen_adapt.estimators.jumps import ENDS, OPPOSITE
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
 from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.joints import joints_of
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
+from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
@@ -30,20 +33,13 @@ RESIDUAL_SCALE = 1.0 / 3.6
 QUADRATIC_SCALE = 1.0 / 6.1
 ESTIMATORS = ("residual", "recovery", "equilibrated")
 
-# scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
-ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
-
 Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
 
 
 def estimated(
-    mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, kinds: NDArray[np.int64] | None
+    mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Sequence[Material]
 ) -> Floats:
-    """Indicators by the estimator of that name, (nelements,), unsquared.
-
-    `kinds` (nmaterials,) numbers the materials that are alike, where reluctivity or flux change inside one; None where
-    these themselves tell regions apart.
-    """
+    """Indicators by the estimator of that name, (nelements,), unsquared."""
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
         joined = joints_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
@@ -56,8 +52,17 @@ def estimated(
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, joined=joined)
         return RESIDUAL_SCALE * bare
-    region = None if kinds is None else kinds[given.number]
-    return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, region=region)
+    kind = _kinds(field, materials)
+    return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, region=kind)
+
+
+def _kinds(field: Field, materials: Sequence[Material]) -> Ints | None:
+    """Number of the first material that equals an element's, (nelements,), where reluctivity or flux change inside one;
+    None where these themselves tell regions apart.
+    """
+    alike = np.array([materials.index(material) for material in materials])
+    varies = field.axisymmetric or field.coefficients.pieces or any(material.turns for material in materials)
+    return alike[field.coefficients.number] if varies else None
 
 
 def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:

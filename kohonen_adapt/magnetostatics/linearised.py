@@ -23,9 +23,8 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
     with zeros for the values given.
     """
-    conditions = conditions_of(field.elements, boundaries, field.symmetry)
-    energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
-    return newton.whole_step(energy, field.unknown, -load[conditions.free])
+    energy = EnergyFunctional.of(field.elements, field.symmetry, field.coefficients, boundaries)
+    return newton.whole_step(energy, field.unknown, -load[energy.conditions.free])
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:

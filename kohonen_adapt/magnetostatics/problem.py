@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import check_problem, checked_pairs, checked_turns
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
@@ -165,43 +164,17 @@ class Magnetostatics:
         Parameters
         ----------
         mesh
-            As for `solve`.
-        old_mesh
-            The mesh of the other solution.
-        old_field
-            What `solve` returned for it.
-
-        Returns
-        -------
-        Field
-            As of `solve`.
-
-        Raises
-        ------
-        ValueError
-            As `solve`.
+            As for `solve`, which tells the rest.
+        old_mesh, old_field
+            The other mesh, and what `solve` returned for it.
         """
         return self._solved(mesh, old_field)
-
-    @property
-    def _turns(self) -> bool:
-        """Whether the magnets of a material point to many sides, for which no table has one number."""
-        vectors = [vector for each in self.materials.values() for vector in (each.remanence, each.coercivity)]
-        return any(callable(vector) for vector in vectors)
-
-    @property
-    def _kinds(self) -> NDArray[np.int64] | None:
-        """Per material the first in the mapping that equals it, where their numbers alone do not tell them apart."""
-        filled = list(self.materials.values())
-        varies = self.axisymmetric or self._turns or any(material.bh is not None for material in filled)
-        return np.array([filled.index(material) for material in filled]) if varies else None
 
     def _solved(self, mesh: MeshTri, old: Field | None) -> Field:
         check_mesh(mesh)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         given = coefficients(mesh, self.materials, self.ampere_turns)
-        elements = elements_on(mesh, self.order)
-        energy = EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
+        energy = EnergyFunctional.of(elements_on(mesh, self.order), symmetry, given, self.boundaries)
         return solution_of(energy, self.depth, old, self.method)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
@@ -212,10 +185,8 @@ class Magnetostatics:
 
         Parameters
         ----------
-        mesh
-            The mesh of the solution.
-        field
-            What `solve` returned for it.
+        mesh, field
+            A mesh, and what `solve` returned for it.
 
         Returns
         -------
@@ -224,7 +195,7 @@ class Magnetostatics:
         """
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
-        return estimated(mesh, field, self.estimator, self.boundaries, self._kinds)
+        return estimated(mesh, field, self.estimator, self.boundaries, list(self.materials.values()))
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """``d linkage / d current`` of a circuit at a solution: what it has for small changes of its current.
@@ -293,14 +264,12 @@ class Magnetostatics:
         return error_of_goal(field, self.goal, self.boundaries, self.method)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
-        """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with, in the unit of `indicators`.
+        """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with.
 
         Parameters
         ----------
-        mesh
-            The mesh of the solution.
-        field
-            What `solve` returned for it.
+        mesh, field
+            As of `indicators`.
 
         Returns
         -------
@@ -317,7 +286,7 @@ class Magnetostatics:
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
-        """What A minimises, ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, and the A that does.
+        """The functional ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, and the A that minimises it.
 
         Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``. Of a solution it lies above
         the exact minimum by half the square of the error in `energy_norm`; for nonlinear material nearly by that of the
@@ -325,10 +294,8 @@ class Magnetostatics:
 
         Parameters
         ----------
-        mesh
-            The mesh of the solution.
-        field
-            What `solve` returned for it.
+        mesh, field
+            As of `indicators`.
 
         Returns
         -------
@@ -350,5 +317,4 @@ class Magnetostatics:
             raise NotOffered("its elements are of order 2")
         if self.open_boundary is not None:
             raise NotOffered("its open boundary adds to the energy, which the polish does not see")
-        number = field.coefficients.number
-        return functional_of(field, self.boundaries, np.arange(number.size) if self._turns else number)
+        return functional_of(field, self.boundaries, list(self.materials.values()))

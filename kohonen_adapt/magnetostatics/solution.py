@@ -1,12 +1,15 @@
 """Solve a problem on a mesh, and state the functional that its solution minimises."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import KDTree
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, Newton, NewtonStep
+from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -56,7 +59,7 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
 
 
 def _begin(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
-    """Where Newton's method begins.
+    """Choose the values that Newton's method begins from.
 
     Without an old solution from A = 0: its first step is the whole of the linear solution, and halved where that
     saturates everything. Where values are given, A = 0 beside them would be a steep wall, and the linear solution is a
@@ -79,11 +82,13 @@ def carried(x: Floats, old: Field) -> Floats:
     return values
 
 
-def functional_of(field: Field, boundaries: Boundaries, number: Ints) -> Ritz:
-    """What a planar field of order 1 minimises; elements of one number (nelements,) have equal coefficients."""
+def functional_of(field: Field, boundaries: Boundaries, materials: Sequence[Material]) -> Ritz:
+    """State the functional of a planar field of order 1: one number per material, or per element where magnets turn."""
+    number = field.coefficients.number
+    if any(material.turns for material in materials):
+        number = np.arange(number.size)
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     _, first, place = np.unique(number, return_index=True, return_inverse=True)
     tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
-    law_of = {int(given.number[piece.elements[0]]): piece.law for piece in given.pieces if piece.elements.size}
-    laws = tuple(law_of.get(int(index)) for index in given.number[first]) if given.pieces else ()
+    laws = tuple(materials[index].bh for index in given.number[first]) if given.pieces else ()
     return Ritz(field.potential, conditions.tied, *tables, place, laws)

@@ -1,1 +1,1 @@
-"""The equations of magnetostatics: symmetry, conditions, assembly and solution."""
+"""State and solve the equations: symmetry, elements, conditions, energy, Newton's method."""

@@ -77,7 +77,7 @@ class Conditions:
         return matrix, self.gathered(right)
 
     def gathered(self, pull: Floats) -> Floats:
-        """What pulls at the classes, (nclasses,), of what pulls at the free unknowns, (nfree,)."""
+        """The gradient by the classes, (nclasses,), of that by the free unknowns, (nfree,)."""
         return pull if self.join is None else self.join.T @ pull
 
     def expanded(self, values: Floats) -> Floats:

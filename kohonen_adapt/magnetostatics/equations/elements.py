@@ -44,7 +44,7 @@ class _Polynomials:
         self.mesh, self.unknowns, self.places = mesh, unknowns, places
 
     def added(self, terms: Floats) -> Floats:
-        """What the unknowns get from their elements in sum, (nunknowns,), for terms (k, nelements)."""
+        """Sum the terms (k, nelements) of the elements by unknowns, (nunknowns,)."""
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
 
 

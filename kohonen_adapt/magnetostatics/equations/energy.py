@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
@@ -45,11 +46,16 @@ class EnergyFunctional:
     given: Coefficients
     conditions: Conditions
 
+    @classmethod
+    def of(cls, elements: Elements, symmetry: Symmetry, given: Coefficients, boundaries: Boundaries) -> Self:
+        """That of the conditions of these names."""
+        return cls(elements, symmetry, given, conditions_of(elements, boundaries, symmetry))
+
     @cached_property
     def _at_points(self) -> Coefficients:
         return self.given.repeated(self.elements.weights.size // self.given.number.size)
 
-    def at_rest(self) -> "EnergyFunctional":
+    def at_rest(self) -> Self:
         """The same with the reluctivity at B = 0 everywhere: quadratic in u."""
         return replace(self, given=replace(self.given, pieces=()))
 

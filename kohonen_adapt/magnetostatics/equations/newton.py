@@ -54,7 +54,7 @@ class Newton:
     solver: Solver = field(default_factory=Solver)
 
     def whole_step(self, energy: EnergyFunctional, u: Floats, pull: Floats) -> Floats:
-        """What is added to u where the gradient is `pull`: all it takes where the functional is quadratic.
+        """The whole step from u where the gradient is `pull`: to the minimum, where the functional is quadratic.
 
         Raises
         ------

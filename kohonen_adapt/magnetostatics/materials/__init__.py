@@ -1,1 +1,1 @@
-"""Material laws and what they make of a mesh."""
+"""Describe materials by their laws, and turn them into coefficients of a mesh."""

@@ -1,4 +1,4 @@
-"""Magnetic laws from measured points: a table of B and H, checked and interpolated, and the file it is read from."""
+"""Interpolate measured points of B and H to a magnetic law; check them, and read them from a file."""
 
 import re
 import warnings

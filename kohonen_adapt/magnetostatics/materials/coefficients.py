@@ -27,7 +27,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """What every element is made of.
+    """The materials of a mesh, element by element.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Magnetic laws H(B) of isotropic material: the protocol, its continuation to any B, and the analytic ones."""
+"""Give H for B of isotropic material by analytic laws, continued to any B."""
 
 from dataclasses import dataclass
 from math import pi

@@ -1,4 +1,4 @@
-"""A magnetic material: permeability or magnetisation curve, remanence or coercivity, current density."""
+"""Describe a magnetic material: its permeability or curve, its magnetisation, its current density."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
-__all__ = ["Material", "Vector"]
+__all__ = ["Material", "Vector", "halbach", "radial"]
 
 Vector = tuple[float, float] | Callable[[Floats], ArrayLike]
 
 
 @dataclass(frozen=True)
 class Material:
-    """What fills a subdomain: ``H = nu(|B|) B - Hc``, linear with ``nu = 1 / (mu0 permeability)`` or by a curve.
+    """A material that fills a subdomain: ``H = nu(|B|) B - Hc``, with ``nu = 1 / (mu0 permeability)`` or by a curve.
 
     A magnet has a remanence Br or a coercivity Hc, each of which gives the other: ``Hc = nu(|Br|) Br``.
 
@@ -83,6 +83,11 @@ class Material:
             )
 
     @property
+    def turns(self) -> bool:
+        """Whether the magnet points to many sides, for which no table has one number."""
+        return callable(self.remanence) or callable(self.coercivity)
+
+    @property
     def reluctivity(self) -> float:
         """``1 / (mu0 permeability)`` in m/H; with a curve that at B = 0."""
         if self.bh is not None:
@@ -107,3 +112,73 @@ def _vector(name: str, given: Any) -> Vector:
         raise ValueError(f"{name} must have two components (x, y); got {given!r}.")
     x, y = given
     return _number(name, x), _number(name, y)
+
+
+def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:
+    """Away from a centre, for the remanence or coercivity of a `Material`.
+
+    Parameters
+    ----------
+    magnitude
+        In T or A/m; negative towards the centre.
+    centre
+        In metres.
+
+    Returns
+    -------
+    callable
+        Of x (2, n) in metres, giving (2, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Material, radial
+    >>> magnet = Material(permeability=1.05, remanence=radial(1.2))
+    >>> radial(1.2)(np.array([[0.0], [0.5]])).round(9).tolist()
+    [[0.0], [1.2]]
+    """
+
+    def direction(x: Floats) -> Floats:
+        return magnitude * np.stack(_unit(np.arctan2(x[1] - centre[1], x[0] - centre[0])))
+
+    return direction
+
+
+def halbach(
+    magnitude: float, pole_pairs: int, *, centre: tuple[float, float] = (0.0, 0.0)
+) -> Callable[[Floats], Floats]:
+    """At the polar angle phi in the direction ``(1 + pole_pairs) phi`` (Halbach, Nucl. Instrum. Methods 169, 1980).
+
+    A ring of it has its field outside for negative `pole_pairs`, inside for positive ones; 1 gives a uniform field.
+
+    Parameters
+    ----------
+    magnitude
+        In T or A/m.
+    pole_pairs
+        Their number, with its sign.
+    centre
+        In metres.
+
+    Returns
+    -------
+    callable
+        Of x (2, n) in metres, giving (2, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kohonen_adapt.magnetostatics import Material, halbach
+    >>> ring = Material(permeability=1.05, remanence=halbach(1.2, 2))
+    >>> halbach(1.2, 2)(np.array([[0.5], [0.0]])).round(9).tolist()
+    [[1.2], [0.0]]
+    """
+
+    def direction(x: Floats) -> Floats:
+        return magnitude * np.stack(_unit((1 + pole_pairs) * np.arctan2(x[1] - centre[1], x[0] - centre[0])))
+
+    return direction
+
+
+def _unit(angle: Floats) -> tuple[Floats, Floats]:
+    return np.cos(angle), np.sin(angle)

@@ -1,1 +1,1 @@
-"""What is computed from a solution: fields, forces, torques, linkages and goals."""
+"""Derive fields, forces, torques, linkages and goals from a solution."""

@@ -1,4 +1,4 @@
-"""The body that a force acts on: its elements by name, and the air that must surround it."""
+"""Find the elements of a body by name, and refuse one without air around it."""
 
 from collections.abc import Sequence
 

@@ -21,7 +21,7 @@ __all__ = ["Field", "QuadraticField"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Field(LocalField):
-    """What `Magnetostatics.solve` returns: the field of a P1 potential, constant in every element.
+    """A solved field, of a P1 potential and so constant in every element; `Magnetostatics.solve` returns it.
 
     Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`; with one, and of an
     axisymmetric field, they are totals, in J.

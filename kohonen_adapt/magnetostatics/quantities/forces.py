@@ -1,4 +1,4 @@
-"""Force and torque: by the stress tensor in the air around a body, by Arkkio in an air gap, by Lorentz on currents."""
+"""Integrate forces and torques: of the stress tensor around a body, of an air gap by Arkkio, of currents by Lorentz."""
 
 from typing import NamedTuple
 
@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_of, isolated_body
-from kohonen_adapt.magnetostatics.quantities.cuts import Cut, mirror_cut, sector_cut
-from kohonen_adapt.magnetostatics.quantities.eggshell import weight_gradient
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.magnetostatics.quantities.shell import Cut, mirror_cut, sector_cut, weight_gradient
 
 __all__ = [
     "Lever",
@@ -205,13 +204,13 @@ def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
-    """What of a force the modelled part of a body tells."""
+    """The part of a force that acts on the modelled half of a body: along the mirror plane that cuts it."""
     left = _along_axis(field, force)
     return left if cut.direction is None else cut.direction * (cut.direction @ left)
 
 
 def _along_axis(field: LocalField, force: Floats) -> Floats:
-    """What of a force is left when a ring of it is added up: (0, F_z) of an axisymmetric field, else all."""
+    """The sum of a force over its ring: (0, F_z) of an axisymmetric field, else the force."""
     return force * (0.0, 1.0) if field.axisymmetric else force
 
 

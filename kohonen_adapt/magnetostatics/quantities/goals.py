@@ -1,4 +1,4 @@
-"""Goals: single numbers that are wanted of a field, and their derivatives, by which meshes are adapted to them."""
+"""State goals, single numbers of a field, with the derivatives by which meshes are adapted to them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ __all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
 
 @runtime_checkable
 class Goal(Protocol):
-    """What `Magnetostatics(goal=)` takes: a number J of a field, and how it changes with the field.
+    """A number J of a field, and how it changes with the field: for `Magnetostatics(goal=)`.
 
     A change w of ``field.unknown`` (planar of A, axisymmetric of r A) changes J by
     ``int source w + flux . grad w`` over the plane of the mesh.

@@ -1,4 +1,4 @@
-"""What a circuit is linked with: flux linkage, its current, and the inductances that follow."""
+"""Integrate the flux linkage of a circuit, and derive its current and inductances."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -34,9 +34,7 @@ def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
 
 
 def linkage_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
-    """What ``field.unknown`` is multiplied by and integrated with over the plane for the linkage of a circuit,
-    (nelements,).
-    """
+    """The density w whose ``int w u`` over the plane, of ``u = field.unknown``, is the linkage of a circuit."""
     return turn_length(field) * turns_density(field, circuit)
 
 

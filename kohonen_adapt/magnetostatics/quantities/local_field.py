@@ -1,4 +1,4 @@
-"""Work out what holds in every element of a solved field: flux density, field strength, energies."""
+"""Evaluate a solved field element by element: flux density, field strength, energies."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -42,7 +42,7 @@ class LocalField:
 
     @property
     def unknown(self) -> Floats:
-        """What is a polynomial in every element, at all places of unknowns, (nunknowns,): A, axisymmetric r A."""
+        """A, axisymmetric r A, at all places of unknowns, (nunknowns,): a polynomial in every element."""
         return self.symmetry.unknown(self.mesh.p, self.potential)
 
     @property
@@ -52,7 +52,7 @@ class LocalField:
 
     @cached_property
     def _materials(self) -> Coefficients:
-        """What is at the quadrature points, where all that begins with an underscore is."""
+        """Those at the quadrature points, where all that begins with an underscore is."""
         return self.coefficients.repeated(self.elements.weights.size // self.mesh.t.shape[1])
 
     @cached_property
