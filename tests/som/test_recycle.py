@@ -1,7 +1,5 @@
 """Recycling: splits and collapses that keep everything but the number of nodes where they are."""
 
-import heapq
-
 import numpy as np
 import pytest
 from helpers.meshes import (
@@ -24,7 +22,6 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule
 from kohonen_adapt.kernels.arrays import HELD
-from kohonen_adapt.kernels.heap import Heap, insert, remove_first
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -213,20 +210,6 @@ def test_the_schedule_may_sweep():
     mesh = inset(12)
     result = ka.relocate(mesh, peak(mesh, 0.4, 0.6), topology="recycle", schedule=Schedule((), sweeps=4))
     assert area_of(result, result.subdomains["core"]) == pytest.approx(0.25, rel=1e-13)
-
-
-def test_the_heap_gives_keys_in_order_like_a_slow_twin():
-    rng = np.random.default_rng(0)
-    heap, slow = Heap(np.empty(500), np.empty((500, 2), dtype=np.int32), np.zeros(1, dtype=np.int64)), []
-    for _ in range(2000):
-        if slow and (rng.random() < 0.45 or len(slow) == 500):
-            key, a, b = remove_first(heap)
-            assert (key, a, b) == heapq.heappop(slow)
-        else:
-            key, a, b = rng.random(), int(rng.integers(100)), int(rng.integers(100))
-            insert(heap, key, a, b)
-            heapq.heappush(slow, (key, a, b))
-    assert heap.size[0] == len(slow)
 
 
 def test_heaps_that_fill_up_are_filled_anew():

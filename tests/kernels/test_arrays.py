@@ -1,0 +1,51 @@
+"""The table of the arrays that kernels share says of each array what shape and type it has."""
+
+import inspect
+import re
+
+import numpy as np
+import pytest
+from helpers.meshes import square
+
+from kohonen_adapt.kernels import arrays
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+
+ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
+RECORDS = ("Elements", "Star", "Constraints", "Chains", "Twins", "SearchScratch", "SurgeryScratch")
+
+
+def table_of(record):
+    """Name, shape as written and type of every array of a record."""
+    return [(name, shape, kind or "float64") for name, shape, kind in ROW.findall(inspect.getsource(record))]
+
+
+@pytest.fixture(scope="module")
+def records():
+    """One record of each kind, and the sizes that letters stand for."""
+    mesh = square(6).with_defaults().with_subdomains({"low": lambda x: x[1] < 0.5})
+    tri = Triangulation.of(mesh)
+    constraints = Outline.of(tri, np.zeros(tri.nnodes, dtype=bool), None, [("left", "right")]).constraints
+    chains, twins = constraints.chains, constraints.twins
+    n, m = tri.nnodes, len(tri.elements.node)
+    scratch = arrays.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)
+    sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "number": len(twins.motions)}
+    found = (tri.elements, tri.star, constraints, chains, twins, *scratch)
+    return {type(record).__name__: record for record in found}, sizes | {"CROSSINGS": arrays.CROSSINGS}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_the_table_says_what_there_is(records, name):
+    found, sizes = records
+    for field, shape, kind in table_of(getattr(arrays, name)):
+        array = getattr(found[name], field)
+        wanted = eval(f"({shape.rstrip(',')},)".replace("3 m", "3 * m"), {}, sizes)
+        assert array.dtype == np.dtype(kind), field
+        assert array.shape == wanted, field
+
+
+def test_every_array_has_its_row_in_the_table():
+    for record in (getattr(arrays, name) for name in dir(arrays) if hasattr(getattr(arrays, name), "_fields")):
+        written = {name for name, _, _ in table_of(record)}
+        other = {"Constraints": {"chains", "twins"}, "Trial": {"laws"}, "Laws": {"first"}}.get(record.__name__, set())
+        assert written == set(record._fields) - other
