@@ -28,7 +28,7 @@ def chequered(cells: int, squares: int) -> MeshTri:
     """Cells of two materials in turn, so many squares wide."""
     mesh = square_mesh(cells * squares)
     column, row = np.floor(cells * mesh.p[:, mesh.t].mean(axis=1)).astype(int)
-    return MeshTri(mesh.p, mesh.t, _subdomains=_by_number((column + row) % 2))
+    return MeshTri(mesh.p, mesh.t, None, _by_number((column + row) % 2))
 
 
 def with_discs(cells: int, squares: int) -> MeshTri:
@@ -42,7 +42,7 @@ def with_discs(cells: int, squares: int) -> MeshTri:
     x *= 1.0 + pull * (np.where(reach > 0.0, reach, 1.0) / length - 1.0)
     middle = np.abs(2.0 * np.mod(cells * mesh.p[:, mesh.t].mean(axis=1), 1.0) - 1.0)
     inside = np.all(middle < 0.5, axis=0)
-    return MeshTri((cell + 0.5 * (x + 1.0)) / cells, mesh.t, _subdomains=_by_number(inside.astype(int)))
+    return MeshTri((cell + 0.5 * (x + 1.0)) / cells, mesh.t, None, _by_number(inside.astype(int)))
 
 
 def _by_number(number: NDArray[np.integer]) -> dict[str, NDArray[np.integer]]:

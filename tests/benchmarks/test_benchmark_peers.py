@@ -93,7 +93,7 @@ def test_lost_names_are_those_of_another_area_or_length():
     subdomains, boundaries = dict(start.subdomains), dict(start.boundaries)
     del subdomains["west"]
     boundaries["floor"] = boundaries["floor"][1:]
-    mesh = MeshTri(start.p, start.t, _boundaries=boundaries, _subdomains=subdomains)
+    mesh = MeshTri(start.p, start.t, boundaries, subdomains)
     assert peers.lost_names(start, mesh) == ["floor", "west"]
 
 

@@ -179,7 +179,7 @@ def perturbed(mesh, seed=0, rounds=3, reach=1.5, worst=0.02):
         star = t[:, around[v]]
         if np.any(sign[around[v]] * doubled_areas(p, star) < worst * size**2):
             p[:, v] = before
-    return MeshTri(p, t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+    return MeshTri(p, t, mesh.boundaries, mesh.subdomains)
 
 
 def outline_nodes(mesh):

@@ -1,11 +1,15 @@
 """scikit-fem still keeps its facets and names where we put them, and facets are numbered exactly as it numbers them."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 import skfem
 from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
 from skfem import MeshTri
 
+import kohonen_adapt
 from kohonen_adapt import density_from_sizes, relocate
 from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
 
@@ -50,6 +54,18 @@ def test_what_is_known_is_not_worked_out_again():
     known = mesh.facets, mesh.t2f, mesh.f2t
     number_facets(mesh)
     assert all(mine is before for mine, before in zip((mesh.facets, mesh.t2f, mesh.f2t), known, strict=True))
+
+
+PACKAGE = Path(kohonen_adapt.__file__).parent
+PRIVATE = {"_boundaries", "_subdomains", "_facets", "_t2f", "_f2t"}
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_other_file_reaches_into_a_mesh(path):
+    nodes = [] if path.match("mesh/host.py") else list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    given = {each.arg for each in nodes if isinstance(each, ast.keyword)}
+    used = {each.attr for each in nodes if isinstance(each, ast.Attribute) and ast.unparse(each.value) != "self"}
+    assert not PRIVATE & (given | used), "put it into mesh/host.py"
 
 
 @pytest.fixture

@@ -136,7 +136,7 @@ def arkkio(n, oriented):
     if oriented:
         rows = mesh.boundaries["arkkio"]
         inside = np.hypot(*mesh.p[:, mesh.t[:, mesh.f2t[0, rows]]].mean(axis=1)) < 0.55
-        mesh._boundaries["arkkio"] = OrientedBoundary(rows, np.where(inside, 0, 1))
+        mesh.boundaries["arkkio"] = OrientedBoundary(rows, np.where(inside, 0, 1))
     return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in parts.items()})
 
 
@@ -337,7 +337,7 @@ def a_cut_ring():
     """A ring with a named line across it: both circles begin and end in one junction."""
     case = a_ring()
     names = {**case.mesh.boundaries, **with_lines(case.mesh, {"cut": 40 * np.arange(5)}).boundaries}
-    return Case(MeshTri(case.mesh.p, case.mesh.t, _boundaries=names), case.lines, case.regions)
+    return Case(MeshTri(case.mesh.p, case.mesh.t, names), case.lines, case.regions)
 
 
 CASES = {
@@ -506,7 +506,7 @@ def crooked():
     mesh = square(12).with_boundaries({"floor": lambda x: x[1] == 0.0})
     p = mesh.p.copy()
     p[1] += 2e-4 * (p[1] == 0) * np.sin(40 * p[0])
-    return MeshTri(p, mesh.t, _boundaries=mesh.boundaries)
+    return MeshTri(p, mesh.t, mesh.boundaries)
 
 
 GIVEN = {
@@ -521,7 +521,7 @@ GIVEN = {
 
 
 def with_noise_and_names(mesh):
-    return MeshTri(with_noise(mesh, 3e-4).p, mesh.t, _boundaries=mesh.boundaries)
+    return MeshTri(with_noise(mesh, 3e-4).p, mesh.t, mesh.boundaries)
 
 
 @pytest.mark.slow

@@ -207,11 +207,11 @@ def test_the_circles_of_an_arrangement_are_recognised(kind):
 def turned(mesh, density, seed):
     angle = 0.3 + seed
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return MeshTri(turn @ mesh.p, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains), density
+    return MeshTri(turn @ mesh.p, mesh.t, mesh.boundaries, mesh.subdomains), density
 
 
 def mirrored(mesh, density, seed):
-    return MeshTri(mesh.p[::-1], mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains), density
+    return MeshTri(mesh.p[::-1], mesh.t, mesh.boundaries, mesh.subdomains), density
 
 
 def renumbered(mesh, density, seed):
@@ -233,7 +233,7 @@ def worth(mesh, points):
 @pytest.mark.parametrize("kind", ARRANGEMENTS)
 def test_turned_mirrored_or_renumbered_it_is_of_the_same_worth(kind, change):
     mesh = meshed(ARRANGEMENTS[kind], np.random.default_rng(1))
-    mesh = MeshTri(mesh.p, mesh.t, _subdomains=mesh.subdomains)
+    mesh = MeshTri(mesh.p, mesh.t, None, mesh.subdomains)
     at = mesh.p[:, mesh.t].mean(axis=1)
     density = 1 + 1e4 * np.exp(-((at[0] - 1.2) ** 2 + (at[1] - 2) ** 2) / 0.3)
     for topology in TOPOLOGIES:

@@ -122,7 +122,7 @@ def outline_lines(mesh):
 def test_nodes_on_oblique_lines_stay_on_them_to_rounding(angle):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     straight = inset(8)
-    mesh = MeshTri(turn @ straight.p, straight.t, _subdomains=straight.subdomains)
+    mesh = MeshTri(turn @ straight.p, straight.t, None, straight.subdomains)
     result = ka.relocate(mesh, peak(mesh, *(turn @ [0.4, 0.0])), schedule=MUCH)
     back = turn.T @ result.p
     kind, _ = kinds(result)
@@ -231,7 +231,7 @@ def test_names_follow_a_jump():
 def test_corners_of_interfaces_jump_too():
     mesh = inset(8)
     ear = np.bincount(mesh.t[:, mesh.subdomains["core"]].ravel())[node_at(mesh, 0.25, 0.25)] == 1
-    mesh = MeshTri([[float(ear)], [0]] + [[1 - 2 * ear], [1]] * mesh.p, mesh.t, _subdomains=mesh.subdomains)
+    mesh = MeshTri([[float(ear)], [0]] + [[1 - 2 * ear], [1]] * mesh.p, mesh.t, None, mesh.subdomains)
     mesh.p[1, node_at(mesh, 0.125, 0.25)] = 0.2  # else the element at the follower would become flat
     corner, follower = node_at(mesh, 0.25, 0.25), node_at(mesh, 0.25, 0.375)
     result = trained_once(mesh, (0.3, 0.26))  # from within the core

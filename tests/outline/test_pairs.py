@@ -111,7 +111,7 @@ def test_both_stars_of_a_pair_are_guarded():
     mesh = square(8).with_boundaries(SIDES)
     p = mesh.p.copy()
     p[0, p[0] == 0.875] = 0.99
-    mesh = MeshTri(p, mesh.t, _boundaries=mesh.boundaries)
+    mesh = MeshTri(p, mesh.t, mesh.boundaries)
     result = ka.relocate(mesh, peak_at(0.0, 0.0), periodic=[("left", "right")], topology="fixed", min_quality=0.05)
     assert mismatch(result, "left", "right", lambda x: x + [[1.0], [0.0]]) < 1e-15
     assert ka.quality(result).min() >= min(0.05, ka.quality(mesh).min())
@@ -224,7 +224,7 @@ def test_sides_that_do_not_match_are_refused():
     with pytest.raises(
         ValueError, match=r"within 1e-08 of the size of the mesh, .*; the nearest is 0\.001 off\. Mesh them"
     ):
-        ka.relocate(MeshTri(p, mesh.t, _boundaries=mesh.boundaries), np.ones(128), periodic=[("left", "right")])
+        ka.relocate(MeshTri(p, mesh.t, mesh.boundaries), np.ones(128), periodic=[("left", "right")])
 
 
 def test_a_curve_and_a_partner_do_not_go_together():

@@ -105,7 +105,7 @@ def test_names_without_members_are_kept():
 def test_what_scikit_fem_brings_from_gmsh_is_no_region():
     mesh = inset(8)
     extra = {**mesh.subdomains, "gmsh:bounding_entities": np.array([1, 2, 90, 3000])}
-    loaded = MeshTri(mesh.p, mesh.t, _subdomains=extra)
+    loaded = MeshTri(mesh.p, mesh.t, None, extra)
     result = ka.relocate(loaded, pull(mesh))
     np.testing.assert_array_equal(result.p, ka.relocate(mesh, pull(mesh)).p)
     np.testing.assert_array_equal(result.subdomains["gmsh:bounding_entities"], extra["gmsh:bounding_entities"])
