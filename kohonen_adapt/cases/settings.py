@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
-from kohonen_adapt.magnetostatics.quantities.bodies import elements_of
+from kohonen_adapt.magnetostatics.quantities.bodies import elements_in
 
 __all__ = ["ADAPT", "PROBLEM", "Case", "case_of", "read_case"]
 
@@ -110,7 +110,7 @@ class Case:
         for name, each in self.outputs.items():
             with about(f"outputs.{name}"):
                 for body in each.bodies:
-                    elements_of(mesh, body)
+                    elements_in(mesh, body)
         with about("adapt"), suppress(_Checked):
             unsolved = _Unsolved(**{field.name: getattr(problem, field.name) for field in fields(problem)})
             adapt(mesh, unsolved, outputs=self.outputs, **self.adapt)

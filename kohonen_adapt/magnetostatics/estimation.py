@@ -10,8 +10,8 @@ from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flu
 from kohonen_adapt.estimators.jumps import ENDS, OPPOSITE
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
 from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.joints import joints_of
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
+from kohonen_adapt.magnetostatics.equations.ties import ties_of
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.host import number_facets
@@ -42,7 +42,7 @@ def estimated(
     """Indicators by the estimator of that name, (nelements,), unsquared."""
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
-        joined = joints_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
+        joined = ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
     if field.elements.order == 2:
         return QUADRATIC_SCALE * quadratic_residual(field, joined)
     if estimator == "equilibrated":

@@ -78,5 +78,5 @@ def _given(conditions: Conditions) -> Mask:
     """Nodes whose value is given, and those of pairs and of the open boundary: there what the field lacks of
     equilibrium is no part of the estimate.
     """
-    fixed = conditions.tied
+    fixed = conditions.held
     return fixed if conditions.robin is None else fixed | (conditions.robin.diagonal() > 0.0)

@@ -91,4 +91,4 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Sequence[Mate
     _, first, place = np.unique(number, return_index=True, return_inverse=True)
     tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
     laws = tuple(materials[index].bh for index in given.number[first]) if given.pieces else ()
-    return Ritz(field.potential, conditions.tied, *tables, place, laws)
+    return Ritz(field.potential, conditions.held, *tables, place, laws)

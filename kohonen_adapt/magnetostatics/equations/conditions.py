@@ -1,4 +1,4 @@
-"""Constrain the unknowns on the boundaries: values given, nodes that are one; tell which unknowns are left."""
+"""Constrain the unknowns on the boundaries: by values given, by ties, on an open boundary by a Robin condition."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,17 +7,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Elements
-from kohonen_adapt.magnetostatics.equations.joints import Joints, Names, joints_of
-from kohonen_adapt.magnetostatics.equations.open_boundary import robin_matrix
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
+from kohonen_adapt.magnetostatics.equations.ties import Names, Ties, ties_of
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
 
 __all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values"]
 
-CONTRADICTION = 1e-9  # of the largest fixed value: values that joined nodes may differ by
+CONTRADICTION = 1e-9  # of the largest fixed value: values that tied nodes may differ by
+ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle
 
 Value = float | Callable[[Floats], ArrayLike]
 
@@ -49,7 +52,7 @@ class Conditions:
     join
         (nfree, nclasses): the values of the free unknowns from one for each class of them, or None where each is its
         own.
-    joints
+    ties
         Unknowns that are one, or None.
     """
 
@@ -58,15 +61,15 @@ class Conditions:
     free: Ints
     robin: csc_array | None = None
     join: csc_array | None = None
-    joints: Joints | None = None
+    ties: Ties | None = None
 
     @property
-    def tied(self) -> Mask:
+    def held(self) -> Mask:
         """(nunknowns,) bool: unknowns of given values, and all that are one with others."""
-        tied = self.fixed.copy()
-        if self.joints is not None:
-            tied[self.joints.one] = tied[self.joints.other] = True
-        return tied
+        held = self.fixed.copy()
+        if self.ties is not None:
+            held[self.ties.one] = held[self.ties.other] = True
+        return held
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
         """The equations of the free unknowns as those of their classes, the open boundary added to the matrix."""
@@ -87,8 +90,8 @@ class Conditions:
     def admitted(self, values: Floats) -> Floats:
         """The values nearest to these that keep the conditions, (nunknowns,)."""
         kept = np.where(self.fixed, self.values, values)
-        if self.joints is not None:
-            kept = np.where(self.fixed, self.values, self.joints.sign * kept[self.joints.master])
+        if self.ties is not None:
+            kept = np.where(self.fixed, self.values, self.ties.sign * kept[self.ties.master])
         return kept
 
 
@@ -105,13 +108,66 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
     values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
     robin = None if given.open_boundary is None else robin_matrix(elements, given.open_boundary, symmetry)
-    joints = None
+    ties = None
     if given.periodic or given.antiperiodic:
-        joints = joints_of(elements, given.periodic, given.antiperiodic)
-        fixed, values = _shared(elements.places, joints, fixed, values)
-    _check_tied(elements.mesh.facets, elements.mesh.p.shape[1], fixed, robin, joints)
+        ties = ties_of(elements, given.periodic, given.antiperiodic)
+        fixed, values = _shared(elements.places, ties, fixed, values)
+    _check_anchored(elements.mesh.facets, elements.mesh.p.shape[1], fixed, robin, ties)
     free = np.flatnonzero(~fixed)
-    return Conditions(fixed, values, free, robin, None if joints is None else _join(joints, free), joints)
+    return Conditions(fixed, values, free, robin, None if ties is None else _join(ties, free), ties)
+
+
+def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array:
+    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (nunknowns, nunknowns).
+
+    In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
+    sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
+
+    Raises
+    ------
+    ValueError
+        If the mesh lacks the boundary, or it lies not on one circle.
+    """
+    mesh = elements.mesh
+    facets = np.asarray(named(mesh.boundaries, name, "boundary"))
+    number_facets(mesh)
+    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
+    if facets.size == 0 or inside:
+        raise ValueError(
+            f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
+            f"{inside} of its {facets.size} facets are inside."
+        )
+    start, end = mesh.facets[:, facets]
+    (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
+    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
+    unknowns, count = elements.on_facets(facets), elements.places.shape[1]
+    row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
+    values = elements.facet_products[:, :, None] * weight
+    return coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
+
+
+def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
+    """Centre (2,) and radius of the circle that a boundary lies on, by least squares.
+
+    Raises
+    ------
+    ValueError
+        If its nodes lie on no circle, up to 1e-3 of the radius.
+    """
+    x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
+    middle = x.mean(axis=1, keepdims=True)
+    scale = np.max(np.abs(x - middle))
+    near = (x - middle) / scale
+    solution, _, rank, _ = np.linalg.lstsq(np.vstack((2.0 * near, np.ones(x.shape[1]))).T, np.sum(near**2, axis=0))
+    centre = middle[:, 0] + scale * solution[:2]
+    distance = np.hypot(*(x - centre[:, None]))
+    radius = float(distance.mean())
+    if rank < 3 or np.ptp(distance) > 2.0 * ROUND * radius:
+        raise ValueError(
+            f"the open boundary {name!r} must be a circle, or an arc; its nodes are {distance.min():.6g} to "
+            f"{distance.max():.6g} m from the best centre. Draw the outer boundary as a circle, or fix A on it."
+        )
+    return centre, radius
 
 
 def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Mask, Floats]:
@@ -128,14 +184,14 @@ def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Ma
     return fixed, values
 
 
-def _shared(x: Floats, joints: Joints, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
+def _shared(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
     """A value given at one node holds at all that are one with it, up to the sign."""
     share, given = np.zeros(len(values)), np.flatnonzero(fixed)
-    share[joints.master[given]] = joints.sign[given] * values[given]
-    fixed_class = joints.zero.copy()
-    fixed_class[joints.master[given]] = True
-    all_fixed = fixed_class[joints.master]
-    shared = np.where(all_fixed & ~joints.zero, joints.sign * share[joints.master], 0.0)
+    share[ties.master[given]] = ties.sign[given] * values[given]
+    fixed_class = ties.zero.copy()
+    fixed_class[ties.master[given]] = True
+    all_fixed = fixed_class[ties.master]
+    shared = np.where(all_fixed & ~ties.zero, ties.sign * share[ties.master], 0.0)
     off = np.abs(shared - values)[given]
     if off.size and off.max() > CONTRADICTION * np.max(np.abs(values)):
         node = given[np.argmax(off)]
@@ -147,9 +203,9 @@ def _shared(x: Floats, joints: Joints, fixed: Mask, values: Floats) -> tuple[Mas
     return all_fixed, np.where(fixed, values, shared)
 
 
-def _join(joints: Joints, free: Ints) -> csc_array:
-    masters, column = np.unique(joints.master[free], return_inverse=True)
-    return csc_array((joints.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
+def _join(ties: Ties, free: Ints) -> csc_array:
+    masters, column = np.unique(ties.master[free], return_inverse=True)
+    return csc_array((ties.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
 
 
 def _evaluated(name: str, value: Value, x: Floats) -> Floats:
@@ -165,18 +221,18 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
     return everywhere
 
 
-def _check_tied(facets: Ints, nodes: int, fixed: Mask, robin: csc_array | None, joints: Joints | None) -> None:
+def _check_anchored(facets: Ints, nodes: int, fixed: Mask, robin: csc_array | None, ties: Ties | None) -> None:
     """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
-    pairs, tied = facets, fixed[:nodes]
+    pairs, anchored = facets, fixed[:nodes]
     if robin is not None:
-        tied = tied | (robin.diagonal()[:nodes] > 0.0)
-    if joints is not None:
-        joined = joints.one < nodes
-        pairs, tied = np.hstack((pairs, np.stack((joints.one[joined], joints.other[joined])))), tied.copy()
-        tied[joints.one[joined & (joints.between < 0.0)]] = True  # no constant is its own negative
+        anchored = anchored | (robin.diagonal()[:nodes] > 0.0)
+    if ties is not None:
+        inside = ties.one < nodes
+        pairs, anchored = np.hstack((pairs, np.stack((ties.one[inside], ties.other[inside])))), anchored.copy()
+        anchored[ties.one[inside & (ties.between < 0.0)]] = True  # no constant is its own negative
     graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
     parts, part = connected_components(graph, directed=False)
-    loose = np.setdiff1d(np.arange(parts), part[tied])
+    loose = np.setdiff1d(np.arange(parts), part[anchored])
     if loose.size:
         node = int(np.flatnonzero(part == loose[0])[0])
         raise ValueError(

@@ -10,14 +10,14 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Names", "air_elements", "elements_of", "isolated_body"]
+__all__ = ["Names", "air_elements", "elements_in", "isolated_body"]
 
 AIR_TOLERANCE = 1e-6  # of the relative permeability: air as it is (1.0000004) is air
 
 Names = str | Sequence[str]
 
 
-def elements_of(mesh: MeshTri, names: Names) -> Mask:
+def elements_in(mesh: MeshTri, names: Names) -> Mask:
     """Which elements are in one of these subdomains, (nelements,)."""
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
     for name in _name_list(names):
@@ -41,7 +41,7 @@ def isolated_body(field: LocalField, names: Names) -> Mask:
     ValueError
         If an element that shares a node with the body from outside is not air, or there is none at all.
     """
-    mesh, inside = field.mesh, elements_of(field.mesh, names)
+    mesh, inside = field.mesh, elements_in(field.mesh, names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside

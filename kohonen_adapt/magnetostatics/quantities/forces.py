@@ -7,29 +7,29 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_of, isolated_body
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in, isolated_body
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.magnetostatics.quantities.shell import Cut, mirror_cut, sector_cut, weight_gradient
 
 __all__ = [
-    "Lever",
+    "Component",
     "arkkio_torque",
     "checked_point",
+    "component_change",
+    "component_value",
     "eggshell_force",
     "eggshell_torque",
-    "force_lever",
+    "force_component",
     "lorentz_force",
     "lorentz_torque",
-    "pulled",
-    "torque_lever",
-    "worked",
+    "torque_component",
 ]
 
 NARROW = 1e-6  # of the radius: a gap of less width is none
 ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
 
 
-class Lever(NamedTuple):
+class Component(NamedTuple):
     """One component of an eggshell force, ``-int arm . T slope`` over the volume.
 
     Attributes
@@ -44,34 +44,34 @@ class Lever(NamedTuple):
     arm: Floats
 
 
-def force_lever(field: LocalField, body: Names, direction: Floats) -> Lever:
-    """The lever of the component of a force along a unit vector (2,)."""
+def force_component(field: LocalField, body: Names, direction: Floats) -> Component:
+    """The component of a force along a unit vector (2,)."""
     slope, cut = _shell(field, body)
     along = _along(field, cut, direction)
-    return Lever(slope, np.tile(along[:, None], slope.shape[1]))
+    return Component(slope, np.tile(along[:, None], slope.shape[1]))
 
 
-def torque_lever(field: LocalField, body: Names, centre: ArrayLike) -> Lever:
-    """The lever of a torque about a centre."""
+def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Component:
+    """A torque about a centre as such a component."""
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
     slope = weight_gradient(field, inside, sector_cut(field.mesh, inside, middle))
     x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - middle[:, None]
-    return Lever(slope, np.stack((-y, x)))
+    return Component(slope, np.stack((-y, x)))
 
 
-def pulled(field: LocalField, lever: Lever) -> Floats:
+def component_change(field: LocalField, component: Component) -> Floats:
     """How ``-arm . T slope`` changes with B, (2, nelements): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
     / mu0``.
     """
-    b, (slope, arm) = field.flux_density, lever
+    b, (slope, arm) = field.flux_density, component
     normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
-def worked(field: LocalField, lever: Lever) -> float:
+def component_value(field: LocalField, component: Component) -> float:
     """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
-    return 0.5 * float(np.sum(field.volume * pulled(field, lever) * field.flux_density))
+    return 0.5 * float(np.sum(field.volume * component_change(field, component) * field.flux_density))
 
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
@@ -82,7 +82,7 @@ def eggshell_force(field: LocalField, body: Names) -> Floats:
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """See `Field.torque`."""
-    return worked(field, torque_lever(field, body, centre))
+    return component_value(field, torque_component(field, body, centre))
 
 
 def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
@@ -111,7 +111,7 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
         more than 5 % of its width.
     """
     _check_planar(field)
-    mesh, ring, middle = field.mesh, elements_of(field.mesh, gap), checked_point("centre", centre)
+    mesh, ring, middle = field.mesh, elements_in(field.mesh, gap), checked_point("centre", centre)
     solid = int(np.count_nonzero(~air_elements(field)[ring]))
     if solid:
         raise ValueError(
@@ -227,7 +227,7 @@ def _moment(field: LocalField, force: Floats, centre: Floats) -> float:
 
 def _current_force(field: LocalField, coil: Names) -> Floats:
     """``J x B`` times the volume of every element, (2, nelements)."""
-    inside = elements_of(field.mesh, coil)
+    inside = elements_in(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
     if not current.any():
         raise ValueError(f"the coil {coil!r} carries no current; the force on its material is field.force's.")

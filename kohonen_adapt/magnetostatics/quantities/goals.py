@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.forces import (
-    Lever,
+    Component,
     checked_point,
-    force_lever,
-    pulled,
-    torque_lever,
-    worked,
+    component_change,
+    component_value,
+    force_component,
+    torque_component,
 )
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, linkage_density
 
@@ -82,20 +82,20 @@ class Force:
 
     def __call__(self, field: "Field") -> float:
         """In N/m; with `depth`, and axisymmetric, in N."""
-        return worked(field, self._lever(field))
+        return component_value(field, self._component(field))
 
     def derivative(self, field: "Field") -> tuple[Floats, Floats]:
         """See `Goal`."""
-        return _of_flux_density(field, pulled(field, self._lever(field)))
+        return _of_flux_density(field, component_change(field, self._component(field)))
 
-    def _lever(self, field: "Field") -> Lever:
-        lever = force_lever(field, self.body, np.array(self.direction))
-        if not lever.arm.any():
+    def _component(self, field: "Field") -> Component:
+        component = force_component(field, self.body, np.array(self.direction))
+        if not component.arm.any():
             raise ValueError(
                 f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric one is along z, "
                 "that on a body cut by a mirror plane along the plane. Give another direction."
             )
-        return lever
+        return component
 
 
 @dataclass(frozen=True)
@@ -137,11 +137,11 @@ class Torque:
 
     def __call__(self, field: "Field") -> float:
         """In N m/m; with `depth` in N m."""
-        return worked(field, torque_lever(field, self.body, self.centre))
+        return component_value(field, torque_component(field, self.body, self.centre))
 
     def derivative(self, field: "Field") -> tuple[Floats, Floats]:
         """See `Goal`."""
-        return _of_flux_density(field, pulled(field, torque_lever(field, self.body, self.centre)))
+        return _of_flux_density(field, component_change(field, torque_component(field, self.body, self.centre)))
 
 
 @dataclass(frozen=True)
@@ -222,11 +222,11 @@ class StoredEnergy:
 
     def __call__(self, field: "Field") -> float:
         """In J/m; with `depth`, and axisymmetric, in J."""
-        return float(np.sum((field.volume * field.energy_density)[elements_of(field.mesh, self.part)]))
+        return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
     def derivative(self, field: "Field") -> tuple[Floats, Floats]:
         """See `Goal`."""
-        inside = elements_of(field.mesh, self.part)
+        inside = elements_in(field.mesh, self.part)
         if inside.all():
             raise ValueError(
                 f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the energy of all leave the "

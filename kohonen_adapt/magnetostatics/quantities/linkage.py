@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_of
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.measures import area
 
@@ -27,7 +27,7 @@ EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may 
 
 def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
     """See `Field.flux_linkage`."""
-    inside, number = elements_of(field.mesh, coil), _turns(coil, turns)
+    inside, number = elements_in(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
     # Along a turn, of length 2 pi r or the depth, A is constant.
     return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
@@ -42,7 +42,7 @@ def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
     """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
     density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
     for name, turns in circuit.items():
-        inside = elements_of(field.mesh, name)
+        inside = elements_in(field.mesh, name)
         density[inside] += turns / np.sum(size[inside])
     return density
 
@@ -190,7 +190,7 @@ def turn_length(field: LocalField) -> float:
 
 
 def _ampere_turns(field: LocalField, name: str) -> float:
-    inside = elements_of(field.mesh, name)
+    inside = elements_in(field.mesh, name)
     return float(np.sum((area(field.mesh) * field.current_density)[inside]))
 
 

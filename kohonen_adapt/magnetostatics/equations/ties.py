@@ -10,13 +10,13 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.outline.pairs import image_nodes
 
-__all__ = ["Joints", "joints_of"]
+__all__ = ["Ties", "ties_of"]
 
 Names = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Joints:
+class Ties:
     """``u[i] = sign[i] u[master[i]]``.
 
     Attributes
@@ -42,7 +42,7 @@ class Joints:
     facets: tuple[Ints, Ints, Floats]
 
 
-def joints_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Joints:
+def ties_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Ties:
     """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell.
 
     Raises
@@ -63,11 +63,11 @@ def joints_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Joint
     one = np.concatenate([*(nodes for nodes, _ in found), inside])
     other = np.concatenate([*(images for _, images in found), beyond])
     between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), along[2][: inside.size])
-    return Joints(*_classes(elements.places.shape[1], one, other, between), one, other, between, along)
+    return Ties(*_classes(elements.places.shape[1], one, other, between), one, other, between, along)
 
 
 def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints, Floats, Mask]:
-    """`master`, `sign` and `zero` of `Joints`."""
+    """`master`, `sign` and `zero` of `Ties`."""
     master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
