@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -113,15 +114,14 @@ class Checkpoint:
         return (self.folder or Path()) / f"pass-{number:04d}.npz"
 
     def _read(self, file: Path, number: int) -> Finished:
+        whole = BytesIO(file.read_bytes())  # what goes wrong from here on is damage and not the disk
         try:
-            with np.load(file, allow_pickle=False) as content:
+            with np.load(whole, allow_pickle=False) as content:
                 arrays = {name: content[name] for name in content.files}
             about = json.loads(arrays["about"].tobytes())
             if (about["format"], about["number"]) != (FORMAT, number):
                 raise ValueError(f"it says format {about['format']} and pass {about['number']}")
             settings, finished = about["settings"], _finished(self.mesh, about, arrays)
-        except OSError:
-            raise
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise ValueError(
                 f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}): delete it and the passes after "

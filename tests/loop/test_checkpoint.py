@@ -361,15 +361,33 @@ def whole(tmp_path_factory):
 def test_a_damaged_file_is_refused_or_not_damaged_where_it_counts(whole, place, cut, bit):
     file, content = whole
     at = int(place * len(content))
-    broken = content[:at] if cut else content[:at] + bytes([content[at] ^ (1 << bit)]) + content[at + 1 :]
-    file.write_bytes(broken)
+    file.write_bytes(content[:at] if cut else turned_over(content, at, bit))
+    refused = is_refused(file)
+    assert refused or not cut
+
+
+def turned_over(content, at, bit):
+    """The bytes with one bit of them the other way round."""
+    return content[:at] + bytes([content[at] ^ (1 << bit)]) + content[at + 1 :]
+
+
+def is_refused(file):
+    """Whether it is refused, as damage must be; if not, it must give what it should."""
     try:
         result = ka.adapt(MESH, PROBLEM, passes=0, checkpoint=file.parent)
     except ValueError as error:
         assert "is damaged (" in str(error) or "of another run" in str(error)
-    else:
-        assert not cut
-        assert_array_equal(result.indicators, PROBLEM.indicators(MESH, PROBLEM.solve(MESH)))
+        return True
+    assert_array_equal(result.indicators, PROBLEM.indicators(MESH, PROBLEM.solve(MESH)))
+    return False
+
+
+def test_a_damaged_directory_at_the_end_of_a_file_is_no_fault_of_the_disk(whole):
+    """It may name a place before the beginning of the file, which the system refuses by an OSError."""
+    file, content = whole
+    for at in range(len(content) - 22, len(content)):
+        file.write_bytes(turned_over(content, at, at % 8))
+        is_refused(file)
 
 
 @pytest.mark.parametrize("bad", [3, True, ["folder"], b"folder"])
