@@ -55,6 +55,12 @@ class Chains(NamedTuple):
     row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
 
+    @classmethod
+    def of(cls, count: int) -> "Chains":
+        """A table of so many straight chains without knots, to be filled."""
+        flags, row = np.zeros((count, PAIRED + 1), dtype=np.int8), np.zeros(count + 1, dtype=np.int32)
+        return cls(np.zeros((count, BULGE + 1)), flags, row, np.empty((0, RATE_Y + 1)))
+
     @property
     def shape(self) -> np.ndarray:
         """STRAIGHT, ROUND or TABLED, (c,)."""
@@ -197,7 +203,7 @@ class SurgeryScratch(NamedTuple):
 class Laws(NamedTuple):
     """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
 
-    number: np.ndarray  # (m,): of every element the place of its law, -1 for none
+    number: np.ndarray  # (m,) int32: of every element the place of its law, -1 for none
     first: int  # the tables begin with s = 2^(first - 1)
     table: np.ndarray  # (laws, rows, 2): W and dW/ds at the steps
 

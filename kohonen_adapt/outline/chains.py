@@ -171,7 +171,7 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
     lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, angle)
     table = straight_table(position[runs.node[pieces.first]], position[runs.node[pieces.last]])
     bend(table, pieces, angle, longest)
-    knots: list[Floats] = [np.empty((0, 5))] * count
+    knots = [table.knot] * count
     for p in np.flatnonzero(pieces.curve >= 0).tolist():
         name, given = list(curves.items())[pieces.curve[p]]
         nodes = nodes_of(position, runs.node, pieces, p)
@@ -182,17 +182,16 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
             tabulate(table, p, knots[p], bool(pieces.closed[p]), longest[p])
     report(table, pieces)
     row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
-    return table._replace(row=row, knot=np.concatenate([np.empty((0, 5)), *knots]))
+    return table._replace(row=row, knot=np.concatenate([table.knot, *knots]))
 
 
 def straight_table(start: Floats, end: Floats) -> Chains:
     """Straight chains between points (c, 2)."""
-    count, chord = len(start), end - start
+    chord = end - start
     length = np.sqrt(np.sum(chord**2, axis=1))
     with np.errstate(invalid="ignore"):  # of closed ones, which are not straight
         direction = chord / length[:, None]
-    row = np.zeros(count + 1, dtype=np.int32)
-    table = Chains(np.zeros((count, 9)), np.zeros((count, 3), dtype=np.int8), row, np.empty((0, 5)))
+    table = Chains.of(len(start))
     table.origin[:], table.direction[:], table.length[:] = start, direction, length
     table.reach[:] = table.merged[:] = np.inf
     return table
