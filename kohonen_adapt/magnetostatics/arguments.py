@@ -1,95 +1,116 @@
 """Check the arguments of a magnetostatic problem, each by itself and then together."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.estimation import ESTIMATORS
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 
-if TYPE_CHECKING:
-    from kohonen_adapt.magnetostatics.problem import Magnetostatics
+__all__ = ["Arguments"]
 
-__all__ = ["check_problem", "checked_pairs", "checked_turns"]
-
-
-def check_problem(problem: "Magnetostatics") -> None:
-    """Refuse arguments of another kind, and those that do not go together."""
-    if problem.estimator not in ESTIMATORS:
-        names = ", ".join(repr(name) for name in ESTIMATORS)
-        raise ValueError(f"estimator must be one of {names}; got {problem.estimator!r}.")
-    if not isinstance(problem.materials, Mapping):
-        raise ValueError(f"materials must map subdomain names to Materials; got {problem.materials!r}.")
-    for name, material in problem.materials.items():
-        if not isinstance(material, Material):
-            raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
-    _check_fixed(problem)
-    _check_order(problem)
-    _check_depth(problem)
-    _check_bound(problem)
-    if problem.goal is not None:
-        _check_goal(problem)
+Pairs = Sequence[tuple[str, str]]
 
 
-def _check_fixed(problem: "Magnetostatics") -> None:
-    elsewhere = problem.open_boundary is not None or problem.antiperiodic or problem.axisymmetric
-    given = isinstance(problem.potential, Mapping) and len(problem.potential) > 0
-    if not given and not (elsewhere and problem.potential in (None, {})):
-        raise ValueError(
-            "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
-            f"otherwise A is known only up to a constant; got {problem.potential!r}."
-        )
+@dataclass(frozen=True, eq=False)
+class Arguments:
+    """The arguments of `Magnetostatics`, which explains them, checked; mappings are copied."""
+
+    materials: Mapping[str, Material]
+    potential: Mapping[str, Value] | None = None
+    estimator: str = "residual"
+    ampere_turns: Mapping[str, float] | None = None
+    depth: float | None = None
+    axisymmetric: bool = False
+    open_boundary: str | None = None
+    periodic: Pairs = ()
+    antiperiodic: Pairs = ()
+    order: int = 1
+    goal: Goal | None = None
+
+    def __post_init__(self) -> None:
+        self._check_kinds()
+        self._check_fixed()
+        self._check_order()
+        self._check_depth()
+        self._check_bound()
+        self._check_goal()
+        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
+        object.__setattr__(self, "materials", dict(self.materials))
+        object.__setattr__(self, "potential", dict(self.potential or {}))
+        object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
+        for name in ("periodic", "antiperiodic"):
+            object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
+
+    def _check_kinds(self) -> None:
+        if self.estimator not in ESTIMATORS:
+            names = ", ".join(repr(name) for name in ESTIMATORS)
+            raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
+        if not isinstance(self.materials, Mapping):
+            raise ValueError(f"materials must map subdomain names to Materials; got {self.materials!r}.")
+        for name, material in self.materials.items():
+            if not isinstance(material, Material):
+                raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
+
+    def _check_fixed(self) -> None:
+        elsewhere = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
+        given = isinstance(self.potential, Mapping) and len(self.potential) > 0
+        if not given and not (elsewhere and self.potential in (None, {})):
+            raise ValueError(
+                "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
+                f"otherwise A is known only up to a constant; got {self.potential!r}."
+            )
+
+    def _check_order(self) -> None:
+        if self.order not in (1, 2) or isinstance(self.order, bool):
+            raise ValueError(f"order of the elements must be 1 or 2; got {self.order!r}.")
+        if self.order == 2 and self.axisymmetric:
+            raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
+        if self.order == 2 and self.estimator != "residual":
+            raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {self.estimator!r}.")
+
+    def _check_depth(self) -> None:
+        if self.depth is None:
+            return
+        if self.axisymmetric:
+            raise ValueError(f"an axisymmetric problem has no depth, its results are totals; got depth {self.depth!r}.")
+        if not is_number(self.depth) or not 0.0 < self.depth < np.inf:
+            raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {self.depth!r}.")
+
+    def _check_bound(self) -> None:
+        beyond = {
+            "an axis": self.axisymmetric,
+            "an open boundary": self.open_boundary is not None,
+            "periodic sides": bool(self.periodic),
+            "antiperiodic sides": bool(self.antiperiodic),
+        }
+        has = [name for name, there in beyond.items() if there]
+        if self.estimator == "equilibrated" and has:
+            raise ValueError(
+                f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
+                f"this one has {' and '.join(has)}: take 'residual' or 'recovery'."
+            )
+
+    def _check_goal(self) -> None:
+        if self.goal is None:
+            return
+        if isinstance(self.goal, type) or not isinstance(self.goal, Goal):
+            raise ValueError(
+                "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
+                f"goal.derivative(field), or None; got {self.goal!r}."
+            )
+        if self.order == 2:
+            raise ValueError("a goal needs elements of order 1; got order 2.")
+        if self.estimator != "residual":
+            raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
 
 
-def _check_order(problem: "Magnetostatics") -> None:
-    if problem.order not in (1, 2) or isinstance(problem.order, bool):
-        raise ValueError(f"order of the elements must be 1 or 2; got {problem.order!r}.")
-    if problem.order == 2 and problem.axisymmetric:
-        raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
-    if problem.order == 2 and problem.estimator != "residual":
-        raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {problem.estimator!r}.")
-
-
-def _check_depth(problem: "Magnetostatics") -> None:
-    if problem.depth is None:
-        return
-    if problem.axisymmetric:
-        raise ValueError(f"an axisymmetric problem has no depth, its results are totals; got depth {problem.depth!r}.")
-    if not is_number(problem.depth) or not 0.0 < problem.depth < np.inf:
-        raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {problem.depth!r}.")
-
-
-def _check_bound(problem: "Magnetostatics") -> None:
-    beyond = {
-        "an axis": problem.axisymmetric,
-        "an open boundary": problem.open_boundary is not None,
-        "periodic sides": bool(problem.periodic),
-        "antiperiodic sides": bool(problem.antiperiodic),
-    }
-    has = [name for name, there in beyond.items() if there]
-    if problem.estimator == "equilibrated" and has:
-        raise ValueError(
-            f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
-            f"this one has {' and '.join(has)}: take 'residual' or 'recovery'."
-        )
-
-
-def _check_goal(problem: "Magnetostatics") -> None:
-    if isinstance(problem.goal, type) or not isinstance(problem.goal, Goal):
-        raise ValueError(
-            "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
-            f"goal.derivative(field), or None; got {problem.goal!r}."
-        )
-    if problem.order == 2:
-        raise ValueError("a goal needs elements of order 1; got order 2.")
-    if problem.estimator != "residual":
-        raise ValueError(f"a goal has its own indicators; leave the estimator out, got {problem.estimator!r}.")
-
-
-def checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
+def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
     """The ampere-turns of a problem as a dict of its own.
 
     Raises
@@ -112,7 +133,7 @@ def checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, fl
     return {name: float(total) for name, total in (given or {}).items()}
 
 
-def checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
+def _checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
     """The pairs of an argument as a tuple of tuples.
 
     Raises

@@ -1,6 +1,6 @@
 """State a magnetostatic problem by materials and conditions; solve it, and estimate the error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -8,8 +8,8 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.arguments import check_problem, checked_pairs, checked_turns
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
 from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
@@ -17,9 +17,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import estimated
 from kohonen_adapt.magnetostatics.linearised import error_of_goal, goal_indicators, linkage_slope
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
-from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import functional_of, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
@@ -27,11 +25,9 @@ from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]
 
-Pairs = Sequence[tuple[str, str]]
-
 
 @dataclass(frozen=True, eq=False)
-class Magnetostatics:
+class Magnetostatics(Arguments):
     """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1 or P2 potential.
 
     Metres, teslas, amperes. Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre
@@ -98,29 +94,8 @@ class Magnetostatics:
     397887
     """
 
-    materials: Mapping[str, Material]
-    potential: Mapping[str, Value] | None = None
-    estimator: str = "residual"
-    ampere_turns: Mapping[str, float] | None = None
-    depth: float | None = None
-    axisymmetric: bool = False
-    open_boundary: str | None = None
-    periodic: Pairs = ()
-    antiperiodic: Pairs = ()
-    order: int = 1
-    goal: Goal | None = None
-
     norm: ClassVar[str] = "energy"
     method: ClassVar[Newton] = Newton()  # a subclass may have another
-
-    def __post_init__(self) -> None:
-        check_problem(self)
-        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "ampere_turns", checked_turns(self.ampere_turns, self.materials))
-        for name in ("periodic", "antiperiodic"):
-            object.__setattr__(self, name, checked_pairs(name, getattr(self, name)))
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -164,9 +139,19 @@ class Magnetostatics:
         Parameters
         ----------
         mesh
-            As for `solve`, which tells the rest.
+            As for `solve`.
         old_mesh, old_field
             The other mesh, and what `solve` returned for it.
+
+        Returns
+        -------
+        Field
+            As of `solve`.
+
+        Raises
+        ------
+        ValueError
+            As `solve`.
         """
         return self._solved(mesh, old_field)
 

@@ -110,7 +110,7 @@ class Field(LocalField):
         return np.where(element >= 0, values, np.nan)
 
     def potential_at(self, x: ArrayLike) -> Floats:
-        """Potential at points.
+        """Potential at points, a polynomial of the order of the elements in each.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class Field(LocalField):
         ValueError
             If `x` is not of shape (2, n).
         """
-        return self.elements.interpolate(self.potential, np.asarray(x, dtype=float))
+        return self.elements.interpolate(self._values, np.asarray(x, dtype=float))
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
@@ -268,10 +268,5 @@ class QuadraticField(Field):
         return Quadratic(self.mesh)
 
     @property
-    def unknown(self) -> Floats:
-        """A at the nodes and at the middles of the facets, (nnodes + nfacets,)."""
+    def _values(self) -> Floats:
         return self.values
-
-    def potential_at(self, x: ArrayLike) -> Floats:
-        """As of `Field`, but quadratic in every element."""
-        return self.elements.interpolate(self.values, np.asarray(x, dtype=float))

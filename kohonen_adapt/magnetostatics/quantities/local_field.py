@@ -43,7 +43,12 @@ class LocalField:
     @property
     def unknown(self) -> Floats:
         """A, axisymmetric r A, at all places of unknowns, (nunknowns,): a polynomial in every element."""
-        return self.symmetry.unknown(self.mesh.p, self.potential)
+        return self.symmetry.unknown(self.elements.places, self._values)
+
+    @property
+    def _values(self) -> Floats:
+        """The potential at all places of unknowns, (nunknowns,)."""
+        return self.potential
 
     @property
     def mean_unknown(self) -> Floats:
