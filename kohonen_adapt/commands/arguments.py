@@ -1,6 +1,7 @@
 """Define the arguments of the command: subcommands, options, and help that says what they mean, with units."""
 
 import argparse
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 from kohonen_adapt import __version__
 from kohonen_adapt.som.relocate import TOPOLOGIES
 
-__all__ = ["command_parser"]
+__all__ = ["command_parser", "writable_folder"]
 
 EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-adapt init MESH."
 
@@ -145,3 +146,13 @@ def _add_run(commands: Any) -> None:
     )
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
     run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def writable_folder(folder: Path) -> Path:
+    """Create the folder and see that it takes files, before the work and not after it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        raise OSError(f"--out expected a folder that takes files; '{folder}' does not: {error.strerror}.") from error

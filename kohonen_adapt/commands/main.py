@@ -4,12 +4,11 @@ import argparse
 import logging
 import os
 import shlex
-import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from skfem import MeshTri
@@ -17,9 +16,9 @@ from skfem import MeshTri
 from kohonen_adapt import __doc__ as description
 from kohonen_adapt.cases import Case, case_text, read_case
 from kohonen_adapt.cases.kinds import about
-from kohonen_adapt.commands.arguments import command_parser
+from kohonen_adapt.commands.arguments import command_parser, writable_folder
 from kohonen_adapt.commands.check import described, faults, outlines_described, thin_parts, unit_doubts
-from kohonen_adapt.commands.relocate import MEANINGS, field_source, relocate_file
+from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.results import RESULTS, write_fields, write_overview, write_pictures
 from kohonen_adapt.commands.run import CaseRun
 from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
@@ -27,7 +26,6 @@ from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
 from kohonen_adapt.loop.result import AdaptResult, Status
-from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 
@@ -67,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         let_signals_end_the_process()
-    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": _relocate}
+    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": relocate_file}
     parser = command_parser(description, commands)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
@@ -87,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Adapt a case that comes along; its files are there even if there can be no picture."""
-    folder, name = _writable(arguments.out), arguments.name
+    folder, name = writable_folder(arguments.out), arguments.name
     mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
     remove_drafts(folder, *(path.name for path in (mesh_file, fields, picture, report)))
     case = read_case(_example(f"{name}.toml"))
@@ -115,7 +113,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.dry_run:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
-    folder = _writable(arguments.out) if arguments.resume is None else arguments.resume
+    folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes.of(case, terminal)
     run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
     finished = run.go_on() if arguments.resume else run.start_anew()
@@ -186,37 +184,10 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     return FAILED if found else DONE
 
 
-def _relocate(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Relocate a mesh from file to file."""
-    remove_drafts(_writable(arguments.out.parent), arguments.out.name)
-    meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
-    before, after = relocate_file(
-        arguments.mesh,
-        field_source(text, f"--{meaning}"),
-        arguments.out,
-        scale=arguments.scale,
-        meaning=meaning,
-        topology=arguments.topology,
-        min_quality=arguments.min_quality,
-        pinned=[_number_or_name(word) for word in arguments.pinned],
-        seed=arguments.seed,
-        periodic=[(one, other) for one, other in arguments.periodic],
-        layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
-        progress=terminal.show,
-    )
-    worst = [f"{quality(mesh).min():.2f}" for mesh in (before, after)]
-    terminal.say(f"Wrote {arguments.out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
-    return DONE
-
-
 def _doubt(mesh: MeshTri, terminal: Terminal) -> None:
     """A mesh in millimetres that is taken for metres runs well and gives nonsense."""
     for doubt in unit_doubts(mesh):
         terminal.complain(f"warning: {doubt}")
-
-
-def _number_or_name(word: str) -> Any:
-    return int(word) if word.isdecimal() else word
 
 
 def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn | None:
@@ -230,16 +201,6 @@ def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn
             raise
         terminal.say(PLOT_REMEDY)
         return None
-
-
-def _writable(folder: Path) -> Path:
-    """Create the folder and see that it takes files, before the work and not after it."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError as error:
-        raise OSError(f"--out expected a folder that takes files; '{folder}' does not: {error.strerror}.") from error
 
 
 def _example(name: str) -> Path:
