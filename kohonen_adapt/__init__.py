@@ -3,10 +3,12 @@
 from kohonen_adapt import estimators
 from kohonen_adapt.io import read_curves, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
 from kohonen_adapt.polish.polish import polish
 from kohonen_adapt.problem.protocol import NotOffered, Problem
@@ -26,6 +28,7 @@ __all__ = [
     "Pass",
     "Problem",
     "Ritz",
+    "Rules",
     "Schedule",
     "Spline",
     "Stage",

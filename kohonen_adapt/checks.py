@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
 
-__all__ = ["as_reals", "check_count", "finite_reals", "is_count", "is_number", "listed"]
+__all__ = ["as_reals", "check_count", "check_hook", "finite_reals", "is_count", "is_number", "listed"]
 
 
 def is_count(value: object) -> bool:
@@ -30,6 +30,18 @@ def check_count(name: str, value: object) -> None:
     """
     if not is_count(value):
         raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+
+
+def check_hook(name: str, hook: object, told: str) -> None:
+    """Refuse what is neither a function nor None; `told` is what the function is called with.
+
+    Raises
+    ------
+    ValueError
+        With the name of the argument and what came.
+    """
+    if hook is not None and not callable(hook):
+        raise ValueError(f"{name} must be a function of {told}, or None; got {hook!r}.")
 
 
 def listed(names: Iterable[str]) -> str:

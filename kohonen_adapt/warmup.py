@@ -5,13 +5,14 @@ from skfem import MeshTri
 
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
-from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.polish.polish import descend
-from kohonen_adapt.polish.transfer import Carrier
+from kohonen_adapt.polish.transfer import carried
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.recycling import unchanged
-from kohonen_adapt.som.relocate import guarded_map, relocate
+from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["warmup"]
@@ -43,17 +44,15 @@ def warmup() -> None:
 
 def _polish(mesh: MeshTri) -> None:
     """Carry a function to where it is, and lower its energy by one sweep."""
-    som = guarded_map(mesh, Limits())
-    triangulation, outline = som.triangulation, som.outline
-    ritz = Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0)
-    functional = Functional.of(ritz, triangulation, outline)
-    carrier = Carrier.of(ritz, functional, triangulation.copy(), outline)
-    values, fixed = carrier.onto(triangulation, outline, unchanged(triangulation).hint)
-    descend(triangulation, outline, functional, values, fixed, sweeps=1, flips=True, floor=0.3)
+    movable = MovableMesh.of(mesh, Rules())
+    functional = Functional.of(Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0), movable)
+    hint = unchanged(movable.triangulation).hint
+    values, fixed = carried(functional, movable.copy(), movable, hint)
+    descend(movable, functional, values, fixed, sweeps=1)
 
 
 def _equilibrate() -> None:
-    """Equilibrate nothing in one triangle: the estimators stand beside the tower, but their loop is a kernel too."""
+    """Equilibrate nothing in one triangle: the loop of an estimator is a kernel, too."""
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
     problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kohonen_adapt import __version__
-from kohonen_adapt.som.relocate import TOPOLOGIES
+from kohonen_adapt.outline.rules import TOPOLOGIES
 
 __all__ = ["command_parser", "writable_folder"]
 

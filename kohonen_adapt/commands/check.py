@@ -8,11 +8,10 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted
-from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
-from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.outline.movable import MovableMesh
 
 __all__ = ["described", "faults", "outlines_described", "thin_parts", "unit_doubts"]
 
@@ -42,19 +41,16 @@ def _memberships(mesh: MeshTri) -> Ints:
     return count
 
 
-def outlines_described(som: KohonenMap) -> list[str]:
-    """Lines about the chains of a map by kind, and about what its nodes may do."""
-    constraints = som.outline.constraints
-    chains, kind = constraints.chains, constraints.kind
-    round_ = chains.shape == ROUND
-    held, (one, other) = kind == HELD, constraints.chain.T
-    jumps = held & ((other >= 0) | (one == JUNCTION))
+def outlines_described(movable: MovableMesh) -> list[str]:
+    """Lines about the chains of a mesh by kind, and about what its nodes may do."""
+    outline, chains = movable.outline, movable.constraints.chains
+    radii = 1.0 / np.abs(chains.curvature[outline.on_circles])
+    free, sliding, jumps, held = (np.sum(mask) for mask in outline.nodes_by_freedom().values())
     return [
-        f"outlines: {counted(len(chains.shape), 'chain')}, {np.sum(chains.shape == STRAIGHT)} straight, "
-        f"{np.sum(round_)} on arcs{_radii(1.0 / np.abs(chains.curvature[round_]))}, "
-        f"{np.sum(chains.closed)} closed",
-        f"nodes: {np.sum(kind == FREE)} free, {np.sum(kind == SLIDING)} slide on outlines, "
-        f"{np.sum(jumps)} in corners that others may take, {np.sum(held & ~jumps)} held for good",
+        f"outlines: {counted(len(outline.straight), 'chain')}, {np.sum(outline.straight)} straight, "
+        f"{len(radii)} on arcs{_radii(radii)}, {np.sum(chains.closed)} closed",
+        f"nodes: {free} free, {sliding} slide on outlines, {jumps} in corners that others may take, "
+        f"{held} held for good",
     ]
 
 
@@ -127,9 +123,9 @@ def faults(mesh: MeshTri) -> Iterator[str]:
     yield from _bad_elements(mesh)
 
 
-def thin_parts(som: KohonenMap) -> Iterator[str]:
-    """Sentences about subdomains with one layer of elements between two sides; of a map without layers."""
-    triangulation, constraints = som.triangulation, som.outline.constraints
+def thin_parts(movable: MovableMesh) -> Iterator[str]:
+    """Sentences about subdomains with one layer of elements between two sides; of a mesh without layers."""
+    triangulation, constraints = movable.triangulation, movable.constraints
     for name, rows in named_sets(triangulation.mesh.subdomains).items():
         for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
             try:

@@ -25,9 +25,11 @@ from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_proces
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
-from kohonen_adapt.loop.result import AdaptResult, Status
+from kohonen_adapt.loop.passes import Status
+from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.som.kohonen_map import KohonenMap
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 __all__ = ["main"]
 
@@ -177,9 +179,9 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     check_mesh(mesh)
     terminal.say("\n".join(described(mesh)))
     found = list(faults(mesh))
-    som = KohonenMap(mesh)
-    terminal.say("\n".join(outlines_described(som)))
-    found += thin_parts(som)
+    movable = MovableMesh.of(mesh, Rules())
+    terminal.say("\n".join(outlines_described(movable)))
+    found += thin_parts(movable)
     terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return FAILED if found else DONE
 

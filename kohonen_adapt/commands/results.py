@@ -13,7 +13,9 @@ from kohonen_adapt.cases import Case
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import PASSES
-from kohonen_adapt.loop.result import AdaptResult, Pass
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.table import pass_figures
 from kohonen_adapt.report import FieldOf, write_report
 from kohonen_adapt.som.density import density_from_indicators
 
@@ -86,16 +88,9 @@ def write_history(history: tuple[Pass, ...], folder: Path) -> None:
 
 
 def _row(step: Pass) -> dict[str, object]:
-    numbers = ("estimate", "energy_norm", "functional", "polish_gain", "min_quality", "mean_quality")
-    counts = ("max_displacement", "collapses", "splits")
-    return {
-        "pass": step.number,
-        "nodes": step.mesh.p.shape[1],
-        "elements": step.mesh.t.shape[1],
-        **{name: getattr(step, name) for name in (*numbers, *counts)},
-        **{f"seconds {name}": step.seconds.get(name, 0.0) for name in ("solve", "estimate", "relocate", "polish")},
-        **{f"output {name}": value for name, value in step.outputs.items()},
-    }
+    figures = pass_figures(step)
+    shape = {"pass": figures.pop("number"), "nodes": step.mesh.p.shape[1], "elements": step.mesh.t.shape[1]}
+    return shape | figures
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:

@@ -10,7 +10,8 @@ from kohonen_adapt.cases import Case
 from kohonen_adapt.commands.results import write_history, write_results
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files
 from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.result import AdaptResult, Status
+from kohonen_adapt.loop.passes import Status
+from kohonen_adapt.loop.result import AdaptResult
 
 __all__ = ["CaseRun"]
 

@@ -7,6 +7,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+import numba
 from numba import config, njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
@@ -64,7 +65,7 @@ class _KernelFiles(IndexDataCacheFile):
     def __init__(self, cache_path: str, filename_base: str, stamp: str) -> None:
         super().__init__(cache_path, filename_base, stamp)
         # read before the rest of an index, which may hold types of modules that are no longer there
-        self._version = f"{self._version} {stamp}"
+        self._version = f"{numba.__version__} {stamp}"
 
     def save(self, key: Any, data: Any) -> None:
         """Write the code before the index that names it.

@@ -1,40 +1,31 @@
-"""The loop: solve, estimate, relocate, and stop when it is enough."""
+"""Adapt a mesh to a problem: solve, estimate, relocate and polish, until it is enough."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
-import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import is_count
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.history import UNSOLVED, Ending, Finished, Journal, StepFailed
-from kohonen_adapt.loop.identity import fingerprint
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
-from kohonen_adapt.loop.step import Improvement, Settings
-from kohonen_adapt.loop.stopping import StopTest, failed, interrupted, not_moved, remarked, under_way
+from kohonen_adapt.loop.history import History
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.step import Settings, assess, density_for, polish_moved
+from kohonen_adapt.loop.steps import Steps
+from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.rules import Limits
-from kohonen_adapt.problem.outputs import Output, check_outputs, output_value
-from kohonen_adapt.problem.protocol import Problem, check_problem, energy_norm, estimate, norm_of, solve, solve_again
-from kohonen_adapt.som.relocate import Relocation, guarded_map
-from kohonen_adapt.som.schedule import Schedule, check_training
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.problem.outputs import Output, check_outputs
+from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
+from kohonen_adapt.som.relocate import move
+from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PASSES", "adapt"]
 
-# The measured best of the topologies.
-_TOPOLOGY = "recycle"
-
-# How a loop ends that nothing has cut short.
-_AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
-
+TOPOLOGY = "recycle"  # the measured best
 PASSES = 4
-
-_NUMBERS = (int, float, np.integer, np.floating)
 
 
 def adapt(
@@ -47,13 +38,13 @@ def adapt(
     schedule: Schedule | None = None,
     topology: str | None = None,
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | Ints | str = (),
+    pinned: Pinned = (),
     seed: int = 0,
     callback: Callable[[Pass], Any] | None = None,
     polish: bool = True,
     target_nodes: int | None = None,
     curves: Mapping[str, Curve] | None = None,
-    periodic: Sequence[tuple[str, str]] = (),
+    periodic: Sequence[tuple[str, str]] | None = None,
     layers: Mapping[str, int] | None = None,
     outputs: Mapping[str, Output] | None = None,
     output_rtol: float | None = None,
@@ -61,8 +52,9 @@ def adapt(
     progress: Callable[[int, str], Any] | None = None,
     checkpoint: str | PathLike[str] | None = None,
 ) -> AdaptResult:
-    """Adapt a mesh to a problem by moving its nodes to where the error is; their number is yours.
+    """Adapt a mesh to a problem: nodes are moved and recycled to where the error is; how many there are is yours.
 
+    Recycling renumbers nodes (`AdaptResult.nodes` tells how); `relocate`, and ``topology="flip"`` here, keep every one.
     A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
     error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower.
     The mesh after the last pass is solved and estimated too, so `passes` relocations cost ``passes + 1`` solves. The
@@ -78,20 +70,18 @@ def adapt(
         "L2": the norm in which the error is to be small), ``solve_from(mesh, old_mesh, old_solution)`` (in place of
         ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``, and
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
-        it).
+        it), and ``pairs`` (its periodic and antiperiodic boundaries).
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol
         Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
     schedule
         How the map learns; None for the default, which fits itself to every pass.
-    topology
-        "fixed" keeps the connectivity, "flip" makes each region Delaunay, "recycle" also takes nodes away where there
-        are too many and puts as many where there are too few; None for the measured best of them, "recycle".
-    min_quality
-        No move, flip, collapse or split leaves an element of lower quality than this, or than there was.
-    pinned
-        What stays where it is: node indices, names of boundaries and of subdomains.
+    topology, min_quality, pinned, curves, layers
+        What nodes may do: see `Rules`. ``topology=None`` takes the measured best, ``"recycle"``.
+    periodic
+        Pairs of boundaries that are one another's image: see `Rules`. None takes those of the problem, its ``pairs``;
+        ``()`` means none.
     seed
         An integer >= 0. Every pass draws its training points from a seed of its own, made from this one.
     callback
@@ -103,15 +93,6 @@ def adapt(
         Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
         "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are
         fewer, and the message says so.
-    curves
-        The curves that named boundaries are on; see `relocate`. Nodes on curves slide with the map, and are not
-        polished.
-    periodic
-        Pairs of names of boundaries that are one another's image, and stay so node by node; see `relocate`. Their nodes
-        slide with the map, and are neither polished nor recycled.
-    layers
-        Layers of elements to keep across thin subdomains, by name; see `relocate`. Map, recycling, growth and polish
-        all keep them.
     outputs
         Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
         shows them with their changes.
@@ -164,153 +145,25 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    topology = _TOPOLOGY if topology is None else topology
-    pinned = tuple(pinned) if isinstance(pinned, Iterator) else pinned
-    _check_loop(passes, rtol, atol, polish)
-    _check_hooks(callback=callback, interim=interim, progress=progress)
-    outputs = check_outputs(outputs, output_rtol)
-    check_training(schedule, seed)
-    limits = Limits(topology, min_quality, pinned, curves, periodic, layers)
-    guarded_map(mesh, limits)  # refuses what it would refuse later, before the first solve
+    stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
-    growth, settings = Growth.of(mesh, target_nodes, passes), Settings(schedule, limits, seed, polish)
-    run = fingerprint(mesh, problem, settings, growth, outputs) if checkpoint is not None else {}
-    kept = Checkpoint.at(checkpoint, mesh, run)
-    stop = StopTest(passes, rtol, atol, output_rtol, callback)
-    journal, improvement = Journal(norm_of(problem), progress), Improvement(problem, settings)
-    return _Loop(problem, outputs, improvement, growth, stop, journal, kept, interim).adapted(mesh)
-
-
-@dataclass(frozen=True)
-class _Loop:
-    """The algorithm, with what its steps need."""
-
-    problem: Problem
-    outputs: Mapping[str, Output]
-    improvement: Improvement
-    growth: Growth
-    stop: StopTest
-    journal: Journal
-    checkpoint: Checkpoint
-    interim: Callable[[AdaptResult], Any] | None
-
-    def adapted(self, mesh: MeshTri) -> AdaptResult:
-        """The result of the loop, however it ends."""
-        try:
-            ending = self.run(mesh)
-        except KeyboardInterrupt:
-            if not self.journal.begun:
-                raise
-            ending = interrupted(self.journal)
-        except StepFailed as failure:
-            ending = failed(self.journal, failure)
-        ending = remarked(ending, self.improvement.remark)
-        if ending.status in _AT_ITS_END:
-            ending = remarked(ending, self.growth.shortfall(self.journal.history[-1].mesh.p.shape[1]))
-        return self.result(ending)
-
-    def run(self, mesh: MeshTri) -> Ending:
-        """Solve and estimate; until it is enough, relocate and polish, solve and estimate again."""
-        ending = self.resume()
-        if not self.journal.history:
-            ending = self.assess(mesh)
-        while ending is None:
-            move = self.improve()
-            if _same(self.journal.history[-1].mesh, move.mesh) and not self.growth.goes_on(self.journal.number):
-                return not_moved(self.journal, move)
-            ending = self.assess(move.mesh, move)
-        return ending
-
-    def resume(self) -> Ending | None:
-        """Go through the passes that were finished before; solve the last of them, unless the loop ended there."""
-        for finished in self.checkpoint.passes():
-            self.journal.record(finished, UNSOLVED)
-            self.improvement.recall(finished.comparable, finished.skipped)
-            if ending := self.ended(finished.move):
-                return ending
-        if self.journal.history:
-            self.journal.solve_last(self.solve_again)
-            self.improvement.resume(*self.journal.last)
-        return None
-
-    def assess(self, mesh: MeshTri, move: Relocation | None = None) -> Ending | None:
-        """Solve and estimate the mesh that `move` made, and see whether that is enough."""
-        journal, improvement = self.journal, self.improvement
-        with journal.timed("solve"):
-            solution = solve(self.problem, mesh, *journal.last)
-        with journal.timed("estimate"):
-            indicators = estimate(self.problem, mesh, solution)
-            energy = energy_norm(self.problem, mesh, solution, self.stop.rtol)
-            functional = improvement.functional(mesh, solution)
-        values = {}
-        for name, function in self.outputs.items():
-            with journal.timed("estimate", f"output {name!r}"):
-                values[name] = output_value(name, function, solution)
-        comparable, skipped = improvement.comparable, improvement.skipped
-        finished = Finished(mesh, indicators, energy, functional, values, comparable, skipped, move, journal.seconds)
-        journal.record(finished, solution)
-        self.keep(finished)
-        return self.ended(move)
-
-    def keep(self, finished: Finished) -> None:
-        """Hand over the result so far before the pass counts as finished: who goes on from here has that."""
-        if self.interim:
-            self.interim(self.result(under_way(self.journal)))
-        if self.checkpoint.folder:
-            number = self.journal.number - 1
-            with self.journal.timed("checkpoint", f"checkpoint of pass {number}", number):
-                self.checkpoint.keep(number, finished)
-
-    def improve(self) -> Relocation:
-        """Let the map learn where the error wants nodes, and polish what it learnt."""
-        journal, last = self.journal, self.journal.last_finished
-        with journal.timed("relocate"):
-            trained = self.improvement.train(
-                last.mesh, last.indicators, journal.number, self.growth.nodes(journal.number)
-            )
-        with journal.timed("polish"):
-            gain = self.improvement.polish(trained)
-        with journal.timed("relocate"):
-            return trained.relocation(gain)
-
-    def ended(self, move: Relocation | None) -> Ending | None:
-        """How the loop ends after the last pass, or None."""
-        return self.stop(self.journal, move, self.growth.goes_on(self.journal.number - 1))
-
-    def result(self, ending: Ending) -> AdaptResult:
-        """The best pass with its solution."""
-        return self.journal.result(ending, self.solve_again)
-
-    def solve_again(self, finished: Finished) -> Any:
-        """The solution of a pass that another process finished."""
-        return solve_again(self.problem, finished.mesh, finished.indicators)
-
-
-def _same(before: MeshTri, after: MeshTri) -> bool:
-    """Whether nothing moved and nothing flipped: then there is nothing to solve again."""
-    return np.array_equal(before.p, after.p) and np.array_equal(_triples(before), _triples(after))
-
-
-def _triples(mesh: MeshTri) -> Ints:
-    return np.unique(np.sort(mesh.t, axis=0), axis=1)
-
-
-def _check_loop(passes: Any, rtol: Any, atol: Any, polish: Any) -> None:
-    if not is_count(passes):
-        raise ValueError(f"passes must be an integer >= 0; got {passes!r}.")
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        if value is not None and not (isinstance(value, _NUMBERS) and 0.0 <= value < np.inf):
-            raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
-    if not isinstance(polish, bool | np.bool_):
-        raise ValueError(f"polish must be True or False; got {polish!r}. Polish alone: kohonen_adapt.polish.")
-
-
-def _check_hooks(callback: Any, interim: Any, progress: Any) -> None:
-    told = {
-        "callback": (callback, "the pass"),
-        "interim": (interim, "the result so far"),
-        "progress": (progress, "number and step"),
-    }
-    for name, (hook, of) in told.items():
-        if hook is not None and not callable(hook):
-            raise ValueError(f"{name} must be a function of {of}, or None; got {hook!r}.")
+    pairs = pairs_of(problem) if periodic is None else periodic
+    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, pairs, layers).guarded()
+    movable = MovableMesh.of(mesh, rules)
+    growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
+    settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
+    kept = Checkpoint.at(checkpoint, mesh, problem, settings)
+    history = History(problem, settings, stop, steps, kept, interim)
+    with history.ending_kept():
+        solved = history.resumed(movable) or history.add(assess(problem, movable, settings, steps), movable)
+        while history.goes_on:
+            with steps("relocate"):
+                density, rng = density_for(problem, movable, solved), settings.rng(steps.number)
+                moved = move(movable, density, schedule, rules.topology, rng, growth.nodes(steps.number))
+            with steps("polish"):
+                gain = polish_moved(movable, moved, solved.functional)
+            if moved.changed(movable) or history.growing:
+                solved = history.add(assess(problem, movable, settings, steps, solved, moved, gain), movable)
+            else:
+                history.end_unmoved(moved.work(movable, gain))
+    return history.result()

@@ -1,8 +1,8 @@
-"""The finished passes of a loop as files, so that a loop that was cut short can go on from the last of them."""
+"""Keep finished passes as files, so that a loop that was cut short goes on from the last of them."""
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from hashlib import sha256
 from io import BytesIO
 from os import PathLike
@@ -12,68 +12,67 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_file
-from kohonen_adapt.loop.history import Finished
-from kohonen_adapt.mesh.host import remade
-from kohonen_adapt.som.relocate import Relocation
+from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.step import ONLY_ENDS, Settings
+from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.movable import STATE_NAMES, MovableMesh
+from kohonen_adapt.problem.protocol import Problem, norm_of, order_of
 
-__all__ = ["Checkpoint", "digest"]
+__all__ = ["Checkpoint", "fingerprint"]
 
-FORMAT = 1  # of the files; another number is another format
-
-# What of a pass is a number or a text, and of the relocation that made its mesh.
-NUMBERS = ("energy_norm", "functional", "outputs", "comparable", "skipped", "seconds")
-MOVE_NUMBERS = ("quantization_errors", "max_displacement", "moved", "message", "splits", "collapses", "polish_gain")
-
-Arrays = dict[str, NDArray[Any]]
+FORMAT = 2  # of the files; another number is another format
 
 DIGEST = "sha256 "
+STATE = "state "  # before the names of the arrays of a movable mesh
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A folder with one file for every finished pass of one run; without a folder nothing is kept.
+    """A folder with one file for every finished pass of one run.
 
     Attributes
     ----------
     folder
-        Where the files are, or None.
-    mesh
-        The input mesh.
-    settings
-        What every pass depends on, name to text: passes of a run with other settings are refused.
+        Where the files are.
+    run
+        What every pass depends on, name to text (`fingerprint`): passes of another run are refused.
+    record
+        The class of the passes; every field of it is kept.
     """
 
-    folder: Path | None
-    mesh: MeshTri
-    settings: dict[str, str]
+    folder: Path
+    run: dict[str, str]
+    record: type[Pass] = Pass
 
     @classmethod
-    def at(cls, folder: str | PathLike[str] | None, mesh: MeshTri, settings: dict[str, str]) -> "Checkpoint":
-        """Create the folder if need be, and see that what is in it belongs to this run.
+    def at(
+        cls, folder: str | PathLike[str] | None, mesh: MeshTri, problem: Problem, settings: Settings
+    ) -> "Checkpoint | None":
+        """Create the folder if need be, and see that what is in it belongs to this run; None for None.
 
         Raises
         ------
         ValueError
-            If `folder` is no path, its passes are of another run, or the first of them is damaged or missing.
+            If `folder` is no path, or its passes are of another run or damaged.
         OSError
             If the folder cannot be created or read.
         """
         if folder is None:
-            return cls(None, mesh, settings)
+            return None
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"checkpoint must be the path of a folder, or None; got {folder!r}.")
         Path(folder).mkdir(parents=True, exist_ok=True)
-        checkpoint = cls(Path(folder), mesh, settings)
-        for _ in checkpoint.passes():
-            break
+        checkpoint = cls(Path(folder), fingerprint(mesh, problem, settings))
+        for file in checkpoint._files():
+            checkpoint._read(file)
         return checkpoint
 
-    def passes(self) -> Iterator[Finished]:
-        """The passes that are there, in order, the input's first.
+    def passes(self, movable: MovableMesh) -> Iterator[Pass]:
+        """The passes that are there, in order, the input's first; `movable` becomes the mesh of each in turn.
 
         Raises
         ------
@@ -82,65 +81,81 @@ class Checkpoint:
         OSError
             If one cannot be read.
         """
-        if self.folder is None:
-            return
-        files = set(self.folder.glob("pass-*.npz"))
-        for number in range(len(files)):
-            file = self._file(number)
-            if file not in files:
-                raise ValueError(
-                    f"the checkpoint has '{max(files).name}' but no '{file.name}': delete the passes after the missing "
-                    f"one to go on from the one before it, or choose another folder than '{self.folder}'."
-                )
-            yield self._read(file, number)
+        for file in self._files():
+            values, state = self._read(file)
+            try:
+                movable.restore(state)
+            except ValueError as error:
+                raise self._damaged(file, error) from error
+            mesh = movable.mesh() if values["number"] else movable.came_from
+            yield self.record(mesh=mesh, **values)
 
-    def keep(self, number: int, finished: Finished) -> None:
-        """Write a pass, whole or not at all.
+    def keep(self, step: Pass, movable: MovableMesh) -> None:
+        """Write a pass with the mesh as it is now, whole or not at all.
 
         Raises
         ------
         OSError
             If it cannot be written.
         """
-        if self.folder is None:
-            return
-        about = {"format": FORMAT, "number": number, "settings": self.settings, **_numbers(finished)}
-        arrays = {"indicators": finished.indicators, **_move_arrays(finished.move)}
+        arrays = {f"{STATE}{name}": array for name, array in movable.state().items()}
+        about: dict[str, Any] = {"format": FORMAT, "run": self.run}
+        for name in self._names():
+            value = getattr(step, name)
+            (arrays if isinstance(value, np.ndarray) else about)[name] = value
         arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-        with whole_file(self._file(number)) as draft, draft.open("wb") as stream:
+        with whole_file(self._file(step.number)) as draft, draft.open("wb") as stream:
             np.savez(stream, allow_pickle=False, **arrays)
 
-    def _file(self, number: int) -> Path:
-        return (self.folder or Path()) / f"pass-{number:04d}.npz"
+    def _names(self) -> list[str]:
+        """The fields that are kept: all but the mesh, which comes from the arrays of the movable one."""
+        return [each.name for each in fields(self.record) if each.name != "mesh"]
 
-    def _read(self, file: Path, number: int) -> Finished:
+    def _file(self, number: int) -> Path:
+        return self.folder / f"pass-{number:04d}.npz"
+
+    def _files(self) -> list[Path]:
+        """The files of all passes, in order."""
+        files = set(self.folder.glob("pass-*.npz"))
+        wanted = [self._file(number) for number in range(len(files))]
+        for file in wanted:
+            if file not in files:
+                raise ValueError(
+                    f"the checkpoint has '{max(files).name}' but no '{file.name}': delete the passes after the missing "
+                    f"one to go on from the one before it, or choose another folder than '{self.folder}'."
+                )
+        return wanted
+
+    def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """The fields of a pass by name but for its mesh, and the state of that."""
         whole = BytesIO(file.read_bytes())  # what goes wrong from here on is damage and not the disk
         try:
             with np.load(whole, allow_pickle=False) as content:
                 arrays = {name: content[name] for name in content.files}
-            about = json.loads(arrays["about"].tobytes())
-            if (about["format"], about["number"]) != (FORMAT, number):
+            about = json.loads(arrays.pop("about").tobytes())
+            if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"it says format {about['format']} and pass {about['number']}")
-            settings, finished = about["settings"], _finished(self.mesh, about, arrays)
+            values = {name: _plain(about, arrays, name) for name in self._names()}
+            state = {name: arrays[f"{STATE}{name}"] for name in STATE_NAMES}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
-            raise ValueError(
-                f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}): delete it and the passes after "
-                "it to go on from the one before, or choose another folder."
-            ) from error
-        _check_settings(self.folder, settings, self.settings)
-        return finished
+            raise self._damaged(file, error) from error
+        _check_run(self.folder, about["run"], self.run)
+        return values, state
+
+    def _damaged(self, file: Path, error: Exception) -> ValueError:
+        return ValueError(
+            f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}): delete it and the passes after "
+            "it to go on from the one before, or choose another folder."
+        )
 
 
-def digest(*arrays: NDArray[Any]) -> str:
-    """A text that tells arrays from others: of their types, shapes and bytes."""
-    found = sha256()
-    for array in map(np.ascontiguousarray, arrays):
-        found.update(f"{array.dtype.str}{array.shape}".encode())
-        found.update(array.tobytes())
-    return f"{DIGEST}{found.hexdigest()[:32]}"
+def _plain(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
+    """The value of a field: JSON knows no tuples."""
+    value = arrays[name] if name in arrays else about[name]
+    return tuple(value) if isinstance(value, list) else value
 
 
-def _check_settings(folder: Path | None, before: Mapping[str, str], now: Mapping[str, str]) -> None:
+def _check_run(folder: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
     differing = [
         f"its {name} is another one" if now.get(name, "").startswith(DIGEST) else f"its {name} was {was}, not {is_}"
         for name in dict.fromkeys([*before, *now])
@@ -153,65 +168,70 @@ def _check_settings(folder: Path | None, before: Mapping[str, str], now: Mapping
         )
 
 
-def _numbers(finished: Finished) -> dict[str, Any]:
-    """What of a pass goes into JSON, whose floats are exact."""
-    move = finished.move
-    return {
-        **{name: getattr(finished, name) for name in NUMBERS},
-        "move": None if move is None else {name: getattr(move, name) for name in MOVE_NUMBERS},
-        "boundaries": None if move is None else _names(move.mesh.boundaries),
-        "subdomains": None if move is None else _names(move.mesh.subdomains),
+def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str, str]:
+    """Name to text of everything that passes depend on, but for what the problem and its outputs work out.
+
+    What only says when to end is not in it.
+    """
+    texts = {
+        "mesh": digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains)),
+        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm",
     }
+    for part in (settings.rules, settings):
+        for each in fields(part):
+            if each.metadata != ONLY_ENDS and each.name != "rules":
+                name = each.metadata.get("argument", each.name)
+                texts[name] = _text(getattr(part, each.name), mesh)
+    return texts
 
 
-def _names(sets: Mapping[str, Ints] | None) -> list[str] | None:
-    return None if sets is None else list(sets)
+def _text(value: Any, mesh: MeshTri) -> str:
+    """A text of a setting, whatever the type of its numbers and sequences."""
+    if value is None:
+        return "none"
+    if isinstance(value, Growth):
+        return f"{value.target} in {value.steps} passes" if value.target > value.start else "none"
+    if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
+        return _of_curves(mesh, value)
+    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
+        return str(sorted(value))
+    if isinstance(value, Mapping):
+        return str({name: _number(item) for name, item in sorted(value.items())})
+    if isinstance(value, list | tuple | range | np.ndarray):
+        return str([_number(item) for item in value])
+    return str(_number(value))
 
 
-def _move_arrays(move: Relocation | None) -> Arrays:
-    """The arrays of a relocation; the input has none, for it comes in anyhow."""
-    if move is None:
-        return {}
-    arrays: Arrays = {"p": move.mesh.p, "t": move.mesh.t, "old": move.old}
-    for number, facets in enumerate((move.mesh.boundaries or {}).values()):
-        arrays[f"boundary {number}"] = np.asarray(facets)
-        if isinstance(facets, OrientedBoundary):
-            arrays[f"orientation {number}"] = np.asarray(facets.ori)
-    for number, elements in enumerate((move.mesh.subdomains or {}).values()):
-        arrays[f"subdomain {number}"] = np.asarray(elements)
-    return arrays
+def _number(value: Any) -> Any:
+    """A value without the type of its number."""
+    return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
 
 
-def _finished(mesh: MeshTri, about: dict[str, Any], arrays: Arrays) -> Finished:
-    """The pass that was kept."""
-    move = None if about["move"] is None else _move(mesh, about, arrays)
-    return Finished(
-        mesh=mesh if move is None else move.mesh,
-        indicators=arrays["indicators"],
-        move=move,
-        **{name: about[name] for name in NUMBERS},
-    )
-
-
-def _move(mesh: MeshTri, about: dict[str, Any], arrays: Arrays) -> Relocation:
-    numbers = {name: about["move"][name] for name in MOVE_NUMBERS}
-    numbers["quantization_errors"] = tuple(numbers["quantization_errors"])
-    subdomains = about["subdomains"]
-    moved = remade(
-        mesh,
-        arrays["p"],
-        arrays["t"],
-        boundaries=_boundaries(about["boundaries"], arrays),
-        subdomains=None if subdomains is None else {k: arrays[f"subdomain {n}"] for n, k in enumerate(subdomains)},
-    )
-    return Relocation(mesh=moved, old=arrays["old"], **numbers)
-
-
-def _boundaries(names: list[str] | None, arrays: Arrays) -> dict[str, Ints] | None:
-    if names is None:
-        return None
-    found = {}
-    for number, name in enumerate(names):
-        facets, orientation = arrays[f"boundary {number}"], arrays.get(f"orientation {number}")
-        found[name] = facets if orientation is None else OrientedBoundary(facets, orientation)
+def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
+    """Names and members in order, and which side of it an oriented facet looks to."""
+    found: list[NDArray[Any]] = [np.array(sets is None)]
+    for name, rows in (sets or {}).items():
+        found += [
+            np.array(name),
+            np.asarray(rows, dtype=np.int64),
+            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
+        ]
     return found
+
+
+def _of_curves(mesh: MeshTri, curves: Mapping[str, Curve]) -> str:
+    """A curve is what it makes of the middles of its facets, which lie off it."""
+    found: list[NDArray[Any]] = []
+    for name, curve in sorted(curves.items()):
+        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
+        found += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
+    return digest(*found)
+
+
+def digest(*arrays: NDArray[Any]) -> str:
+    """A text that tells arrays from others: of their types, shapes and bytes."""
+    found = sha256()
+    for array in map(np.ascontiguousarray, arrays):
+        found.update(f"{array.dtype.str}{array.shape}".encode())
+        found.update(array.tobytes())
+    return f"{DIGEST}{found.hexdigest()[:32]}"

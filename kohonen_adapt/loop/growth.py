@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from skfem import MeshTri
-
 from kohonen_adapt.checks import is_count
 
 __all__ = ["Growth"]
@@ -21,15 +19,14 @@ class Growth:
     steps: int
 
     @classmethod
-    def of(cls, mesh: MeshTri, target: int | None, passes: int) -> "Growth":
-        """Check the target.
+    def of(cls, start: int, target: int | None, passes: int) -> "Growth":
+        """Check the target of a mesh that starts with so many nodes.
 
         Raises
         ------
         ValueError
             If it is not an integer, or below the number of nodes that there are.
         """
-        start = mesh.p.shape[1]
         if target is not None and not is_count(target):
             raise ValueError(f"target_nodes must be an integer >= 0, or None; got {target!r}.")
         if target is not None and target < start:

@@ -1,245 +1,191 @@
-"""The record that the loop keeps: its passes, the time they took, and the best of them."""
+"""Keep the passes of a loop: the best of them, their files, who is told, and how the loop ended."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from time import perf_counter
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from skfem import MeshTri
+from kohonen_adapt.checks import check_hook
+from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.step import UNSOLVED, Settings, Solved, assessed_again
+from kohonen_adapt.loop.steps import StepFailed, Steps
+from kohonen_adapt.loop.stopping import Ending, StopTest, failed, final, interrupted, not_moved, under_way
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.problem.protocol import Problem, solve_again
+from kohonen_adapt.som.relocate import Work
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
-from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.som.relocate import Relocation
-
-__all__ = ["UNSOLVED", "Ending", "Finished", "Journal", "StepFailed"]
-
-STEPS = ("solve", "estimate", "relocate", "polish")
-
-UNSOLVED = object()
-"""In place of the solution of a pass that was not solved in this process."""
-
-
-class StepFailed(Exception):
-    """A step of the loop raised when there was a pass to give back; what it raised is the ``__cause__``."""
-
-    def __init__(self, step: str) -> None:
-        super().__init__(step)
-        self.step = step
+__all__ = ["History"]
 
 
 @dataclass(frozen=True)
-class Ending:
-    """How the loop ended: status, message, and the exception of a failure."""
-
-    status: Status
-    message: str
-    error: Exception | None = None
-
-
-class Finished(NamedTuple):
-    """What is known of a mesh that was solved and estimated, beside the solution.
+class Kept:
+    """The passes so far. Of the solutions two are kept, the last (for a warm start) and the best.
 
     Attributes
     ----------
-    mesh, indicators, energy_norm, functional, outputs
-        As in `AdaptResult` and `Pass`.
-    comparable
-        Whether the functional may be compared with those of other passes.
-    skipped
-        Why there is no polish, or empty.
-    move
-        What made the mesh, None for the input.
-    seconds
-        Step to the wall time it took.
+    passes
+        In order, the input first.
+    last
+        The last of them.
+    least, lowest
+        The best by worth, and by functional.
     """
 
-    mesh: MeshTri
-    indicators: Floats
-    energy_norm: float | None
-    functional: float | None
-    outputs: dict[str, float]
-    comparable: bool
-    skipped: str
-    move: Relocation | None
-    seconds: dict[str, float]
+    passes: tuple[Pass, ...] = ()
+    last: Solved | None = None
+    least: Solved | None = None
+    lowest: Solved | None = None
 
+    def extended(self, solved: Solved) -> "Kept":
+        """These and one more."""
+        if self.least is None or self.lowest is None:
+            return Kept((solved.record,), solved, solved, solved)
+        least = solved if solved.record.worth < self.least.record.worth else self.least
+        lowest = solved if _lies_below(solved.record, self.lowest.record) else self.lowest
+        return Kept((*self.passes, solved.record), solved, least, lowest)
 
-@dataclass
-class _Solved:
-    """A finished pass, its solution, its nodes in the input mesh, and what it is judged by: the less, the better."""
-
-    finished: Finished
-    solution: Any
-    nodes: NDArray[np.intp]
-    worth: float
+    def solved(self, before: Solved, now: Solved) -> "Kept":
+        """These with a pass solved that was not."""
+        found: dict[str, Any] = {name: now for name in ("last", "least", "lowest") if getattr(self, name) is before}
+        return replace(self, **found)
 
     @property
-    def mesh(self) -> MeshTri:
-        return self.finished.mesh
-
-    @property
-    def functional(self) -> float | None:
-        return self.finished.functional
-
-    def lies_below(self, other: "_Solved") -> bool:
-        """Whether its functional is the lower one, as far as there are two."""
-        return self.functional is not None and other.functional is not None and self.functional < other.functional
+    def best(self) -> Solved:
+        """The pass of the lowest functional if all are comparable by it, else of the least worth."""
+        best = self.lowest if all(step.comparable for step in self.passes) else self.least
+        if best is None:
+            raise RuntimeError("the history has no pass to give back.")
+        return best
 
 
-class Journal:
-    """History of a loop. Of the solutions it keeps two, the last (for a warm start) and the best.
+def _lies_below(one: Pass, other: Pass) -> bool:
+    """Whether its functional is the lower one, as far as there are two."""
+    return one.functional is not None and other.functional is not None and one.functional < other.functional
 
-    `progress` hears of every step when it begins, with the number of its pass.
+
+class History:
+    """The passes of one run, and how it ended.
+
+    Parameters
+    ----------
+    problem, settings
+        What is solved, and what every pass depends on.
+    stop
+        The stop test, asked once about every pass.
+    steps
+        Times the steps of the pass in the making.
+    checkpoint
+        Files of the passes, or None.
+    interim
+        Called with the result so far after every pass.
     """
 
-    def __init__(self, norm: str, progress: Callable[[int, str], Any] | None = None) -> None:
-        self.history: tuple[Pass, ...] = ()
-        self.worths: tuple[float, ...] = ()
-        self._norm = norm
-        self._progress = progress
-        self._last: _Solved | None = None
-        self._least: _Solved | None = None  # by worth
-        self._lowest: _Solved | None = None  # by functional
-        self._comparable = True
-        self._seconds: dict[str, float] = {}
+    def __init__(
+        self,
+        problem: Problem,
+        settings: Settings,
+        stop: StopTest,
+        steps: Steps,
+        checkpoint: Checkpoint | None,
+        interim: Callable[[AdaptResult], Any] | None,
+    ) -> None:
+        check_hook("interim", interim, "the result so far")
+        self._problem, self._settings, self._stop = problem, settings, stop
+        self._checkpoint, self._interim = checkpoint, interim
+        self.steps = steps
+        self._kept = Kept()
+        self._ending: Ending | None = None
 
     @property
-    def number(self) -> int:
-        """Number of the pass in the making."""
-        return len(self.history)
+    def growing(self) -> bool:
+        """Whether the pass in the making shall have more nodes than the last."""
+        return self._settings.growth.goes_on(self.steps.number - 1)
 
     @property
-    def best_number(self) -> int:
-        """Number of the best pass so far."""
-        functionals = [entry.functional for entry in self.history if entry.functional is not None]
-        return int(np.argmin(functionals if self._comparable else self.worths))
+    def goes_on(self) -> bool:
+        """Whether there is another pass to make."""
+        return self._ending is None
 
-    @property
-    def last(self) -> tuple[MeshTri | None, Any]:
-        """Mesh and solution of the last pass, (None, None) before the first."""
-        return (self._last.mesh, self._last.solution) if self._last else (None, None)
+    def resumed(self, movable: MovableMesh) -> Solved | None:
+        """Go through the passes that were finished before and solve the last of them, unless the loop ended there.
 
-    @property
-    def last_finished(self) -> Finished:
-        """The last pass."""
-        if self._last is None:
-            raise RuntimeError("the journal has no pass yet.")
-        return self._last.finished
+        `movable` becomes the mesh of that pass. None if there are none.
+        """
+        last = None
+        for record in self._checkpoint.passes(movable) if self._checkpoint else ():
+            last = Solved(record, UNSOLVED)
+            self._record(last)
+            if not self.goes_on:
+                return last
+        if last is None:
+            return None
+        self.steps.begin(last.record.number, "solve again")
+        solved = assessed_again(self._problem, movable, self._settings, last.record)
+        self._kept = self._kept.solved(last, solved)
+        self.steps.begun = True
+        return solved
 
-    @property
-    def seconds(self) -> dict[str, float]:
-        """Wall time of the steps of the pass in the making."""
-        return {step: self._seconds.get(step, 0.0) for step in STEPS}
+    def add(self, solved: Solved, movable: MovableMesh) -> Solved:
+        """Keep a pass, hand over the result so far, write its file, and see whether that is enough."""
+        self._kept = self._kept.extended(solved)
+        self.steps.begun = True
+        if self._interim:
+            self._interim(self._result(under_way(self._kept.passes, self._kept.best.record)))
+        if self._checkpoint:
+            number = solved.record.number
+            with self.steps("checkpoint", f"checkpoint of pass {number}", number):
+                self._checkpoint.keep(solved.record, movable)
+        self._test()
+        return solved
 
-    @property
-    def begun(self) -> bool:
-        """Whether a mesh was solved in this process, so that there is something to give back."""
-        return self._last is not None and self._last.solution is not UNSOLVED
+    def _record(self, solved: Solved) -> None:
+        """Keep a pass that has its file already, and see whether that is enough."""
+        self._kept = self._kept.extended(solved)
+        self._test()
+
+    def _test(self) -> None:
+        passes = self._kept.passes
+        self.steps.next_pass(len(passes))
+        self._ending = self._stop(passes, self._kept.best.record, self.growing)
+
+    def end_unmoved(self, work: Work) -> None:
+        """End the loop with the mesh there is: nothing moved or flipped, so there is nothing to solve again."""
+        self._ending = not_moved(work, self._kept.best.record)
 
     @contextmanager
-    def timed(self, step: str, failing: str = "", number: int | None = None) -> Iterator[None]:
-        """Time one step of a pass; what goes wrong on the first mesh stays as it is, later it is a `StepFailed`.
-
-        That says what was `failing`, where it is not the step as a whole. The pass is the one in the making, if no
-        `number` of another is given.
-        """
-        self._begin(self.number if number is None else number, step)
-        start = perf_counter()
+    def ending_kept(self) -> Iterator[None]:
+        """Let Ctrl-C, and an exception of a step, end the loop with what there is, once there is something."""
         try:
             yield
-        except Exception as error:
-            if not self.begun:
+        except KeyboardInterrupt:
+            if not self.steps.begun:
                 raise
-            raise StepFailed(failing or step) from error
-        self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start
+            self._ending = interrupted(self._kept.passes, self._kept.best.record)
+        except StepFailed as failure:
+            self._ending = failed(failure, self.steps.number, self._kept.best.record)
 
-    def record(self, finished: Finished, solution: Any) -> None:
-        """Add a pass that is solved and estimated.
+    def result(self) -> AdaptResult:
+        """The best pass with its solution, the history and the way the loop ended."""
+        if self._ending is None:
+            raise RuntimeError("the loop has not ended.")
+        return self._result(final(self._ending, self._kept.passes, self._settings))
 
-        The best pass has the lowest functional if all passes are comparable by it, else the lowest estimate.
-        """
-        entry = _entry(self.number, finished)
-        worth = _weighted(finished) if self._norm == "L2" else entry.estimate
-        solved = _Solved(finished, solution, self._nodes_after(finished), worth)
-        least = solved if self._least is None or worth < self._least.worth else self._least
-        lowest = solved if self._lowest is None or solved.lies_below(self._lowest) else self._lowest
-        history, worths = (*self.history, entry), (*self.worths, worth)
-        comparable = self._comparable and finished.comparable and finished.functional is not None
-        # One statement without a call: Ctrl-C cannot fall in the middle of it.
-        self.history, self.worths, self._last, self._least, self._lowest, self._comparable, self._seconds = (
-            history, worths, solved, least, lowest, comparable, {}
-        )  # fmt: skip
-
-    def _nodes_after(self, finished: Finished) -> NDArray[np.intp]:
-        """Number in the input of every node of a mesh, -1 for a new one."""
-        if finished.move is None or self._last is None:
-            return np.arange(finished.mesh.p.shape[1])
-        old = finished.move.old
-        return np.where(old >= 0, self._last.nodes[old], -1)
-
-    def solve_last(self, solve: Callable[[Finished], Any]) -> None:
-        """Solve the last pass if that was not done in this process."""
-        self._solved_now(self._last, self.number - 1, solve)
-
-    def result(self, ending: Ending, solve: Callable[[Finished], Any]) -> AdaptResult:
-        """The best pass, solved if that was not done in this process, with the history and the way the loop ended."""
-        best = self._solved_now(self._lowest if self._comparable else self._least, self.best_number, solve)
+    def _result(self, ending: Ending) -> AdaptResult:
+        best = self._kept.best
+        solution = best.solution
+        if solution is UNSOLVED:
+            self.steps.begin(best.record.number, "solve again")
+            solution = solve_again(self._problem, best.record.mesh, best.record.indicators)
         return AdaptResult(
-            mesh=best.mesh,
-            solution=best.solution,
-            indicators=best.finished.indicators,
-            estimate=_root_sum(best.finished.indicators),
-            history=self.history,
+            mesh=best.record.mesh,
+            solution=solution,
+            indicators=best.record.indicators,
+            estimate=best.record.estimate,
+            history=self._kept.passes,
             status=ending.status,
             message=ending.message,
-            nodes=best.nodes,
+            nodes=best.record.nodes,
             error=ending.error,
         )
-
-    def _solved_now(self, chosen: _Solved | None, number: int, solve: Callable[[Finished], Any]) -> _Solved:
-        if chosen is None:
-            raise RuntimeError("the journal has no pass to give back.")
-        if chosen.solution is UNSOLVED:
-            self._begin(number, "solve again")
-            chosen.solution = solve(chosen.finished)
-        return chosen
-
-    def _begin(self, number: int, step: str) -> None:
-        if self._progress is not None:
-            self._progress(number, step)
-
-
-def _entry(number: int, finished: Finished) -> Pass:
-    """The pass as users see it."""
-    qualities, move = quality(finished.mesh), finished.move
-    return Pass(
-        number=number,
-        mesh=finished.mesh,
-        estimate=_root_sum(finished.indicators),
-        energy_norm=finished.energy_norm,
-        quantization_errors=move.quantization_errors if move else (),
-        min_quality=float(qualities.min()),
-        mean_quality=float(qualities.mean()),
-        max_displacement=move.max_displacement if move else 0.0,
-        seconds=finished.seconds,
-        functional=finished.functional,
-        polish_gain=move.polish_gain if move else 0.0,
-        collapses=move.collapses if move else 0,
-        splits=move.splits if move else 0,
-        outputs=finished.outputs,
-    )
-
-
-def _weighted(finished: Finished) -> float:
-    """The estimate of the error in L2."""
-    return _root_sum(finished.indicators * np.sqrt(area(finished.mesh)))
-
-
-def _root_sum(values: Floats) -> float:
-    """Square root of the sum of squares, scaled so that neither tiny nor huge values are lost."""
-    largest = values.max()
-    return float(largest * np.linalg.norm(values / largest)) if largest > 0.0 else 0.0

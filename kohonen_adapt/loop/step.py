@@ -1,128 +1,205 @@
-"""How a pass improves a mesh: the map learns the density of the error, then the polish descends the energy."""
+"""Assess a mesh: solve, estimate, and see what functional the solution minimises."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.steps import Steps
+from kohonen_adapt.mesh.measures import area, quality
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.functional import Functional, VariesInside
-from kohonen_adapt.polish.polish import SWEEPS, descend
-from kohonen_adapt.polish.transfer import Carrier
-from kohonen_adapt.problem.protocol import NotOffered, Problem, norm_of, order_of, ritz_of
-from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.polish.polish import descend
+from kohonen_adapt.polish.transfer import carried
+from kohonen_adapt.problem.outputs import Output, output_value
+from kohonen_adapt.problem.protocol import (
+    NotOffered,
+    Problem,
+    energy_norm,
+    estimate,
+    norm_of,
+    order_of,
+    ritz_of,
+    solve,
+    solve_again,
+)
+from kohonen_adapt.problem.ritz import functional_value
 from kohonen_adapt.som.density import density_from_indicators
-from kohonen_adapt.som.relocate import Trained, guarded_map, trained_map
-from kohonen_adapt.som.schedule import Schedule
+from kohonen_adapt.som.relocate import Moved, Work
+from kohonen_adapt.som.schedule import Schedule, check_training
+from kohonen_adapt.som.training_points import Density, density_of
 
-__all__ = ["Improvement", "Settings"]
+__all__ = [
+    "ONLY_ENDS",
+    "UNSOLVED",
+    "Settings",
+    "Solved",
+    "assess",
+    "assessed_again",
+    "density_for",
+    "polish_moved",
+]
+
+ONLY_ENDS = {"only ends": True}
+"""Metadata of a setting that says when to end, and changes no pass."""
+
+UNSOLVED = object()
+"""In place of the solution of a pass that was not solved in this process."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What every pass is improved with; see `adapt`."""
+    """What every pass depends on beside mesh and problem; see `adapt`."""
 
+    rules: Rules
     schedule: Schedule | None
-    limits: Limits
     seed: int
     polish: bool
+    growth: Growth = field(metadata={"argument": "target_nodes"})
+    outputs: Mapping[str, Output]
+    rtol: float | None = field(default=None, metadata=ONLY_ENDS)
+
+    def __post_init__(self) -> None:
+        check_training(self.schedule, self.seed)
+        if not isinstance(self.polish, bool | np.bool_):
+            raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
+
+    def rng(self, number: int) -> np.random.Generator:
+        """The generator of the training points that make pass `number`."""
+        return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
-class Improvement:
-    """Map and polish for the passes of one problem.
+@dataclass(frozen=True)
+class Solved:
+    """A pass with what the next one starts from, which no file keeps.
 
     Attributes
     ----------
-    skipped
-        Why there is no polish, or empty.
-    comparable
-        Whether the functional says which of two meshes is better: the admissible functions are the same on both.
+    record
+        The pass.
+    solution
+        What the problem's ``solve`` returned; `UNSOLVED` in a process that did not solve it.
+    functional
+        What the polish can lower, or None.
     """
 
-    def __init__(self, problem: Problem, settings: Settings) -> None:
-        self._problem = problem
-        self._settings = settings
-        self.skipped = why_skipped(problem) if settings.polish else "it is switched off"
-        self.comparable = False
-        self._ritz: Ritz | None = None  # of the last mesh that was solved
-
-    def functional(self, mesh: MeshTri, solution: Any) -> float | None:
-        """The Ritz functional of a mesh's own solution, or None where there is no polish.
-
-        It is seen whether the functional can be descended, and compared. Where one value is given all round no other
-        mesh can change that; elsewhere new nodes may see what the old ones did not.
-        """
-        if self.skipped:
-            return None
-        first = self._ritz is None
-        try:
-            self._ritz = ritz_of(self._problem, mesh, solution)
-        except NotOffered as reason:
-            self.skipped = str(reason)
-            return None
-        value = functional_value(mesh, self._ritz)
-        given = np.asarray(self._ritz.values)[np.asarray(self._ritz.fixed)]
-        if first or (self.comparable and np.ptp(given) > 0.0):
-            self._examine(mesh, self._ritz)
-        return None if self.skipped else value
-
-    def recall(self, comparable: bool, skipped: str) -> None:
-        """Take over what another process found out about the functional."""
-        self.comparable, self.skipped = comparable, skipped
-
-    def resume(self, mesh: MeshTri, solution: Any) -> None:
-        """Go on from the last mesh that another process solved."""
-        if not self.skipped:
-            self._ritz = ritz_of(self._problem, mesh, solution)
-
-    def _examine(self, mesh: MeshTri, ritz: Ritz) -> None:
-        som = guarded_map(mesh, self._settings.limits)
-        try:
-            self.comparable = Functional.of(ritz, som.triangulation, som.outline).comparable
-        except VariesInside:
-            self.skipped = "its coefficients vary inside a region of the mesh"
-
-    def train(self, mesh: MeshTri, indicators: Floats, number: int, nodes: int) -> Trained:
-        """Let the map learn where the error of pass `number` wants nodes, `nodes` of them at least."""
-        settings, problem = self._settings, self._problem
-        return trained_map(
-            mesh,
-            density_from_indicators(mesh, indicators, order=order_of(problem), norm=norm_of(problem)),
-            schedule=settings.schedule,
-            limits=settings.limits,
-            seed=int(np.random.SeedSequence((settings.seed, number)).generate_state(1)[0]),
-            target=nodes,
-        )
-
-    def polish(self, trained: Trained) -> float:
-        """Carry the last solution to the trained map and descend its functional there; returns what that gained."""
-        if self._ritz is None or self.skipped:
-            return 0.0
-        ritz, som = self._ritz, trained.som
-        functional = Functional.of(ritz, trained.triangulation, trained.outline)
-        carrier = Carrier.of(ritz, functional, trained.triangulation, trained.outline)
-        values, fixed = carrier.onto(som.triangulation, som.outline, trained.recycled.hint)
-        limits = self._settings.limits
-        flips, floor = limits.topology != "fixed", float(limits.min_quality)
-        return descend(
-            som.triangulation, som.outline, functional, values, fixed, sweeps=SWEEPS, flips=flips, floor=floor
-        )
-
-    @property
-    def remark(self) -> str:
-        """What a user should know about the polish of this problem, or empty."""
-        if not self._settings.polish or (self.comparable and not self.skipped):
-            return ""
-        if self.skipped:
-            return f"there was no polish: {self.skipped}"
-        return (
-            "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
-            "nodes were not polished, and passes were compared by the estimate"
-        )
+    record: Pass
+    solution: Any
+    functional: Functional | None = None
 
 
-def why_skipped(problem: Problem) -> str:
-    """Why a problem's energy is not polished, or empty: `ritz_of` has reasons of its own."""
-    return "" if norm_of(problem) == "energy" else f"its norm is {norm_of(problem)!r}, not 'energy'"
+def assess(
+    problem: Problem,
+    movable: MovableMesh,
+    settings: Settings,
+    steps: Steps,
+    before: Solved | None = None,
+    moved: Moved | None = None,
+    polish_gain: float = 0.0,
+) -> Solved:
+    """Solve and estimate a movable mesh as it is now.
+
+    Parameters
+    ----------
+    problem, movable, settings
+        What is solved, where, and with which outputs.
+    steps
+        Times the steps.
+    before, moved, polish_gain
+        The pass before, and what made this mesh from that one's; None for the input.
+    """
+    mesh = movable.mesh() if before else movable.came_from
+    with steps("solve"):
+        solution = solve(problem, mesh, before.record.mesh if before else None, before.solution if before else None)
+    with steps("estimate"):
+        indicators = estimate(problem, mesh, solution)
+        norm = energy_norm(problem, mesh, solution, settings.rtol)
+        functional, value, unpolished = functional_of(problem, movable, mesh, solution, settings)
+    outputs = {}
+    for name, function in settings.outputs.items():
+        with steps("estimate", f"output {name!r}"):
+            outputs[name] = output_value(name, function, solution)
+    qualities, work = quality(mesh), moved.work(movable, polish_gain) if moved else Work()
+    record = Pass(
+        **vars(work),
+        number=before.record.number + 1 if before else 0,
+        mesh=mesh,
+        indicators=indicators,
+        nodes=numbers_in_input(before, moved, movable),
+        estimate=root_of_squares(indicators),
+        worth=root_of_squares(indicators if norm_of(problem) == "energy" else indicators * np.sqrt(area(mesh))),
+        energy_norm=norm,
+        min_quality=float(qualities.min()),
+        mean_quality=float(qualities.mean()),
+        seconds=steps.seconds,
+        functional=value,
+        comparable=functional is not None and functional.comparable,
+        unpolished=unpolished,
+        outputs=outputs,
+    )
+    return Solved(record, solution, functional)
+
+
+def assessed_again(problem: Problem, movable: MovableMesh, settings: Settings, record: Pass) -> Solved:
+    """Solve a mesh that another process solved and estimated, to go on from there.
+
+    Raises
+    ------
+    ValueError
+        If its indicators are no longer those of before, so that it is another problem.
+    """
+    solution = solve_again(problem, record.mesh, record.indicators)
+    return Solved(record, solution, functional_of(problem, movable, record.mesh, solution, settings)[0])
+
+
+def functional_of(
+    problem: Problem, movable: MovableMesh, mesh: MeshTri, solution: Any, settings: Settings
+) -> tuple[Functional | None, float | None, str]:
+    """What the solution minimises and its value, None where there is no polish, and then why not."""
+    if not settings.polish:
+        return None, None, "it is switched off"
+    if norm_of(problem) != "energy":
+        return None, None, f"its norm is {norm_of(problem)!r}, not 'energy'"
+    try:
+        ritz = ritz_of(problem, mesh, solution)
+        value = functional_value(mesh, ritz)
+        return Functional.of(ritz, movable), value, ""
+    except NotOffered as offered:
+        return None, None, str(offered)
+    except VariesInside:
+        return None, None, "its coefficients vary inside a region of the mesh"
+
+
+def density_for(problem: Problem, movable: MovableMesh, solved: Solved) -> Density:
+    """The density of nodes for which all elements of the mesh would carry the same error."""
+    record = solved.record
+    density = density_from_indicators(record.mesh, record.indicators, order=order_of(problem), norm=norm_of(problem))
+    return density_of(movable.triangulation, density)
+
+
+def polish_moved(movable: MovableMesh, moved: Moved, functional: Functional | None) -> float:
+    """Carry the last solution to the moved mesh and descend its functional there; returns what that gained."""
+    if functional is None:
+        return 0.0
+    values, fixed = carried(functional, moved.before, movable, moved.recycled.hint)
+    return descend(movable, functional, values, fixed)
+
+
+def numbers_in_input(before: Solved | None, moved: Moved | None, movable: MovableMesh) -> Ints:
+    """Number in the input of every node of a mesh, -1 for a new one."""
+    if before is None or moved is None:
+        return np.arange(movable.nnodes)
+    old = moved.recycled.old
+    return np.where(old >= 0, before.record.nodes[old], -1)
+
+
+def root_of_squares(values: Floats) -> float:
+    """Square root of the sum of squares, scaled so that neither tiny nor huge values are lost."""
+    largest = values.max()
+    return float(largest * np.linalg.norm(values / largest)) if largest > 0.0 else 0.0

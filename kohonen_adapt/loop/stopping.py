@@ -1,17 +1,29 @@
-"""When the loop ends, and the sentence it then says."""
+"""Decide when the loop ends, and say it in a sentence."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.loop.history import Ending, Journal, StepFailed
-from kohonen_adapt.loop.result import Pass, Status
+from kohonen_adapt.checks import check_count, check_hook, is_number
+from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.step import Settings
+from kohonen_adapt.loop.steps import StepFailed
 from kohonen_adapt.problem.outputs import have_settled
-from kohonen_adapt.som.relocate import Relocation
+from kohonen_adapt.som.relocate import Work
 
-__all__ = ["STALL_GAIN", "STALL_PASSES", "StopTest", "failed", "interrupted", "not_moved", "remarked", "under_way"]
+__all__ = [
+    "STALL_GAIN",
+    "STALL_PASSES",
+    "Ending",
+    "StopTest",
+    "failed",
+    "final",
+    "interrupted",
+    "not_moved",
+    "under_way",
+]
 
 # The estimate of a pass carries about one per cent of chance (other training points), so one pass without a gain says
 # little: the next one often gains again. Over the L-shape, example 22 of scikit-fem and a square magnet, at 225 to 3201
@@ -21,16 +33,24 @@ STALL_PASSES = 2
 STALL_GAIN = 1e-3
 
 
-class Targets(NamedTuple):
-    """What a pass must come down to: the estimate to `tolerance`, the change of every output to `change`."""
+# How a loop ends that nothing has cut short.
+AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
 
-    tolerance: float | None
-    change: float | None
+Passes = tuple[Pass, ...]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How the loop ended: status, message, and the exception of a failure."""
+
+    status: Status
+    message: str
+    error: Exception | None = None
 
 
 @dataclass(frozen=True)
 class StopTest:
-    """The stop test of the loop, asked once about every pass."""
+    """The stop test of the loop, asked once about every pass; see `adapt`."""
 
     passes: int
     rtol: float | None
@@ -38,161 +58,140 @@ class StopTest:
     output_rtol: float | None
     callback: Callable[[Pass], Any] | None
 
-    def __call__(self, journal: Journal, move: Relocation | None, growing: bool) -> Ending | None:
-        """The ending, or None to go on; `move` made the last pass. The callback hears of every pass, the last too.
+    def __post_init__(self) -> None:
+        check_count("passes", self.passes)
+        check_hook("callback", self.callback, "the pass")
+        for name in ("rtol", "atol"):
+            value = getattr(self, name)
+            if value is not None and not (is_number(value) and 0.0 <= value < np.inf):
+                raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
+
+    def __call__(self, passes: Passes, best: Pass, growing: bool) -> Ending | None:
+        """The ending after the last of the passes, or None to go on. The callback hears of every pass, the last too.
 
         While the mesh is `growing`, that nothing moved or improved is no reason to end.
         """
-        last = journal.history[-1]
+        last, result = passes[-1], said(best)
         told = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
-            return _nothing_to_gain(last)
-        if self._met(journal):
-            return _converged(journal, self._targets(last))
+            zero = f"every indicator of pass {last.number} is zero, so the mesh can be used as it is"
+            return Ending(Status.CONVERGED, f"Converged: {zero}.")
+        if self._met(passes):
+            return Ending(Status.CONVERGED, f"Converged: {self._reached(last)}; {result}, use it as it is.")
         # Only a plain True stops: a callback that happens to return something (a path, a list) means nothing by it.
         if isinstance(told, bool | np.bool_) and told:
-            return _stopped(journal)
-        if move is not None and move.moved == 0 and not growing:
-            return not_moved(journal, move)
-        if _stalls(journal.worths) and not growing:
-            return _stalled(journal)
-        if last.number == self.passes:
-            return _max_passes(journal, self._targets(last))
-        return None
+            after = f"after pass {last.number}; {result}, adapt it again to go on"
+            return Ending(Status.STOPPED, f"Stopped by the callback {after}.")
+        if last.number > 0 and last.moved == 0 and not growing:
+            return not_moved(last, best)
+        if _stalls([step.worth for step in passes]) and not growing:
+            gained = f"the last {STALL_PASSES} passes together gained no more than {_percent(STALL_GAIN)}"
+            advice = "start from a mesh of more nodes for a smaller error"
+            return Ending(Status.STALLED, f"Stalled: {gained}; {result}, {advice}.")
+        return self._all_passes(last, result) if last.number == self.passes else None
 
-    @property
-    def _tolerant(self) -> bool:
-        return self.rtol is not None or self.atol is not None
+    def _all_passes(self, last: Pass, result: str) -> Ending:
+        if last.number == 0:
+            text = "The input was solved and estimated and nothing moved; ask for passes >= 1 to adapt it."
+        else:
+            done = f"All passes asked for ({last.number}) are done{self._missed(last)}"
+            text = f"{done}; {result}, ask for more to go on."
+        return Ending(Status.MAX_PASSES, text)
 
-    def _met(self, journal: Journal) -> bool:
+    def _met(self, passes: Passes) -> bool:
         """Whether there are targets and the last pass meets them all."""
-        *_, last = journal.history
-        if self._tolerant and last.estimate > self._tolerance(last):
+        tolerance = self._tolerance(passes[-1])
+        if tolerance is not None and passes[-1].estimate > tolerance:
             return False
-        return self._tolerant if self.output_rtol is None else self._settled(journal, self.output_rtol)
+        if self.output_rtol is None:
+            return tolerance is not None
+        return len(passes) > 1 and have_settled(passes[-2].outputs, passes[-1].outputs, self.output_rtol)
 
-    def _settled(self, journal: Journal, tolerance: float) -> bool:
-        if len(journal.history) < 2:
-            return False
-        before, last = journal.history[-2:]
-        return have_settled(before.outputs, last.outputs, tolerance)
-
-    def _targets(self, last: Pass) -> "Targets":
-        return Targets(self._tolerance(last) if self._tolerant else None, self.output_rtol)
-
-    def _tolerance(self, last: Pass) -> float:
+    def _tolerance(self, last: Pass) -> float | None:
+        """What the estimate must come down to, None where that is not asked for."""
+        if self.rtol is None and self.atol is None:
+            return None
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
 
+    def _reached(self, last: Pass) -> str:
+        """The targets that the last pass met."""
+        reached, tolerance = [], self._tolerance(last)
+        if tolerance is not None:
+            estimate = f"the estimate {last.estimate:.4g} of pass {last.number}"
+            reached.append(f"{estimate} is within the tolerance {tolerance:.4g}")
+        if self.output_rtol is not None:
+            reached.append(f"no output changed by more than {_percent(self.output_rtol)} in pass {last.number}")
+        return " and ".join(reached)
 
-def not_moved(journal: Journal, move: Relocation) -> Ending:
+    def _missed(self, last: Pass) -> str:
+        """The targets that the last pass did not meet, or empty."""
+        wanted, tolerance = [], self._tolerance(last)
+        if tolerance is not None:
+            wanted.append(f"reaching the tolerance {tolerance:.4g}")
+        if self.output_rtol is not None:
+            wanted.append(f"all outputs settling within {_percent(self.output_rtol)}")
+        return f" without {' and '.join(wanted)}" if wanted else ""
+
+
+def final(ending: Ending, passes: Passes, settings: Settings) -> Ending:
+    """The ending with what else there is to say: why there was no polish, and how many nodes are missing."""
+    remarks = [_polish_remark(passes, settings)]
+    if ending.status in AT_ITS_END:
+        remarks.append(settings.growth.shortfall(passes[-1].mesh.p.shape[1]))
+    message = "; ".join([ending.message.removesuffix("."), *filter(None, remarks)])
+    return replace(ending, message=f"{message}.")
+
+
+def _polish_remark(passes: Passes, settings: Settings) -> str:
+    """What a user should know about the polish of this problem, or empty."""
+    unpolished = next((step.unpolished for step in passes if step.unpolished), "")
+    if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
+        return ""
+    if unpolished:
+        return f"there was no polish: {unpolished}"
+    return (
+        "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
+        "nodes were not polished, and passes were compared by the estimate"
+    )
+
+
+def not_moved(work: Work, best: Pass) -> Ending:
     """The map found nothing that could move."""
-    return Ending(
-        Status.NOT_MOVED, f"Nothing could move: {move.message.rstrip('.')}; {_best(journal)}, change that to go on."
-    )
+    why = work.why_still.rstrip(".")
+    return Ending(Status.NOT_MOVED, f"Nothing could move: {why}; {said(best)}, change that to go on.")
 
 
-def remarked(ending: Ending, remark: str) -> Ending:
-    """The ending with one thing more to say at the end of its sentence."""
-    return replace(ending, message=f"{ending.message.removesuffix('.')}; {remark}.") if remark else ending
-
-
-def under_way(journal: Journal) -> Ending:
+def under_way(passes: Passes, best: Pass) -> Ending:
     """A pass is done and there may be more."""
-    return Ending(
-        Status.STOPPED, f"Under way: pass {journal.history[-1].number} is done; {_best(journal)}, adapt it to go on."
-    )
+    done = f"pass {passes[-1].number} is done"
+    return Ending(Status.STOPPED, f"Under way: {done}; {said(best)}, adapt it to go on.")
 
 
-def interrupted(journal: Journal) -> Ending:
+def interrupted(passes: Passes, best: Pass) -> Ending:
     """Ctrl-C, with something to give back."""
-    return Ending(
-        Status.STOPPED,
-        f"Stopped by Ctrl-C after pass {journal.history[-1].number}; {_best(journal)}, adapt it again to go on.",
-    )
+    after = f"after pass {passes[-1].number}"
+    return Ending(Status.STOPPED, f"Stopped by Ctrl-C {after}; {said(best)}, adapt it again to go on.")
 
 
-def failed(journal: Journal, failure: StepFailed) -> Ending:
-    """A step raised on the way to the next pass."""
+def failed(failure: StepFailed, number: int, best: Pass) -> Ending:
+    """A step raised on the way to pass `number`."""
     error = failure.__cause__
-    return Ending(
-        Status.FAILED,
-        f"Failed in pass {journal.number}, {failure.step}: {_first_line(error)}; "
-        f"{_best(journal)}, the exception is in error.",
-        error if isinstance(error, Exception) else None,
-    )
+    first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
+    message = f"Failed in pass {number}, {failure.step}: {first_line}; {said(best)}, the exception is in error."
+    return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 
-def _first_line(error: BaseException | None) -> str:
-    """Type and first line of an exception, for the middle of a sentence."""
-    return ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
+def said(best: Pass) -> str:
+    """Which pass is the result, for the middle of a sentence."""
+    return f"the result is {f'pass {best.number}' if best.number else 'the input'} (estimate {best.estimate:.4g})"
 
 
-def _nothing_to_gain(last: Pass) -> Ending:
-    return Ending(
-        Status.CONVERGED,
-        f"Converged: every indicator of pass {last.number} is zero, so the mesh can be used as it is.",
-    )
-
-
-def _converged(journal: Journal, targets: Targets) -> Ending:
-    last = journal.history[-1]
-    reached = []
-    if targets.tolerance is not None:
-        reached.append(
-            f"the estimate {last.estimate:.4g} of pass {last.number} is within the tolerance {targets.tolerance:.4g}"
-        )
-    if targets.change is not None:
-        reached.append(f"no output changed by more than {_percent(targets.change)} in pass {last.number}")
-    return Ending(Status.CONVERGED, f"Converged: {' and '.join(reached)}; {_best(journal)}, use it as it is.")
-
-
-def _stopped(journal: Journal) -> Ending:
-    return Ending(
-        Status.STOPPED,
-        f"Stopped by the callback after pass {journal.history[-1].number}; {_best(journal)}, adapt it again to go on.",
-    )
-
-
-def _stalls(worths: tuple[float, ...]) -> bool:
+def _stalls(worths: list[float]) -> bool:
     """Whether the last passes together have not lowered the best before them by more than a hair."""
     if len(worths) <= STALL_PASSES:
         return False
     return min(worths[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(worths[:-STALL_PASSES])
 
 
-def _stalled(journal: Journal) -> Ending:
-    return Ending(
-        Status.STALLED,
-        f"Stalled: the last {STALL_PASSES} passes together gained no more than {100 * STALL_GAIN:g} %; "
-        f"{_best(journal)}, start from a mesh of more nodes for a smaller error.",
-    )
-
-
-def _max_passes(journal: Journal, targets: Targets) -> Ending:
-    number = journal.history[-1].number
-    if number == 0:
-        return Ending(
-            Status.MAX_PASSES, "The input was solved and estimated and nothing moved; ask for passes >= 1 to adapt it."
-        )
-    return Ending(
-        Status.MAX_PASSES,
-        f"All passes asked for ({number}) are done{_missed(targets)}; {_best(journal)}, ask for more to go on.",
-    )
-
-
-def _missed(targets: Targets) -> str:
-    wanted = []
-    if targets.tolerance is not None:
-        wanted.append(f"reaching the tolerance {targets.tolerance:.4g}")
-    if targets.change is not None:
-        wanted.append(f"all outputs settling within {_percent(targets.change)}")
-    return f" without {' and '.join(wanted)}" if wanted else ""
-
-
 def _percent(fraction: float) -> str:
     return f"{100.0 * fraction:.4g} %"
-
-
-def _best(journal: Journal) -> str:
-    best = journal.history[journal.best_number]
-    return f"the result is {f'pass {best.number}' if best.number else 'the input'} (estimate {best.estimate:.4g})"

@@ -109,13 +109,6 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> import numpy as np, skfem, kohonen_adapt as ka
-    >>> mesh = skfem.MeshTri().refined(2)
-    >>> ka.interpolate(mesh, 2 * mesh.p[0], np.array([[0.3, 2.0], [0.4, 0.0]])).round(12)
-    array([0.6, nan])
-
-    Examples
-    --------
     >>> import skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(2)
     >>> ka.interpolate(mesh, mesh.p[0] + mesh.p[1], [[0.3, 2.0], [0.4, 0.0]]).round(9).tolist()

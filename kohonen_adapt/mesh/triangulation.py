@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Triangulation", "empty_star"]
+__all__ = ["Triangulation", "star_of"]
 
 
 @dataclass
@@ -53,8 +53,7 @@ class Triangulation:
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = counter_clockwise(position, mesh.t)
         neighbour = np.empty_like(node)
-        star = empty_star(len(position), len(node))
-        fill_star(node, star)
+        star = star_of(node, len(position))
         fold = link_neighbours(node, star, neighbour)
         if fold >= 0:
             raise ValueError(
@@ -130,10 +129,12 @@ def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
     return np.stack([low, a + b + c - low - high, high])
 
 
-def empty_star(nnodes: int, nelements: int) -> Star:
-    """Room for the elements around every node."""
-    rows = [np.empty(3 * nelements, dtype=np.int32) for _ in range(3)]
-    return Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
+def star_of(node: Ints, nnodes: int) -> Star:
+    """The elements around every node, of elements (m, 3)."""
+    rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
+    star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
+    fill_star(node, star)
+    return star
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -1,8 +1,7 @@
-"""Chains: runs of outline facets cut into straight pieces and curves, and the tables of where nodes on them may be."""
+"""Tabulate chains: where the nodes on every piece of outline may be."""
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,96 +11,27 @@ from kohonen_adapt.kernels.arrays import (
     AT,
     AT_X,
     AT_Y,
-    FIRST,
-    IS_CLOSED,
-    IS_ROUND,
-    LAST,
     RATE_X,
     RATE_Y,
     ROUND,
     TABLED,
     Chains,
 )
-from kohonen_adapt.kernels.triangle.trace import cut_runs, lengths_and_angles
-from kohonen_adapt.outline.curves import Arc, Curve, Line
+from kohonen_adapt.kernels.triangle.trace import lengths_and_angles
+from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.facets import Facets
-from kohonen_adapt.outline.polylines import Runs
+from kohonen_adapt.outline.polylines import Pieces, Runs, nodes_of
 
 logger = logging.getLogger(__package__)
 
-__all__ = [
-    "Pieces",
-    "chains_of",
-    "curve_of_facets",
-    "cut",
-    "pair_chains",
-    "projected",
-    "without_corner",
-]
+__all__ = ["chains_of", "curve_of_facets", "pair_chains", "without_corner"]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one
 ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
-NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
-BITS = 43  # of centres and radii of recognised circles
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """What the runs were cut into, a row for each piece.
-
-    Attributes
-    ----------
-    rows
-        (p, 4): slots of the first and the last node, whether it is round, whether it is closed.
-    circle
-        (p, 3): centre and radius of round ones.
-    curve
-        (p,): which of the given curves it is on, -1 for none.
-    """
-
-    rows: Ints
-    circle: Floats
-    curve: Ints
-
-    @property
-    def first(self) -> Ints:
-        """Slots of the first nodes, (p,)."""
-        return self.rows[:, FIRST]
-
-    @property
-    def last(self) -> Ints:
-        """Slots of the last nodes, (p,)."""
-        return self.rows[:, LAST]
-
-    @property
-    def facets(self) -> Ints:
-        """Numbers of facets, (p,)."""
-        return self.last - self.first
-
-    @property
-    def is_round(self) -> Mask:
-        """Which are arcs or circles, (p,)."""
-        return self.rows[:, IS_ROUND] == 1
-
-    @property
-    def closed(self) -> Mask:
-        """Which are closed, (p,)."""
-        return self.rows[:, IS_CLOSED] == 1
-
-    @property
-    def of_slot(self) -> Ints:
-        """The piece of the facet after every slot, for the slots of pieces one after another."""
-        return np.repeat(np.arange(len(self.rows)), self.facets)
-
-    @property
-    def slots(self) -> Ints:
-        """The slots of the first nodes of all facets, piece by piece."""
-        count = self.facets
-        return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 
 
 def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
@@ -129,39 +59,6 @@ def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
     """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
     smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
     return smooth[curve]
-
-
-def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
-    """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
-
-    Raises
-    ------
-    ValueError
-        If the nodes of a boundary are not near the curve given for it.
-    """
-    node, facet = runs.node.copy(), runs.facet.copy()
-    of_run = curve[facet[runs.start[:-1]]]
-    most = len(facet) + len(of_run)
-    rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
-    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
-    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, FIRST]]])
-    for p in np.flatnonzero(pieces.curve >= 0).tolist():
-        name, given = list(curves.items())[pieces.curve[p]]
-        check_near(nodes_of(position, node, pieces, p), given, name)
-        if isinstance(given, Arc):
-            pieces.rows[p, IS_ROUND], pieces.circle[p] = 1, (*given.centre, given.radius)
-    return runs._replace(node=node, facet=facet), pieces
-
-
-def without_noise(circle: Floats) -> Floats:
-    """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
-    step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
-    return np.round(circle / step) * step + 0.0  # no -0
-
-
-def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
-    """Where the nodes of a piece are, in order, (k, 2)."""
-    return position[node[pieces.first[p] : pieces.last[p] + 1]]
 
 
 def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve]) -> Chains:
@@ -239,34 +136,6 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
     bow = min(longest, reach * (reach / (4.0 * tightest))) if tightest < np.inf else 0.0
     table.reach[p], table.merged[p] = reach, 0.5 * reach
     table.bulge[p] = bow + NEAR * size_of(knots[:, POSITION])
-
-
-def projected(curve: Curve, points: Floats, name: str) -> Floats:
-    """The points (n, 2) of a curve nearest to some, checked."""
-    found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
-    wrong = np.sum(~np.isfinite(found))
-    if found.shape != (2, len(points)) or wrong:
-        raise ValueError(
-            f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
-            f"got shape {found.shape}, {wrong} coordinates not finite."
-        )
-    return np.ascontiguousarray(found.T)
-
-
-def check_near(nodes: Floats, curve: Curve, name: str) -> None:
-    """Refuse a curve that the nodes of its boundary are not on."""
-    way = nodes - projected(curve, nodes, name)
-    off, size = np.sqrt(np.max(np.sum(way**2, axis=1))), size_of(nodes)
-    if off > NEAR * size:
-        raise ValueError(
-            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size "
-            f"{size:.6g}; one is {off:.6g} away. Give the curve that the mesh was made with."
-        )
-
-
-def size_of(nodes: Floats) -> float:
-    """The larger extent of some points (n, 2)."""
-    return float(np.max(np.ptp(nodes, axis=0)))
 
 
 def cross(u: Floats, w: Floats) -> Floats:

@@ -1,6 +1,5 @@
 """Project points on the curves that nodes may slide on: lines, circles and any with a method `project`."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 from numbers import Real
@@ -9,10 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import listed
+from kohonen_adapt.arrays import Floats
 
-__all__ = ["Arc", "Curve", "Line", "check_curves", "checked_points"]
+__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "checked_points", "projected", "size_of"]
+
+NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 
 
 class Curve(Protocol):
@@ -161,25 +161,29 @@ def checked_points(points: ArrayLike, what: str) -> Floats:
     return array
 
 
-def check_curves(curves: Mapping[str, Curve] | None, boundaries: Mapping[str, Ints] | None) -> dict[str, Curve]:
-    """The curves that were given for boundaries of a mesh.
+def projected(curve: Curve, points: Floats, name: str) -> Floats:
+    """The points (n, 2) of a curve nearest to some, checked."""
+    found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
+    wrong = np.sum(~np.isfinite(found))
+    if found.shape != (2, len(points)) or wrong:
+        raise ValueError(
+            f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
+            f"got shape {found.shape}, {wrong} coordinates not finite."
+        )
+    return np.ascontiguousarray(found.T)
 
-    Raises
-    ------
-    ValueError
-        If it is no mapping, a name is not that of a boundary, or a curve has no method `project`.
-    """
-    if curves is None:
-        return {}
-    if not isinstance(curves, Mapping):
-        raise ValueError(f"curves must map names of boundaries to curves; got {type(curves).__name__}.")
-    for name, curve in curves.items():
-        if name not in (boundaries or {}):
-            known = listed(boundaries or {})
-            raise ValueError(f"curves has {name!r}, which is no boundary of the mesh; its boundaries are: {known}.")
-        if not callable(getattr(curve, "project", None)):
-            raise ValueError(
-                f"the curve of boundary {name!r} must be a kohonen_adapt.Line, Arc or Spline, or have a method "
-                f"project(x (2, n)) -> (2, n); got {curve!r}."
-            )
-    return dict(curves)
+
+def check_near(nodes: Floats, curve: Curve, name: str) -> None:
+    """Refuse a curve that the nodes of its boundary are not on."""
+    way = nodes - projected(curve, nodes, name)
+    off, size = np.sqrt(np.max(np.sum(way**2, axis=1))), size_of(nodes)
+    if off > NEAR * size:
+        raise ValueError(
+            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size "
+            f"{size:.6g}; one is {off:.6g} away. Give the curve that the mesh was made with."
+        )
+
+
+def size_of(nodes: Floats) -> float:
+    """The larger extent of some points (n, 2)."""
+    return float(np.max(np.ptp(nodes, axis=0)))

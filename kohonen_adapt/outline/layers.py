@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
 from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.kernels.triangle.across import lower_to_steps
-from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facing import facing_sides, joined
+from kohonen_adapt.outline.rules import checked_layers
 
 __all__ = ["lay"]
 
@@ -51,7 +50,7 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
         If `layers` is no mapping from names of subdomains to integers >= 1, a subdomain has no two sides or fewer
         layers than that, or subdomains touch so that no levels fit all.
     """
-    wanted = checked(layers, triangulation.mesh.subdomains)
+    wanted = checked_layers(triangulation.mesh, layers)
     bands: list[Band] = []
     for name, number in wanted.items():
         rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
@@ -64,23 +63,6 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
         for band in bands:
             check_number(triangulation.position, band)
         triangulation.elements.level[:] = levels_of(bands, triangulation.nnodes)
-
-
-def checked(layers: Mapping[str, int] | None, subdomains: Mapping[str, Ints] | None) -> dict[str, int]:
-    """How many layers each subdomain is to have."""
-    if layers is None:
-        return {}
-    if not isinstance(layers, Mapping):
-        raise ValueError(f"layers must map names of subdomains to numbers of layers; got {type(layers).__name__}.")
-    known = named_sets(subdomains)
-    for name, number in layers.items():
-        if name not in known:
-            raise ValueError(
-                f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {listed(known)}."
-            )
-        if not isinstance(number, int | np.integer) or isinstance(number, bool) or number < 1:
-            raise ValueError(f"layers of subdomain {name!r} must be an integer >= 1; got {number!r}.")
-    return {name: int(number) for name, number in layers.items()}
 
 
 def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:

@@ -1,6 +1,5 @@
 """Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +7,14 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import (
     FREE,
     HELD,
     JUNCTION,
     OTHER,
     OWN,
+    ROUND,
     SLIDING,
     STRAIGHT,
     TABLED,
@@ -25,21 +25,14 @@ from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, find_par
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import (
-    Pieces,
-    chains_of,
-    curve_of_facets,
-    cut,
-    pair_chains,
-    projected,
-    without_corner,
-)
-from kohonen_adapt.outline.curves import Curve, check_curves
+from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains, without_corner
+from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
-from kohonen_adapt.outline.polylines import Runs
+from kohonen_adapt.outline.polylines import Pieces, Runs, cut
+from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
 
-__all__ = ["Outline", "pinned_nodes"]
+__all__ = ["Outline"]
 
 STILL = 1e-13  # of the size of the mesh: a node so near to its place on its curve is left there
 
@@ -69,18 +62,10 @@ class Outline:
     given: Ints
 
     @classmethod
-    def of(
-        cls,
-        triangulation: Triangulation,
-        pinned: Mask,
-        curves: Mapping[str, Curve] | None = None,
-        periodic: Sequence[tuple[str, str]] = (),
-        *,
-        junctions: bool = False,
-    ) -> "Outline":
+    def of(cls, triangulation: Triangulation, rules: Rules) -> "Outline":
         """Find the chains of a triangulation, and mark their facets in it.
 
-        Neurons may leave `junctions` of three chains if elements may change sides for that.
+        Nodes may leave junctions of three chains where edges may flip: elements then change sides for that.
 
         Raises
         ------
@@ -88,9 +73,10 @@ class Outline:
             If a curve is given for what is no boundary, or the nodes there are not on it; if periodic boundaries do not
             match.
         """
-        curves = check_curves(curves, triangulation.mesh.boundaries)
+        pinned = pinned_nodes(triangulation.mesh, rules.pinned)
+        curves = checked_curves(triangulation.mesh, rules.curves)
         facets = outline_facets(triangulation)
-        pairs = find_pairs(triangulation, facets, periodic)
+        pairs = find_pairs(triangulation, facets, rules.periodic)
         curve = curve_of_facets(facets, curves)
         joints = joints_of(facets, triangulation.position, without_corner(curve, curves))
         runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves)
@@ -102,7 +88,7 @@ class Outline:
         occupied[facets.nodes[pairs.facet >= 0]] = True
         constraints = Constraints(
             kind=kinds_of(facets, sliding, pinned),
-            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, junctions),
+            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, rules.flips),
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
             chains=chains,
@@ -144,6 +130,37 @@ class Outline:
         """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
         return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
 
+    @property
+    def straight(self) -> Mask:
+        """Chains that are straight, (c,)."""
+        return self.constraints.chains.shape == STRAIGHT
+
+    @property
+    def on_circles(self) -> Mask:
+        """Chains that are arcs or circles, (c,)."""
+        return self.constraints.chains.shape == ROUND
+
+    def nodes_by_freedom(self) -> dict[str, Mask]:
+        """Masks (n,) of the nodes that are free, that slide on outlines, that others may take the place of, and held.
+
+        The keys are words for a legend.
+        """
+        kind, (one, other) = self.constraints.kind, self.constraints.chain.T
+        held, jumps = kind == HELD, (other >= 0) | (one == JUNCTION)
+        return {
+            "free": kind == FREE,
+            "sliding": kind == SLIDING,
+            "in corners that others may take": held & jumps,
+            "held for good": held & ~jumps,
+        }
+
+    def points_on(self, chain: Ints, parameter: Floats) -> Floats:
+        """The points of chains (k,) at so much arc length, (k, 2)."""
+        along = self.constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
+        points = np.empty((len(chain), 2))
+        look_up(along, np.arange(len(chain)), points)
+        return points
+
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""
         if triangulation.mesh.boundaries is None:
@@ -162,43 +179,6 @@ class Outline:
         e, k = e[first], k[first]
         side = turned(self.names[name][chain[e, k]], runs_along(triangulation, self.constraints, e, k))
         return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
-
-
-def pinned_nodes(mesh: MeshTri, pinned: Sequence[int | str] | Ints | str) -> Mask:
-    """Mask (nodes,) of the nodes meant by node indices and names of boundaries and subdomains.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown or both a boundary and a subdomain, an index is out of range, or an entry is neither an
-        integer nor a name.
-    """
-    mask = np.zeros(mesh.p.shape[1], dtype=bool)
-    if not isinstance(pinned, Iterable):
-        raise ValueError(f"pinned must be a sequence of node numbers and names; got {pinned!r}.")
-    for entry in [pinned] if isinstance(pinned, str) else pinned:
-        if isinstance(entry, str):
-            mask[nodes_of_name(mesh, entry)] = True
-        elif isinstance(entry, int | np.integer) and not isinstance(entry, bool):
-            if not 0 <= entry < len(mask):
-                raise ValueError(f"pinned nodes must be from 0 to {len(mask) - 1}; got {entry}.")
-            mask[entry] = True
-        else:
-            raise ValueError(f"pinned must hold node numbers and names; got {entry!r}.")
-    return mask
-
-
-def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
-    """The nodes of a named boundary or subdomain."""
-    boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
-    if name in boundaries and name in subdomains:
-        raise ValueError(f"pinned name {name!r} is both a boundary and a subdomain; rename one of them.")
-    if name in boundaries:
-        return mesh.facets[:, np.asarray(boundaries[name])]
-    if name in subdomains:
-        return mesh.t[:, subdomains[name]]
-    known = ", ".join(repr(known) for known in sorted({*boundaries, *subdomains})) or "none"
-    raise ValueError(f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {known}.")
 
 
 def cut_alike(

@@ -9,9 +9,9 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import Facets, outline_facets
+from kohonen_adapt.outline.rules import checked_pairs
 
 __all__ = ["Pairs", "find_pairs", "image_nodes"]
 
@@ -54,7 +54,7 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
     mesh, n = triangulation.mesh, triangulation.nnodes
     partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
     facet_motion, motions = np.full(len(facets.element), -1), list[Floats]()
-    for one, other in checked_names(periodic, mesh):
+    for one, other in checked_pairs(mesh, periodic):
         check_outer(triangulation, facets, one, other)
         there, nodes, images = matched(mesh, facets, one, other)
         moved = nodes != images
@@ -78,26 +78,10 @@ def image_nodes(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tupl
     """
     triangulation = Triangulation.of(mesh)
     facets, found = outline_facets(triangulation), []
-    for one, other in checked_names(periodic, mesh):
+    for one, other in checked_pairs(mesh, periodic):
         check_outer(triangulation, facets, one, other)
         found.append(matched(mesh, facets, one, other)[1:])
     return found
-
-
-def checked_names(periodic: Sequence[tuple[str, str]], mesh: MeshTri) -> list[tuple[str, str]]:
-    """Pairs of names of boundaries, each in no more than one pair."""
-    known, seen = mesh.boundaries or {}, set[str]()
-    for pair in periodic:
-        if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise ValueError(f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
-        for name in pair:
-            if name not in known:
-                has = listed(known)
-                raise ValueError(f"periodic has {name!r}, which is no boundary of the mesh; its boundaries are: {has}.")
-            if name in seen:
-                raise ValueError(f"boundary {name!r} is in periodic twice; it can have one partner only.")
-            seen.add(name)
-    return [(one, other) for one, other in periodic]
 
 
 def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> None:

@@ -1,15 +1,20 @@
-"""Join segments in any order to polylines, from corner to corner or round a loop."""
+"""Join segments to runs from corner to corner or round a loop, and cut those into straight pieces and arcs."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.triangle.trace import trace_runs
+from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
+from kohonen_adapt.kernels.triangle.trace import cut_runs, trace_runs
+from kohonen_adapt.outline.curves import Arc, Curve, check_near
 
-__all__ = ["CORNER", "Polyline", "Runs", "meetings", "polylines_of", "traced", "turns"]
+__all__ = ["CORNER", "Pieces", "Polyline", "Runs", "cut", "meetings", "nodes_of", "polylines_of", "traced", "turns"]
 
+BITS = 43  # of centres and radii of recognised circles
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
 
 
@@ -27,6 +32,61 @@ class Runs(NamedTuple):
     facet: NDArray[np.int32]  # (s,) the segment after each node, -1 after the last of a run
     start: NDArray[np.int32]  # (r + 1,)
     closed: Mask  # (r,)
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What the runs were cut into, a row for each piece.
+
+    Attributes
+    ----------
+    rows
+        (p, 4): slots of the first and the last node, whether it is round, whether it is closed.
+    circle
+        (p, 3): centre and radius of round ones.
+    curve
+        (p,): which of the given curves it is on, -1 for none.
+    """
+
+    rows: Ints
+    circle: Floats
+    curve: Ints
+
+    @property
+    def first(self) -> Ints:
+        """Slots of the first nodes, (p,)."""
+        return self.rows[:, FIRST]
+
+    @property
+    def last(self) -> Ints:
+        """Slots of the last nodes, (p,)."""
+        return self.rows[:, LAST]
+
+    @property
+    def facets(self) -> Ints:
+        """Numbers of facets, (p,)."""
+        return self.last - self.first
+
+    @property
+    def is_round(self) -> Mask:
+        """Which are arcs or circles, (p,)."""
+        return self.rows[:, IS_ROUND] == 1
+
+    @property
+    def closed(self) -> Mask:
+        """Which are closed, (p,)."""
+        return self.rows[:, IS_CLOSED] == 1
+
+    @property
+    def of_slot(self) -> Ints:
+        """The piece of the facet after every slot, for the slots of pieces one after another."""
+        return np.repeat(np.arange(len(self.rows)), self.facets)
+
+    @property
+    def slots(self) -> Ints:
+        """The slots of the first nodes of all facets, piece by piece."""
+        count = self.facets
+        return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 
 
 def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
@@ -65,6 +125,39 @@ def traced(ends: Ints, through: Ints) -> Runs:
     runs = trace_runs(ends.astype(np.int32), through, node, facet, start, closed)
     slots = start[runs]
     return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
+
+
+def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
+    """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
+
+    Raises
+    ------
+    ValueError
+        If the nodes of a boundary are not near the curve given for it.
+    """
+    node, facet = runs.node.copy(), runs.facet.copy()
+    of_run = curve[facet[runs.start[:-1]]]
+    most = len(facet) + len(of_run)
+    rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
+    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
+    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, FIRST]]])
+    for p in np.flatnonzero(pieces.curve >= 0).tolist():
+        name, given = list(curves.items())[pieces.curve[p]]
+        check_near(nodes_of(position, node, pieces, p), given, name)
+        if isinstance(given, Arc):
+            pieces.rows[p, IS_ROUND], pieces.circle[p] = 1, (*given.centre, given.radius)
+    return runs._replace(node=node, facet=facet), pieces
+
+
+def without_noise(circle: Floats) -> Floats:
+    """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
+    step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
+    return np.round(circle / step) * step + 0.0  # no -0
+
+
+def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
+    """Where the nodes of a piece are, in order, (k, 2)."""
+    return position[node[pieces.first[p] : pieces.last[p] + 1]]
 
 
 def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:

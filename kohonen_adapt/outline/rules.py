@@ -1,21 +1,204 @@
-"""What the nodes of a mesh may do, as it is handed from the loop to the map."""
+"""Say what the nodes of a mesh may do, and check it: alone, and against the names of a mesh."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from kohonen_adapt.arrays import Ints
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.curves import Curve
 
-__all__ = ["Limits"]
+__all__ = ["TOPOLOGIES", "Pinned", "Rules", "checked_curves", "checked_layers", "checked_pairs", "pinned_nodes"]
+
+TOPOLOGIES = ("fixed", "flip", "recycle")
+
+Pinned = Sequence[int | str] | Ints | str
 
 
-@dataclass(frozen=True)
-class Limits:
-    """The options of `relocate` that every pass has in common."""
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """What the nodes of a mesh may do; the keywords of `relocate`, `adapt`, `polish` and `KohonenMap` have these names.
+
+    Attributes
+    ----------
+    topology
+        ``"fixed"`` keeps the connectivity ``mesh.t``; ``"flip"`` flips edges: map and smoothing make each region
+        constrained Delaunay as far as `min_quality` lets them, the polish lowers the energy; ``"recycle"`` also takes
+        nodes away where there are too many and puts as many where there are too few: outlines gain and lose nodes,
+        corners and pinned nodes stay, and the number of elements may change.
+    min_quality
+        A move, flip, collapse or split is accepted if the worst quality it leaves in what it touches is at least
+        ``min(min_quality, the worst there before)``; from 0 to below 1. None switches every check off (`KohonenMap`
+        only).
+    pinned
+        What stays where it is: node numbers, names of boundaries and subdomains.
+    curves
+        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
+        ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
+        radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
+    periodic
+        Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
+        translation or rotation carries the one to the other node by node, and does so afterwards. A training point
+        beside one also reaches what lies beside the other. Such nodes slide with the map; they are neither polished nor
+        recycled.
+    layers
+        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
+        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
+        distance, with whatever joins pieces of one side; the ends of a gap are none.
+
+    Raises
+    ------
+    ValueError
+        If one of them is of another kind or out of range. What depends on the mesh is refused when it is met.
+    """
 
     topology: str = "flip"
-    min_quality: float = 0.3
-    pinned: Sequence[int | str] | Ints | str = ()
+    min_quality: float | None = 0.3
+    pinned: Pinned = ()
     curves: Mapping[str, Curve] | None = None
     periodic: Sequence[tuple[str, str]] = ()
     layers: Mapping[str, int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.topology not in TOPOLOGIES:
+            raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {self.topology!r}.")
+        if self.min_quality is not None and not (is_number(self.min_quality) and 0 <= self.min_quality < 1):
+            raise ValueError(f"min_quality must be from 0 to below 1; got {self.min_quality!r}.")
+        if not isinstance(self.pinned, Iterable) or (isinstance(self.pinned, np.ndarray) and self.pinned.ndim == 0):
+            raise ValueError(f"pinned must be a sequence of node numbers and names; got {self.pinned!r}.")
+        if not isinstance(self.periodic, Iterable) or isinstance(self.periodic, str):
+            raise ValueError(
+                f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {self.periodic!r}."
+            )
+        for name in ("pinned", "periodic"):
+            if isinstance(getattr(self, name), Iterator):  # every pass goes through them again
+                object.__setattr__(self, name, tuple(getattr(self, name)))
+
+    @property
+    def flips(self) -> bool:
+        """Whether edges may flip."""
+        return self.topology != "fixed"
+
+    def guarded(self) -> "Rules":
+        """These rules, refused where they have no quality to keep.
+
+        Raises
+        ------
+        ValueError
+            If `min_quality` is None.
+        """
+        if self.min_quality is None:
+            raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
+        return self
+
+
+def pinned_nodes(mesh: MeshTri, pinned: Pinned) -> Mask:
+    """Mask (nodes,) of the nodes meant by node numbers and names of boundaries and subdomains.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or both a boundary and a subdomain, a number is out of range, or an entry is neither an
+        integer nor a name.
+    """
+    mask = np.zeros(mesh.p.shape[1], dtype=bool)
+    for entry in [pinned] if isinstance(pinned, str) else pinned:
+        if isinstance(entry, str):
+            mask[nodes_of_name(mesh, entry)] = True
+        elif isinstance(entry, int | np.integer) and not isinstance(entry, bool):
+            if not 0 <= entry < len(mask):
+                raise ValueError(f"pinned nodes must be from 0 to {len(mask) - 1}; got {entry}.")
+            mask[entry] = True
+        else:
+            raise ValueError(f"pinned must hold node numbers and names; got {entry!r}.")
+    return mask
+
+
+def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
+    """The nodes of a named boundary or subdomain."""
+    boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
+    if name in boundaries and name in subdomains:
+        raise ValueError(f"pinned name {name!r} is both a boundary and a subdomain; rename one of them.")
+    if name in boundaries:
+        return mesh.facets[:, np.asarray(boundaries[name])]
+    if name in subdomains:
+        return mesh.t[:, subdomains[name]]
+    known = listed({*boundaries, *subdomains})
+    raise ValueError(f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {known}.")
+
+
+def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
+    """The curves that were given for boundaries of a mesh.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping, a name is not that of a boundary, or a curve has no method `project`.
+    """
+    if curves is None:
+        return {}
+    if not isinstance(curves, Mapping):
+        raise ValueError(f"curves must map names of boundaries to curves; got {type(curves).__name__}.")
+    for name, curve in curves.items():
+        check_boundary(mesh, name, "curves")
+        if not callable(getattr(curve, "project", None)):
+            raise ValueError(
+                f"the curve of boundary {name!r} must be a kohonen_adapt.Line, Arc or Spline, or have a method "
+                f"project(x (2, n)) -> (2, n); got {curve!r}."
+            )
+    return dict(curves)
+
+
+def checked_pairs(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Pairs of names of boundaries, each in no more than one pair.
+
+    Raises
+    ------
+    ValueError
+        If an entry is no pair, or a name is not that of a boundary or comes twice.
+    """
+    seen = set[str]()
+    for pair in periodic:
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise ValueError(f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
+        for name in pair:
+            check_boundary(mesh, name, "periodic")
+            if name in seen:
+                raise ValueError(f"boundary {name!r} is in periodic twice; it can have one partner only.")
+            seen.add(name)
+    return [(one, other) for one, other in periodic]
+
+
+def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str, int]:
+    """How many layers each subdomain is to have.
+
+    Raises
+    ------
+    ValueError
+        If it is no mapping, a name is not that of a subdomain, or a number is no integer >= 1.
+    """
+    if layers is None:
+        return {}
+    if not isinstance(layers, Mapping):
+        raise ValueError(f"layers must map names of subdomains to numbers of layers; got {type(layers).__name__}.")
+    names = named_sets(mesh.subdomains)
+    for name, number in layers.items():
+        if name not in names:
+            raise ValueError(
+                f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {listed(names)}."
+            )
+        if not isinstance(number, int | np.integer) or isinstance(number, bool) or number < 1:
+            raise ValueError(f"layers of subdomain {name!r} must be an integer >= 1; got {number!r}.")
+    return {name: int(number) for name, number in layers.items()}
+
+
+def check_boundary(mesh: MeshTri, name: str, argument: str) -> None:
+    """Refuse a name in an argument that is not that of a boundary."""
+    known = mesh.boundaries or {}
+    if not isinstance(name, str) or name not in known:
+        raise ValueError(
+            f"{argument} has {name!r}, which is no boundary of the mesh; its boundaries are: {listed(known)}."
+        )

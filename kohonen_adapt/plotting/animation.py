@@ -16,7 +16,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
-from kohonen_adapt.loop.result import Pass
+from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, check_training

@@ -15,7 +15,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
-from kohonen_adapt.loop.result import Pass
+from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.magnetostatics import Law, Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.measures import quality

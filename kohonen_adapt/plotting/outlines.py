@@ -12,13 +12,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.display import counted, in_unit
-from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, ROUND, SLIDING, STRAIGHT
-from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
-from kohonen_adapt.som.kohonen_map import KohonenMap
 
 __all__ = ["plot_outlines"]
 
@@ -76,8 +75,8 @@ def plot_outlines(
     >>> from kohonen_adapt.plotting import plot_outlines
     >>> plot_outlines(skfem.MeshTri.init_circle(3)).figure.savefig("outlines.png")
     """
-    som = KohonenMap(mesh, pinned=pinned, curves=curves, periodic=periodic)
-    triangulation, outline = som.triangulation, som.outline
+    movable = MovableMesh.of(mesh, Rules(pinned=pinned, curves=curves, periodic=periodic))
+    triangulation, outline = movable.triangulation, movable.outline
     axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
     ends, chain = _facets_of_chains(triangulation)
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
@@ -128,7 +127,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
     chains = outline.constraints.chains
     given = outline.given >= 0
     plain = ~chains.paired & ~given
-    recognised = (chains.shape == ROUND) & plain
+    recognised = outline.on_circles & plain
     lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
     for mask, style, label in (
         (plain & ~recognised, "solid", "straight"),
@@ -160,14 +159,11 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     """Points along every chain, as dense as its shape asks for; `facets` (c,) counts those of each."""
     chains = outline.constraints.chains
     turn = np.abs(chains.curvature) * chains.length
-    parts = np.where(chains.shape == ROUND, np.ceil(turn / STEP), np.where(chains.shape == STRAIGHT, 1, 8 * facets))
+    parts = np.where(outline.on_circles, np.ceil(turn / STEP), np.where(outline.straight, 1, 8 * facets))
     stop = np.cumsum(parts.astype(np.int64) + 1)
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
     share = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
-    along = outline.constraints._replace(chain=np.stack([chain, chain], axis=1), parameter=share * chains.length[chain])
-    points = np.empty((len(chain), 2))
-    look_up(along, np.arange(len(chain)), points)
-    return np.split(points, stop[:-1])
+    return np.split(outline.points_on(chain, share * chains.length[chain]), stop[:-1])
 
 
 def _radii(outline: Outline, recognised: Mask, unit: str) -> str:
@@ -215,15 +211,11 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
 
 def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
     """A marker for every node: what it may do."""
-    kind, (one, other) = outline.constraints.kind, outline.constraints.chain.T
-    jumps = (other >= 0) | (one == JUNCTION)
-    size = float(np.clip(120.0 / np.sqrt(max(np.sum(kind != FREE), 1)), 1.5, 6.0))
-    for mask, marker, face, width, label in (
-        (kind == FREE, "o", "0.7", 0.25 * size, "free"),
-        (kind == SLIDING, "o", "black", 0.35 * size, "sliding"),
-        ((kind == HELD) & jumps, "s", "white", size, "in corners that others may take"),
-        ((kind == HELD) & ~jumps, "s", "black", size, "held for good"),
-    ):
+    freedoms = outline.nodes_by_freedom()
+    held = max(int(np.sum(~freedoms["free"])), 1)
+    size = float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))
+    looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
+    for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
         if mask.any():
             x, y = in_unit(unit) * position[mask].T
             label = f"{counted(len(x), 'node')} {label}"

@@ -1,4 +1,4 @@
-"""A Ritz functional in terms of a triangulation: constants by region, given values by chain."""
+"""Express a Ritz functional in terms of a movable mesh: constants by region, given values by chain."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, STRAIGHT, Laws, Trial
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polish.energy_tables import Tables, tabulated
 from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, gradients
@@ -27,6 +28,8 @@ class Functional:
 
     Attributes
     ----------
+    values, fixed
+        Nodal values of the solution, and whether they are given, (n,), on the mesh it was found on.
     constants
         Coefficient, source and flux of every region of the triangulation, (nregions, 4).
     given
@@ -47,6 +50,8 @@ class Functional:
         The energies of the laws.
     """
 
+    values: Floats
+    fixed: Mask
     constants: Floats
     given: Mask
     linear: Mask
@@ -57,7 +62,7 @@ class Functional:
     tables: Tables
 
     @classmethod
-    def of(cls, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> "Functional":
+    def of(cls, ritz: Ritz, movable: MovableMesh) -> "Functional":
         """Look up the constants of every region and how values are given on every chain.
 
         Raises
@@ -65,6 +70,7 @@ class Functional:
         ValueError
             If `ritz` is of another mesh, or its constants change inside a region.
         """
+        triangulation, outline = movable.triangulation, movable.outline
         check_fits(ritz, triangulation.nnodes, len(triangulation.elements.node))
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
@@ -80,7 +86,7 @@ class Functional:
         held = ~straight | (given & ~linear) | (whole & bare)
         constants = constants_of_regions(ritz, triangulation)
         law, tables = laws_of_regions(ritz, triangulation)
-        return cls(constants, given, linear, held, on_chain, comparable, law, tables)
+        return cls(values, fixed, constants, given, linear, held, on_chain, comparable, law, tables)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""

@@ -1,25 +1,24 @@
-"""The polish: nodes move to where the energy of a mesh's own solution is lower, which is where its error is lower."""
+"""Polish: move nodes to where the energy of the mesh's own solution is lower, which is where its error is lower."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import is_count
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.arrays import Constraints, Trial
 from kohonen_adapt.kernels.ordering import mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.outline.rules import Limits
+from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.polish.functional import Functional
-from kohonen_adapt.problem.protocol import NotOffered, Problem, offers, order_of, ritz_of, why_without
-from kohonen_adapt.som.relocate import guarded_map
-from kohonen_adapt.som.schedule import check_training
+from kohonen_adapt.problem.protocol import NotOffered, Problem, offered, offers, order_of, ritz_of
 
 __all__ = ["SWEEPS", "descend", "polish"]
 
@@ -42,8 +41,11 @@ def polish(
     sweeps: int = SWEEPS,
     topology: str = "flip",
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | Ints | str = (),
+    pinned: Pinned = (),
     seed: int = 0,
+    curves: Mapping[str, Curve] | None = None,
+    periodic: Sequence[tuple[str, str]] = (),
+    layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.
 
@@ -64,11 +66,8 @@ def polish(
     topology
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
-    min_quality
-        A move or flip is accepted if the worst quality it leaves in what it touches is at least
-        ``min(min_quality, the worst there before)``.
-    pinned
-        Node numbers, and names of boundaries and subdomains, of what stays where it is.
+    min_quality, pinned, curves, periodic, layers
+        What nodes may do: see `Rules`. Nodes on arcs and splines, and on periodic boundaries, stay where they are.
     seed
         An integer >= 0, as everywhere; nothing here is random.
 
@@ -104,62 +103,52 @@ def polish(
     >>> problem.solve(better).energy > problem.solve(mesh).energy  # nearer to the exact field's, from below
     True
     """
-    check_training(None, seed)
-    check_polish(problem, sweeps, topology)
-    som = guarded_map(mesh, Limits(topology, min_quality, pinned))
+    check_polish(problem, sweeps, topology, seed)
+    movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers).guarded())
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))
     except NotOffered as reason:
-        raise ValueError(f"polish needs the functional of the problem, which offers none: {reason}.") from None
-    functional = Functional.of(ritz, som.triangulation, som.outline)
-    descend(
-        som.triangulation, som.outline, functional, np.array(ritz.values), np.array(ritz.fixed),
-        sweeps=sweeps, flips=topology == "flip", floor=float(min_quality),
-    )  # fmt: skip
-    return som.mesh
+        raise without_functional(reason) from None
+    functional = Functional.of(ritz, movable)
+    descend(movable, functional, functional.values.copy(), functional.fixed.copy(), sweeps)
+    return movable.mesh()
 
 
-def check_polish(problem: Problem, sweeps: object, topology: object) -> None:
+def check_polish(problem: Problem, sweeps: object, topology: object, seed: object) -> None:
     """Refuse a problem that has no functional to descend, sweeps that cannot be counted, and what polish cannot do."""
     if topology not in ("fixed", "flip"):
         raise ValueError(f"topology must be 'fixed' or 'flip', for polish keeps every node; got {topology!r}.")
-    if not is_count(sweeps):
-        raise ValueError(f"sweeps must be an integer >= 0; got {sweeps!r}.")
-    if reason := why_without(problem, "ritz"):
-        raise ValueError(f"polish needs the functional of the problem, which offers none: {reason}.")
-    missing = [name for name in ("solve", "ritz") if not offers(problem, name)]
-    if missing:
-        raise ValueError(
-            f"polish needs a problem with the methods solve(mesh) and ritz(mesh, solution); "
-            f"{type(problem).__name__} has no {' and no '.join(missing)}."
-        )
+    check_count("seed", seed)
+    check_count("sweeps", sweeps)
+    if not offers(problem, "solve"):
+        raise ValueError(f"polish needs a problem with the method solve(mesh); {type(problem).__name__} has none.")
+    try:
+        offered(problem, "ritz")
+    except NotOffered as reason:
+        raise without_functional(reason) from None
     if order_of(problem) != 1:
         raise ValueError(f"polish needs elements of degree 1; the problem says order = {order_of(problem)!r}.")
 
 
-def descend(
-    triangulation: Triangulation,
-    outline: Outline,
-    functional: Functional,
-    values: Floats,
-    fixed: Mask,
-    *,
-    sweeps: int,
-    flips: bool,
-    floor: float,
-) -> float:
-    """Sweep nodes and edges of a triangulation downhill from the nodal values (n,), which change with them.
+def without_functional(reason: NotOffered) -> ValueError:
+    """The error of a problem that has nothing to lower, for this reason."""
+    return ValueError(f"polish needs the functional of the problem, which offers none: {reason}.")
+
+
+def descend(movable: MovableMesh, functional: Functional, values: Floats, fixed: Mask, sweeps: int = SWEEPS) -> float:
+    """Sweep nodes and edges of a mesh downhill from the nodal values (n,), which change with them.
 
     Returns what moves and flips took off the functional; what better values alone gained is not in it.
     """
+    triangulation, outline = movable.triangulation, movable.outline
     constraints = outline.constraints._replace(kind=functional.kinds(outline, fixed))
-    twins = outline.constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
+    twins = constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
     trial = functional.trial(triangulation, values, fixed | twins)
     order, gain = along_curve(triangulation.position).astype(np.int32), 0.0
     for _ in range(sweeps):
-        gain += descend_in_parts(triangulation, constraints, trial, order, floor)
-        if flips:
-            lowered, count = descend_flips(triangulation.position, triangulation.elements, trial, floor)
+        gain += descend_in_parts(triangulation, constraints, trial, order, movable.floor)
+        if movable.flips:
+            lowered, count = descend_flips(triangulation.position, triangulation.elements, trial, movable.floor)
             gain += lowered
             if count:
                 triangulation.refill_star()

@@ -1,5 +1,6 @@
 """What the loop asks of a problem, and the answers checked."""
 
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.checks import as_reals
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = [
@@ -16,12 +18,13 @@ __all__ = [
     "energy_norm",
     "estimate",
     "norm_of",
+    "offered",
     "offers",
     "order_of",
+    "pairs_of",
     "ritz_of",
     "solve",
     "solve_again",
-    "why_without",
 ]
 
 
@@ -29,9 +32,12 @@ SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to wh
 
 
 class NotOffered(Exception):
-    """What an optional method of a problem raises that has nothing to give; its text says why.
+    """An optional method of a problem has nothing to give: `ritz`, `energy_norm` and others raise this.
 
-    The text completes the sentence "it is not offered, because ...", as "its elements are of order 2".
+    Parameters
+    ----------
+    reason
+        Why, as the end of a sentence: "its elements are of order 2".
 
     Examples
     --------
@@ -41,6 +47,9 @@ class NotOffered(Exception):
     ...         raise ka.NotOffered("its functional has no minimum")
     """
 
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+
 
 class Problem(Protocol):
     """Anything with these two methods can be adapted.
@@ -48,8 +57,9 @@ class Problem(Protocol):
     It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
-    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises. A method that a
-    class has for some of its problems only raises `NotOffered` for the others, with the reason.
+    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises; ``pairs``, its periodic
+    and antiperiodic boundaries as pairs of names. A method that a class has for some of its problems only raises
+    `NotOffered` for the others, with the reason.
     """
 
     def solve(self, mesh: MeshTri) -> Any:
@@ -69,6 +79,11 @@ def norm_of(problem: Problem) -> str:
     return getattr(problem, "norm", "energy")
 
 
+def pairs_of(problem: Problem) -> Sequence[tuple[str, str]]:
+    """Pairs of boundaries on which the problem's solution is periodic or antiperiodic, none where it does not say."""
+    return getattr(problem, "pairs", None) or ()
+
+
 def check_problem(problem: Problem, rtol: float | None) -> None:
     """Refuse a problem that the loop cannot use, before anything is solved.
 
@@ -84,8 +99,11 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
             f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
             f"{kind} has no {' and no '.join(missing)}."
         )
-    if rtol is not None and not offers(problem, "energy_norm"):
-        raise without_norm(problem, why_without(problem, "energy_norm") or "add it")
+    if rtol is not None:
+        try:
+            offered(problem, "energy_norm")
+        except NotOffered as reason:
+            raise without_norm(reason) from None
     if norm_of(problem) not in ("energy", "L2"):
         raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
     if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
@@ -107,10 +125,7 @@ def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
     ValueError
         If they have another shape, or are not finite numbers >= 0.
     """
-    values = _as_floats(problem.indicators(mesh, solution))
-    expected = (mesh.t.shape[1],)
-    if values.shape != expected:
-        raise ValueError(f"indicators of the problem must have shape (nelements,) = {expected}; got {values.shape}.")
+    values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
     _check_values(values, np.isfinite(values), "finite; check the solution")
     _check_values(values, values >= 0.0, ">= 0; take their absolute values")
     return values
@@ -142,25 +157,20 @@ def energy_norm(problem: Problem, mesh: MeshTri, solution: Any, rtol: float | No
     ValueError
         If it is not a finite number >= 0, or there is none though there is an `rtol`.
     """
-    if not offers(problem, "energy_norm"):
-        return None
     try:
-        value = float(problem.energy_norm(mesh, solution))  # type: ignore[attr-defined]
+        value = float(offered(problem, "energy_norm")(mesh, solution))
     except NotOffered as reason:
         if rtol is not None:
-            raise without_norm(problem, reason) from None
+            raise without_norm(reason) from None
         return None
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value
 
 
-def without_norm(problem: Problem, reason: object) -> ValueError:
+def without_norm(reason: object) -> ValueError:
     """The error of an `rtol` for a problem that has no energy norm, for this reason."""
-    kind = type(problem).__name__
-    return ValueError(
-        f"rtol needs a problem with the method energy_norm(mesh, solution); {kind} has none: {reason}, or use atol."
-    )
+    return ValueError(f"rtol needs the energy norm of the problem, but {reason}: use atol instead.")
 
 
 def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
@@ -173,10 +183,7 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
     ValueError
         If it is no `Ritz`.
     """
-    if not offers(problem, "ritz"):
-        reason = why_without(problem, "ritz") or f"{type(problem).__name__} has no method ritz(mesh, solution)"
-        raise NotOffered(reason)
-    ritz = problem.ritz(mesh, solution)  # type: ignore[attr-defined]
+    ritz = offered(problem, "ritz")(mesh, solution)
     if order_of(problem) != 1:
         raise NotOffered(f"the order of its elements is {order_of(problem)}, not 1")
     if not isinstance(ritz, Ritz):
@@ -189,21 +196,22 @@ def offers(problem: Problem, name: str) -> bool:
     return callable(getattr(problem, name, None))
 
 
-def why_without(problem: Problem, name: str) -> str:
-    """Why a problem whose class has such a method does not offer it: what its AttributeError says, or empty."""
-    if hasattr(type(problem), name):
-        try:
-            getattr(problem, name)
-        except AttributeError as error:
-            return str(error)
-    return ""
+def offered(problem: Problem, name: str) -> Callable[[MeshTri, Any], Any]:
+    """The method of that name, called with a mesh and its solution.
 
-
-def _as_floats(values: ArrayLike) -> Floats:
-    array = np.array(values)
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"indicators of the problem must be real numbers; got {array.dtype}.")
-    return array.astype(float)
+    Raises
+    ------
+    NotOffered
+        If the problem has none; for the reason that its AttributeError gives, where its class has one.
+    """
+    reason = f"{type(problem).__name__} has no method {name}(mesh, solution)"
+    try:
+        method = getattr(problem, name)
+    except AttributeError as error:
+        raise NotOffered(str(error) if hasattr(type(problem), name) else reason) from None
+    if not callable(method):
+        raise NotOffered(reason)
+    return method
 
 
 def _check_values(values: Floats, good: Mask, wanted: str) -> None:

@@ -9,7 +9,9 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-from kohonen_adapt.loop.result import AdaptResult, Pass, table_columns
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.table import table_columns
 
 __all__ = ["filled_page"]
 

@@ -7,7 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 from kohonen_adapt import __version__
 from kohonen_adapt.display import counted
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.loop.result import AdaptResult, Pass
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.result import AdaptResult
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 

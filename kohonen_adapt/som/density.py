@@ -1,16 +1,15 @@
 """From error indicators or wanted sizes to a density of nodes."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["as_reals", "density_from_indicators", "density_from_sizes", "per_element"]
+__all__ = ["density_from_indicators", "density_from_sizes", "per_element"]
 
 
 QUIET = 1e-3  # of the median: an indicator below it says nothing
@@ -58,7 +57,7 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     (3.0, 9.0)
     """
     check_mesh(mesh)
-    values = per_element(mesh, indicators, "indicators")
+    values = per_element(mesh.nelements, indicators, "indicators")
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
     if norm not in ("energy", "L2"):
@@ -101,26 +100,16 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
     np.float64(115.47)
     """
     check_mesh(mesh)
-    lengths = per_element(mesh, sizes, "sizes")
+    lengths = per_element(mesh.nelements, sizes, "sizes")
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
     return 2.0 / (np.sqrt(3.0) * lengths**2)
 
 
-def per_element(mesh: MeshTri, values: ArrayLike, name: str) -> Floats:
-    """Values (nelements,), finite and not negative, as floats."""
-    array = np.asarray(values)
-    if array.shape != (mesh.nelements,):
-        raise ValueError(f"{name} must have shape (nelements,) = ({mesh.nelements},); got {array.shape}.")
-    array = as_reals(array, name)
+def per_element(count: int, values: ArrayLike, name: str) -> Floats:
+    """Values of `count` elements, finite and not negative, as floats."""
+    array = as_reals(name, values, {"nelements": count})
     bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
     if len(bad):
         raise ValueError(f"{name} must be finite and >= 0; element {bad[0]} has {array[bad[0]]}.")
     return array
-
-
-def as_reals(array: NDArray[Any], name: str) -> Floats:
-    """An array as floats, refused where that would lose something."""
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} must be real numbers; got {array.dtype}.")
-    return array.astype(np.float64)

@@ -1,34 +1,22 @@
-"""The Kohonen map: a mesh whose nodes are neurons, and how it is trained."""
+"""Train a mesh whose nodes are neurons, the Kohonen map, with points of a user's own."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import ceil
 
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import is_number
-from kohonen_adapt.kernels.arrays import HELD, UNGUARDED
-from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.mesh.ordering import along_curve
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.layers import lay
-from kohonen_adapt.outline.outline import Outline, pinned_nodes
-from kohonen_adapt.som.recycling import Recycled, recycle_nodes
-from kohonen_adapt.som.schedule import Schedule, Stage, check_training
-from kohonen_adapt.som.training import Classroom
-from kohonen_adapt.som.training_points import CallableDensity, Draw, ElementDensity
-from kohonen_adapt.som.transport import POINTS, Transport
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.som.schedule import Schedule, check_training
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["KohonenMap"]
-
-FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
-FEW = 5_000  # elements that are not worth another thread
 
 
 class KohonenMap:
@@ -42,19 +30,9 @@ class KohonenMap:
         ``"flip"`` keeps every region constrained Delaunay by flips between epochs, and where three outlines meet an
         element may change sides for a neuron to leave; ``"fixed"`` keeps the elements.
     min_quality
-        No update or flip leaves an element worse than this, unless the worst there was worse before. None switches
-        every check off: elements may then overlap (Fig. 7 of the paper).
-    pinned
-        Node numbers, and names of boundaries and subdomains, of what stays where it is.
-    curves
-        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
-        ``project(x (2, n)) -> (2, n)``. Without one, six nodes and more on a circle are taken for an arc, and other
-        turns for corners.
-    periodic
-        Pairs of names of boundaries that a translation or rotation carries to one another: their nodes stay matched,
-        and a training point beside one also reaches what lies beside the other.
-    layers
-        Layers of elements to keep across thin subdomains, by name; see `relocate`.
+        As in `Rules`; None switches every check off: elements may then overlap (Fig. 7 of the paper).
+    pinned, curves, periodic, layers
+        As in `Rules`.
 
     Attributes
     ----------
@@ -89,29 +67,24 @@ class KohonenMap:
         *,
         topology: str = "flip",
         min_quality: float | None = 0.3,
-        pinned: Sequence[int | str] | Ints | str = (),
+        pinned: Pinned = (),
         curves: Mapping[str, Curve] | None = None,
         periodic: Sequence[tuple[str, str]] = (),
         layers: Mapping[str, int] | None = None,
     ) -> None:
-        check_options(topology, min_quality)
-        self.triangulation = Triangulation.of(mesh)
-        self._flips = topology == "flip"
-        self.outline = Outline.of(
-            self.triangulation, pinned_nodes(mesh, pinned), curves, periodic, junctions=self._flips
-        )
-        lay(self.triangulation, self.outline.constraints, layers)
-        self._floor = UNGUARDED if min_quality is None else float(min_quality)
-        self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
+        if topology not in ("flip", "fixed"):
+            raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+        self._movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers))
+        self._trainer = Trainer.of(self._movable)
 
     def __repr__(self) -> str:
-        edges = "edges flip" if self._flips else "fixed edges"
-        return f"<KohonenMap of {self.triangulation.nnodes} neurons, {edges}>"
+        edges = "edges flip" if self._movable.flips else "fixed edges"
+        return f"<KohonenMap of {self._movable.nnodes} neurons, {edges}>"
 
     @property
     def mesh(self) -> MeshTri:
         """The mesh as it is now, with every name it came with."""
-        return self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+        return self._movable.mesh()
 
     def train(
         self,
@@ -170,14 +143,18 @@ class KohonenMap:
         5
         """
         check_training(schedule, seed)
-        schedule = self._schedule_without_sweeps(schedule)
-        locator, rng = Locator(self.triangulation), np.random.default_rng(seed)
-        if callable(points):
-            if weights is not None:
-                raise ValueError("weights must come from the callable when points is one; got both.")
-            return self.learn(lambda number, rng: self._located(locator, *drawn(points(number, rng))), schedule, rng)
-        given = self._located(locator, points, weights)
-        return self.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
+        schedule, trainer = self._schedule_without_sweeps(schedule), self._trainer
+        locator, rng = Locator(self._movable.triangulation), np.random.default_rng(seed)
+        if not callable(points):
+            given = self._located(locator, points, weights)
+            return trainer.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
+        if weights is not None:
+            raise ValueError("weights must come from the callable when points is one; got both.")
+
+        def draw(number: int, rng: np.random.Generator) -> Draw:
+            return self._located(locator, *points_and_weights(points(number, rng)))
+
+        return trainer.learn(draw, schedule, rng)
 
     def _located(self, locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:
         """A user's training points with the elements that hold them, checked.
@@ -203,180 +180,22 @@ class KohonenMap:
             raise ValueError(
                 f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}."
             )
-        region = self.triangulation.elements.region[element]
+        region = self._movable.triangulation.elements.region[element]
         return Draw(rows, element, region, weight).reordered(along_curve(rows))
 
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
-            topology = "flip" if self._flips else "fixed"
-            return replace(Schedule.default(self.triangulation.nnodes, topology=topology), sweeps=0)
+            topology = "flip" if self._movable.flips else "fixed"
+            return replace(Schedule.default(self._movable.nnodes, topology=topology), sweeps=0)
         if schedule.sweeps:
             raise ValueError(
                 f"train has no density to sweep with; got sweeps = {schedule.sweeps}. Use kohonen_adapt.relocate."
             )
         return schedule
 
-    def learn(
-        self,
-        draw: Callable[[int, np.random.Generator], Draw],
-        schedule: Schedule,
-        rng: np.random.Generator,
-        starts: Ints | None = None,
-    ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh that they are drawn from are known.
 
-        Parameters
-        ----------
-        draw
-            Called with a number of points and a generator.
-        schedule
-            Its sweeps are left to `smooth`.
-        rng
-            Decides the order of the points, too.
-        starts
-            A node for each element of the mesh that points are drawn from, near it and in its region; None if that is
-            the mesh as it is now.
-
-        Returns
-        -------
-        tuple of float
-            Quantisation error of every epoch, as of `train`.
-        """
-        self._flip()
-        errors: list[float] = []
-        training = bool(schedule.rounds) or any(stage.epochs for stage in schedule.stages)
-        if training:
-            self._settle()
-        starts = (self.triangulation.elements.node[:, 0] if starts is None else starts).copy()
-        if schedule.rounds:
-            self._carry(draw, schedule.rounds, rng, starts)
-        for stage, rate, shown, slot, winners in self._presentations(draw, schedule, rng, starts):
-            errors.append(self._classroom.epoch(stage, rate, shown, slot, winners, rng))
-            self._flip()
-            if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
-                break
-        if training:
-            self._settle()
-        return tuple(errors)
-
-    def _carry(
-        self, draw: Callable[[int, np.random.Generator], Draw], rounds: int, rng: np.random.Generator, starts: Ints
-    ) -> None:
-        """Rounds of transport; `starts` learn where the winners of the elements' points are now."""
-        tri = self.triangulation
-        transport = Transport.of(tri, self.outline.constraints, self._floor, self._flip, self._classroom.rank)
-        for _ in range(rounds):
-            shown = draw(ceil(POINTS * tri.nnodes), rng)
-            winners = self._classroom.search(shown, starts[shown.element])[0]
-            starts[shown.element] = winners
-            transport.carry(shown, winners)
-
-    def _presentations(
-        self,
-        draw: Callable[[int, np.random.Generator], Draw],
-        schedule: Schedule,
-        rng: np.random.Generator,
-        winners: Ints,
-    ) -> Iterator[tuple[Stage, float, Draw, Ints, Ints]]:
-        """For every epoch its stage and rate, its points, and where each finds and leaves its last winner.
-
-        Points of a set that is shown again remember their own winner; fresh ones take over that of the last point
-        drawn from the same element.
-        """
-        count = self.triangulation.nnodes
-        most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
-        kept = None if schedule.fresh else draw(ceil(most * count), rng)
-        if kept is not None:
-            winners = winners[kept.element]
-        for stage in schedule.stages:
-            for rate in stage.rates():
-                if kept is None:
-                    shown = draw(ceil(stage.points_per_neuron * count), rng)
-                    yield stage, rate, shown, shown.element, winners
-                else:
-                    yield stage, rate, kept, np.arange(len(winners)), winners
-
-    def recycle(self, density: ElementDensity | CallableDensity, target: int, pairs: bool) -> Recycled:
-        """Put nodes where the density wants more, and take others away elsewhere.
-
-        Parameters
-        ----------
-        density
-            Wanted nodes per area.
-        target
-            How many nodes there shall be; at least as many as there are.
-        pairs
-            Whether nodes are taken away where there are too many; else only missing ones are added.
-
-        Returns
-        -------
-        Recycled
-            Which nodes are old, and what was done.
-        """
-        self._settle()
-        done = recycle_nodes(self.triangulation, self.outline, density.at_nodes(), self._floor, target, pairs)
-        self._classroom = Classroom.of(self.triangulation, self.outline.constraints, self._floor)
-        return done
-
-    def smooth(self, density: ElementDensity | CallableDensity, sweeps: int) -> None:
-        """Sweeps weighted with a density: optimal Delaunay smoothing with flips, else towards barycentres.
-
-        Parameters
-        ----------
-        density
-            Wanted nodes per area.
-        sweeps
-            How many.
-        """
-        for number in range(sweeps):
-            if number % density.lasting == 0:
-                weight = density.squares(self.triangulation)
-            self._classroom.sweep(weight, self._flips)
-            self._flip()
-        self._settle()
-
-    def along_curve(self) -> Ints:
-        """Neurons along a space-filling curve, region by region; those on interfaces in one of theirs, (n,)."""
-        tri = self.triangulation
-        region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]
-        return self._classroom.order[np.argsort(region[self._classroom.order], kind="stable")]
-
-    def _settle(self) -> None:
-        """Put the nodes that slide on curves exactly there."""
-        self.outline.settle(self.triangulation, self._floor)
-
-    def _flip(self) -> None:
-        """Make every region constrained Delaunay as far as the quality rule allows."""
-        if not self._flips:
-            return
-        tri, m = self.triangulation, len(self.triangulation.elements.node)
-        doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
-
-        def mark(thread: int, first: int, last: int) -> None:
-            mark_doubtful(tri.position, tri.elements, first, last, doubtful)
-
-        flips = limit = FLIPS
-        while flips >= limit:
-            shared(mark, even_cuts(m, FEW))
-            flips = flip_edges(tri.position, tri.elements, self._floor, doubtful, stack, waiting, limit)
-            if flips:
-                tri.refill_star()
-
-    def can_move(self) -> bool:
-        """Whether any node is free to move or to slide; a corner is only left to one that slides."""
-        return bool(np.any(self.outline.constraints.kind != HELD))
-
-
-def check_options(topology: str, min_quality: float | None) -> None:
-    """Refuse options that the map does not have."""
-    if topology not in ("flip", "fixed"):
-        raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
-    if min_quality is not None and not (is_number(min_quality) and 0 <= min_quality < 1):
-        raise ValueError(f"min_quality must be from 0 to below 1; got {min_quality!r}.")
-
-
-def drawn(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
-    """What a callable gave for points, checked to be points and weights."""
+def points_and_weights(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
+    """Check that a callable gave points and weights."""
     if not isinstance(answer, tuple) or len(answer) != 2:
         raise ValueError(
             f"points as a callable must return (points, weights), weights None for ones; got {type(answer).__name__}."

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Constraints, Elements, Origins, Pool, SurgeryScratch
 from kohonen_adapt.kernels.heap import Heap
-from kohonen_adapt.kernels.triangle.connectivity import fill_star, spread_starts
+from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
-from kohonen_adapt.mesh.triangulation import Triangulation, empty_star
+from kohonen_adapt.mesh.triangulation import Triangulation, star_of
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 
 __all__ = ["Recycled", "recycle_nodes", "unchanged"]
@@ -46,35 +47,32 @@ class Recycled:
 
 
 def unchanged(triangulation: Triangulation) -> Recycled:
-    """What there is to say of a triangulation that is not recycled, before its nodes move."""
+    """Describe a triangulation that is not recycled, before its nodes move."""
     nodes, star = np.arange(triangulation.nnodes, dtype=np.int32), triangulation.star
     return Recycled(nodes, star.element[star.start[:-1]], triangulation.elements.node[:, 0], 0, 0)
 
 
-def recycle_nodes(
-    triangulation: Triangulation, outline: Outline, density: Floats, floor: float, target: int, pairs: bool
-) -> Recycled:
+def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: bool) -> Recycled:
     """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
 
-    Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region; both the
-    triangulation and what the outline says about its nodes are changed.
+    Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region.
 
     Parameters
     ----------
-    triangulation, outline
-        The mesh and its outline.
+    movable
+        Is changed.
     density
         (nnodes,): wanted nodes per area up to a factor.
-    floor
-        The quality rule: no worse than this, or than what was there before.
     target
         Number of nodes in the end, at least that of now: more are made by splits alone.
     pairs
         Whether to go on with splits and collapses when there are as many.
     """
+    movable.settle()
+    triangulation, outline = movable.triangulation, movable.outline
     before = triangulation.elements
     spacious = Surgery.on(triangulation, outline, density, unchanged(triangulation).hint, target)
-    splits, collapses = spacious.run(floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
+    splits, collapses = spacious.run(movable.floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
     spacious.hand_back(triangulation, outline)
     old = spacious.origins.old
     return Recycled(old, spacious.origins.hint, starts_of(before, old), splits, collapses)
@@ -165,8 +163,7 @@ class Surgery:
             self.elements.layered,
         )
         triangulation.position = self.position[kept]
-        triangulation.star = empty_star(rows, len(triangulation.elements.node))
-        fill_star(triangulation.elements.node, triangulation.star)
+        triangulation.star = star_of(triangulation.elements.node, rows)
         constraints, names = self.constraints, ("kind", "chain", "parameter", "inner")
         partner, motion = constraints.twins.partner[kept], constraints.twins.motion[kept]
         twins = constraints.twins._replace(partner=np.where(partner >= 0, number[partner], -1), motion=motion)

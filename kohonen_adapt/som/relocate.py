@@ -1,135 +1,110 @@
-"""One mesh in, one better mesh out: the nodes move to where the density wants them."""
+"""Relocate: one mesh and a density in, one mesh with its nodes where the density wants them out."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.outline.rules import Limits
-from kohonen_adapt.som.kohonen_map import KohonenMap
-from kohonen_adapt.som.recycling import Recycled, unchanged
-from kohonen_adapt.som.schedule import Schedule, check_training, widest_radius
-from kohonen_adapt.som.training_points import CallableDensity, ElementDensity, density_of
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.som.recycling import Recycled, recycle_nodes, unchanged
+from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Density, density_of
 
-logger = logging.getLogger(__package__)
+logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["Relocation", "Trained", "guarded_map", "relocate", "trained_map"]
+__all__ = ["Moved", "Work", "move", "relocate", "shown"]
 
-TOPOLOGIES = ("fixed", "flip", "recycle")
-MISMATCH = (
-    0.6  # logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide
-)
+# Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
+MISMATCH = 0.6
+
+AnyDensity = ArrayLike | Callable[[Floats], ArrayLike]
 
 
-@dataclass(frozen=True)
-class Relocation:
-    """A relocated mesh and what it took.
+def shown(title: str, form: str) -> dict[str, str]:
+    """Metadata of a field that is a column in tables of passes, with this title and format."""
+    return {"title": title, "form": form}
 
-    Attributes
-    ----------
-    mesh
-        The new mesh.
-    quantization_errors
-        Mean distance of the training points to their winners, one per epoch, in mesh units.
-    max_displacement
-        The longest way that a node went, in mesh units.
-    moved
-        Number of nodes that moved or are new.
-    message
-        Why no node moved, or empty.
-    old
-        (nnodes,): number in the old mesh of every node, -1 for a new one.
-    splits, collapses
-        How often recycling split and collapsed an edge.
-    polish_gain
-        What moves and flips of the polish took off the Ritz functional.
-    """
 
-    mesh: MeshTri
-    quantization_errors: tuple[float, ...]
-    max_displacement: float
-    moved: int
-    message: str
-    old: Ints
-    splits: int = 0
-    collapses: int = 0
-    polish_gain: float = 0.0
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """The figures of moving a mesh; `Pass` has them, and says what they are, of the relocation that made its mesh."""
+
+    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
+    max_displacement: float = 0.0
+    moved: int = 0
+    why_still: str = ""
+    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", ".2g"))
+    splits: int = field(default=0, metadata=shown("splits", "d"))
+    collapses: int = field(default=0, metadata=shown("collapses", "d"))
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A map that has learnt a density, with what it was before; it can still be polished.
+class Moved:
+    """A movable mesh before the map moved it, and what the map did.
 
     Attributes
     ----------
-    som
-        The map.
-    mesh, triangulation, outline
-        The old mesh, and the map's arrays when it was that.
+    before
+        The mesh as it was.
     recycled
         Which nodes are old, and an old element near each.
-    quantization_errors
-        Mean distance of the training points to their winners, one per epoch, in mesh units.
-    still
-        Why no node moved, if none did.
+    quantization_errors, why_still
+        As in `Work`.
     """
 
-    som: KohonenMap
-    mesh: MeshTri
-    triangulation: Triangulation
-    outline: Outline
+    before: MovableMesh
     recycled: Recycled
     quantization_errors: tuple[float, ...]
-    still: str
+    why_still: str
 
-    def relocation(self, polish_gain: float = 0.0) -> Relocation:
-        """The map as it is now as a mesh, compared with the old one."""
-        self._report_curves()
-        mesh, old = self.som.mesh, self.recycled.old
+    def changed(self, now: MovableMesh) -> bool:
+        """Whether any node or edge is another one than before."""
+        before, after = self.before.triangulation, now.triangulation
+        same = np.array_equal(before.position, after.position)
+        return not (same and np.array_equal(before.elements.node, after.elements.node))
+
+    def work(self, now: MovableMesh, polish_gain: float = 0.0) -> Work:
+        """The figures of all that happened to the mesh until now."""
+        old, position = self.recycled.old, now.triangulation.position
         kept = old >= 0
-        way = np.sqrt(np.sum((mesh.p[:, kept] - self.mesh.p[:, old[kept]]) ** 2, axis=0))
+        way = np.sqrt(np.sum((position[kept] - self.before.triangulation.position[old[kept]]) ** 2, axis=1))
         moved = int(np.count_nonzero(way) + np.count_nonzero(~kept))
-        return Relocation(
-            mesh=mesh,
+        return Work(
             quantization_errors=self.quantization_errors,
             max_displacement=float(way.max()),
             moved=moved,
-            message="" if moved else self.still,
-            old=old,
+            why_still="" if moved else self.why_still,
             splits=self.recycled.splits,
             collapses=self.recycled.collapses,
             polish_gain=polish_gain,
         )
 
-    def _report_curves(self) -> None:
-        """Say how much of curves their facets leave out, before and now."""
-        before, now = self.outline.sagitta(self.triangulation), self.som.outline.sagitta(self.som.triangulation)
-        if max(before, now) > 0.0:
-            logger.info("curves are up to %.3g away from their facets; before up to %.3g", now, before)
-
 
 def relocate(
     mesh: MeshTri,
-    density: ArrayLike | Callable[[Floats], ArrayLike],
+    density: AnyDensity,
     *,
     schedule: Schedule | None = None,
     topology: str = "flip",
     min_quality: float = 0.3,
-    pinned: Sequence[int | str] | Ints | str = (),
+    pinned: Pinned = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[tuple[str, str]] = (),
     layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
-    """Move the nodes of a mesh to where a density wants them, with a Kohonen map.
+    """Move the nodes of a mesh to where a density wants them; every node is kept, and its number.
+
+    A Kohonen map does it. `adapt` goes on from here: by default it recycles nodes, too.
 
     Parameters
     ----------
@@ -142,29 +117,10 @@ def relocate(
         None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
         ``topology="flip"`` it makes each region constrained Delaunay.
-    topology
-        ``"flip"`` makes each region constrained Delaunay as far as `min_quality` lets it, ``"fixed"`` keeps ``mesh.t``,
-        ``"recycle"`` also takes nodes away where there are too many and puts as many where there are too few: outlines
-        gain and lose nodes, corners and pinned nodes stay, and the number of elements may change.
-    min_quality
-        A move, flip, collapse or split is accepted if the worst quality it leaves in what it touches is at least
-        ``min(min_quality, the worst there before)``.
-    pinned
-        Node numbers, and names of boundaries and subdomains, of what stays where it is.
+    topology, min_quality, pinned, curves, periodic, layers
+        What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
     seed
         The same seed gives the same mesh, bit for bit, on one type of CPU.
-    curves
-        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
-        ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
-        radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
-    periodic
-        Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
-        translation or rotation carries the one to the other node by node, and does so afterwards. A training point
-        beside one also reaches what lies beside the other.
-    layers
-        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
-        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
-        distance, with whatever joins pieces of one side; the ends of a gap are none.
 
     Returns
     -------
@@ -192,96 +148,79 @@ def relocate(
     >>> finer_below.p.shape == mesh.p.shape
     True
     """
-    done = trained_map(
-        mesh,
-        density,
-        schedule=schedule,
-        limits=Limits(topology, min_quality, pinned, curves, periodic, layers),
-        seed=seed,
-    ).relocation()
-    if not done.moved and schedule != Schedule(()):  # that one is asked for its flips
-        logger.warning("relocate moved no node: %s.", done.message)
-    return done.mesh
-
-
-def trained_map(
-    mesh: MeshTri,
-    density: ArrayLike | Callable[[Floats], ArrayLike],
-    *,
-    schedule: Schedule | None,
-    limits: Limits,
-    seed: int,
-    target: int | None = None,
-) -> Trained:
-    """What `relocate` does, before it is made a mesh again; with at least `target` nodes."""
     check_training(schedule, seed)
-    som, topology = guarded_map(mesh, limits), limits.topology
-    wanted, rng = density_of(som.triangulation, density), np.random.default_rng(seed)
-    before, outline = som.triangulation.copy(), som.outline.copy()
-    recycled = unchanged(before)
-    target = max(target or 0, before.nnodes)
-    if topology == "recycle" or target > before.nnodes:
-        recycled = som.recycle(wanted, target, pairs=topology == "recycle")
+    rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
+    movable = MovableMesh.of(mesh, rules)
+    wanted = density_of(movable.triangulation, density)
+    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed))
+    work = moved.work(movable)
+    report_curves(moved.before, movable)
+    if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
+        logger.warning("relocate moved no node: %s.", work.why_still)
+    return movable.mesh()
+
+
+def move(
+    movable: MovableMesh,
+    wanted: Density,
+    schedule: Schedule | None,
+    topology: str,
+    rng: np.random.Generator,
+    nodes: int = 0,
+) -> Moved:
+    """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; with at least so many `nodes`.
+
+    `wanted` is a density on the mesh as it is now.
+    """
+    before, target = movable.copy(), max(nodes, movable.nnodes)
+    recycled = unchanged(before.triangulation)
+    if topology == "recycle" or target > movable.nnodes:
+        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs=topology == "recycle")
+    trainer = Trainer.of(movable)
     if schedule is None:
-        schedule = Schedule.default(target, radius=radius_for(som, wanted, topology, recycled), topology=topology)
-    errors = som.learn(wanted.draw, schedule, rng, recycled.starts)
+        radius = radius_for(trainer, wanted, topology, recycled)
+        schedule = Schedule.default(target, radius=radius, topology=topology)
+    errors = trainer.learn(wanted.draw, schedule, rng, recycled.starts)
     if schedule.sweeps:
         if recycled.splits:
-            wanted.refit(som.triangulation, Locator(before))
-        som.smooth(wanted, schedule.sweeps)
-    return Trained(som, mesh, before, outline, recycled, errors, why_still(som, schedule))
+            wanted.refit(movable.triangulation, Locator(before.triangulation))
+        trainer.smooth(wanted, schedule.sweeps)
+    return Moved(before, recycled, errors, why_still(movable, schedule))
 
 
-def radius_for(
-    som: KohonenMap, wanted: ElementDensity | CallableDensity, topology: str, recycled: Recycled
-) -> int | None:
-    """The start radius: where nodes are put where they are wanted, none need travel."""
+def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recycled) -> int | None:
+    """How far nodes are to be exchanged, in edges: where nodes are put where they are wanted, none need travel."""
     if topology == "recycle":
         return None
-    return 2 if recycled.splits else start_radius(som, wanted)
+    return 2 if recycled.splits else 2 ** doublings_for(trainer, wanted)
 
 
-def guarded_map(mesh: MeshTri, limits: Limits) -> KohonenMap:
-    """A map that keeps the quality rule; whatever is wrong with the mesh or the options is refused here."""
-    if limits.min_quality is None:
-        raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
-    if limits.topology not in TOPOLOGIES:
-        raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {limits.topology!r}.")
-    return KohonenMap(
-        mesh,
-        topology="fixed" if limits.topology == "fixed" else "flip",
-        min_quality=limits.min_quality,
-        pinned=limits.pinned,
-        curves=limits.curves,
-        periodic=limits.periodic,
-        layers=limits.layers,
-    )
-
-
-def why_still(som: KohonenMap, schedule: Schedule) -> str:
+def why_still(movable: MovableMesh, schedule: Schedule) -> str:
     """The reason that no node moved."""
-    if not schedule.rounds and not schedule.sweeps and not any(stage.epochs for stage in schedule.stages):
+    if not schedule.trains and not schedule.sweeps:
         return "the schedule has no rounds, no epochs and no sweeps"
-    if not som.can_move():
+    if not movable.can_move():
         return "every node is a corner or pinned"
     return "every move would have broken the quality rule"
 
 
-def start_radius(som: KohonenMap, wanted: ElementDensity | CallableDensity) -> int:
-    """The largest power of two such that some patch of that radius has far too much or too little mass per node.
+def doublings_for(trainer: Trainer, wanted: Density) -> int:
+    """How often an edge must be doubled to reach as far as mass must travel: some patch has far too much or too little.
 
-    Patches are stretches of a space-filling curve through each region, with a quarter of the nodes that are within the
-    radius of an inner one: around a corner of the outline, where the mismatch often is greatest, there are no more.
+    Patches are stretches of a space-filling curve through each region, with a quarter of the nodes that are within
+    2^doublings edges of an inner one: around a corner of the outline, where the mismatch often is greatest, there are
+    no more.
     """
-    n, radius = som.triangulation.nnodes, widest_radius(som.triangulation.nnodes)
-    masses = node_masses(som.triangulation, wanted.masses)[som.along_curve()]
+    triangulation = trainer.movable.triangulation
+    n, doublings = triangulation.nnodes, most_doublings(triangulation.nnodes)
+    masses = node_masses(triangulation, wanted.masses)[trainer.order_by_region()]
     total = np.append(0.0, np.cumsum(masses))
-    while radius > 2:
-        size = min(n, 3 * radius**2 // 4)
+    while doublings > 1:
+        size = min(n, 3 * 4**doublings // 4)
         if np.any(np.abs(np.log((total[size:] - total[:-size]) / size)) > MISMATCH):
             break
-        radius //= 2
-    return radius
+        doublings -= 1
+    return doublings
 
 
 def node_masses(triangulation: Triangulation, masses: Floats) -> Floats:
@@ -294,3 +233,10 @@ def node_masses(triangulation: Triangulation, masses: Floats) -> Floats:
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
     share = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
     return np.bincount(node.ravel(), weights=np.repeat(share, 3)).astype(np.float64)
+
+
+def report_curves(before: MovableMesh, now: MovableMesh) -> None:
+    """Say how much of curves their facets leave out, before and now."""
+    then, left_out = before.sagitta(), now.sagitta()
+    if max(then, left_out) > 0.0:
+        logger.info("curves are up to %.3g away from their facets; before up to %.3g", left_out, then)

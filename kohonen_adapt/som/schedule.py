@@ -1,7 +1,7 @@
-"""How a map is trained: rounds of transport, radii, epochs, learning rates and numbers of training points."""
+"""Describe how a map is trained: rounds of transport, radii, epochs, learning rates and numbers of points."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,9 +19,9 @@ LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "fixed": (5, (0.3, 0.1)),
     "recycle": (2, 0.3),
 }
-# The widest radius at which points are presented one by one, and epochs at the radii from there down to 2.
-NEAR = {"flip": (2, 1), "fixed": (4, 3), "recycle": (2, 1)}
-ROUNDLESS = 2  # radii, 2 and 4, for which there is no transport
+# Doublings of the radius up to the widest at which points are presented one by one, and epochs at each from there down.
+NEAR = {"flip": (1, 1), "fixed": (2, 3), "recycle": (1, 1)}
+ROUNDLESS = 2  # doublings, to radius 2 and 4, for which there is no transport
 WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
 
 
@@ -192,10 +192,10 @@ class Schedule:
         nnodes
             Number of nodes of the mesh.
         radius
-            In how wide a neighbourhood nodes are to be exchanged, in edges; None takes the widest (`widest_radius`), or
-            1 where nodes are recycled. `relocate` takes it from how far the mesh is from the density. Wide
-            neighbourhoods exchange nodes by transport, one round for every halving of the radius down to 4; what is
-            left are stages.
+            How far nodes are to be exchanged, in edges, of which the next lower power of two counts; None takes the
+            farthest (0.6 sqrt(nnodes)), or 1 where nodes are recycled. `relocate` takes it from how far the mesh is
+            from the density. What is farther than 4 is left to transport, one round for every doubling beyond; what is
+            nearer to stages.
         topology
             ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
             ``"recycle"`` needs no transport, because nodes need not travel.
@@ -222,17 +222,22 @@ class Schedule:
             raise ValueError(f"nnodes must be an integer >= 0; got {nnodes!r}.")
         if radius is not None and not is_count(radius):
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
-        widest = 1 if topology == "recycle" else widest_radius(nnodes)
-        start = widest if radius is None else radius
+        farthest = 0 if topology == "recycle" else most_doublings(nnodes)
+        doublings = farthest if radius is None else max(0, int(radius).bit_length() - 1)
         near, epochs = NEAR[topology]
-        stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in halved(min(start, near))]
-        rounds = max(0, len(halved(start)) - ROUNDLESS)
+        radii = [2**k for k in range(min(doublings, near), 0, -1)]
+        stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in radii]
+        rounds = max(0, doublings - ROUNDLESS)
         return cls((*stages, Stage(1, *LOCAL[topology])), rounds=rounds, sweeps=SWEEPS[topology])
 
+    @property
+    def trains(self) -> bool:
+        """Whether it presents or counts any point."""
+        return bool(self.rounds) or any(stage.epochs for stage in self.stages)
 
-def halved(radius: int) -> list[int]:
-    """The radius and its halves, down to 2."""
-    return [radius >> step for step in range(max(0, int(radius).bit_length() - 1))]
+    def epochs(self) -> Iterator[tuple[Stage, float]]:
+        """The stage and the learning rate of every epoch."""
+        return ((stage, rate) for stage in self.stages for rate in stage.rates())
 
 
 def check_training(schedule: object, seed: object) -> None:
@@ -255,6 +260,6 @@ def are_two_rates(rates: Iterable[float]) -> bool:
     return len(rates) == 2 and all(is_number(rate) and 0 < rate <= 1 for rate in rates)
 
 
-def widest_radius(nnodes: int) -> int:
-    """The largest power of two that is at most 0.6 sqrt(nnodes), and at least 2."""
-    return 2 ** max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))
+def most_doublings(nnodes: int) -> int:
+    """How often 1 can be doubled and stay below 0.6 sqrt(nnodes), at least once."""
+    return max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))

@@ -1,4 +1,4 @@
-"""One epoch of training: points in batches, presented part by part of the mesh, shared among threads.
+"""Train a movable mesh: rounds of transport, epochs of training points, sweeps of smoothing, shared among threads.
 
 The winners of a batch are searched before any of its points is presented. The mesh is cut into parts along a
 space-filling curve. What is presented around neurons deep inside a part touches nothing of the others, so threads take
@@ -6,13 +6,14 @@ the parts side by side; the points near the cuts come after them. Neither the pa
 number of threads.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import Constraints, SearchScratch
+from kohonen_adapt.kernels.arrays import SearchScratch
 from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
@@ -21,10 +22,12 @@ from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.kernels.triangle.train import learn
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.schedule import Stage
-from kohonen_adapt.som.training_points import Draw
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.schedule import Schedule, Stage
+from kohonen_adapt.som.training_points import Density, Draw
+from kohonen_adapt.som.transport import POINTS, Transport
 
-__all__ = ["Classroom", "scratch_for"]
+__all__ = ["Trainer", "scratch_for"]
 
 PULL = 0.4  # share of its way that a neuron may go towards the points of one batch: the next one balances it
 LEAST = 1_000  # neurons in a part: fewer are not worth a thread
@@ -33,48 +36,120 @@ TILE = 250  # neurons, more for wide radii, whose points are presented together:
 UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
 FEW = 1_000  # stars or searches that are not worth another thread
 
+Drawing = Callable[[int, np.random.Generator], Draw]
+
 
 @dataclass
-class Classroom:
-    """A triangulation under training, with room for every thread to work in.
+class Trainer:
+    """A movable mesh under training, with scratch arrays for every thread.
 
     Attributes
     ----------
-    triangulation, constraints
-        What is trained, and what its outlines allow.
-    floor
-        The quality that the guard asks for.
+    movable
+        What is trained.
     order, rank
         Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
     rooms
         Scratch arrays, one set per thread.
     """
 
-    triangulation: Triangulation
-    constraints: Constraints
-    floor: float
+    movable: MovableMesh
     order: Ints
     rank: Ints
     rooms: list[SearchScratch]
 
     @classmethod
-    def of(cls, triangulation: Triangulation, constraints: Constraints, floor: float) -> "Classroom":
-        """Cut the mesh into parts, and make room for every thread."""
-        order = along_curve(triangulation.position).astype(np.int32)
+    def of(cls, movable: MovableMesh) -> "Trainer":
+        """Put the neurons in order along a curve, and make room for every thread."""
+        order = along_curve(movable.triangulation.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        rooms = [scratch_for(triangulation) for _ in range(number_of_threads())]
-        return cls(triangulation, constraints, floor, order, rank, rooms)
+        rooms = [scratch_for(movable.triangulation) for _ in range(number_of_threads())]
+        return cls(movable, order, rank, rooms)
+
+    def learn(
+        self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
+    ) -> tuple[float, ...]:
+        """Train with points whose elements in the mesh that they are drawn from are known.
+
+        Parameters
+        ----------
+        draw
+            Called with a number of points and a generator.
+        schedule
+            Its sweeps are left to `smooth`.
+        rng
+            Decides the order of the points, too.
+        starts
+            A node for each element of the mesh that points are drawn from, near it and in its region; None if that is
+            the mesh as it is now.
+
+        Returns
+        -------
+        tuple of float
+            Quantisation error of every epoch: the mean distance of the points to their winners before the update.
+        """
+        self.movable.flip()
+        if not schedule.trains:
+            return ()
+        self.movable.settle()
+        winners = (self.movable.triangulation.elements.node[:, 0] if starts is None else starts).copy()
+        self._carry(draw, schedule.rounds, rng, winners)
+        errors = self._present(draw, schedule, rng, winners)
+        self.movable.settle()
+        return errors
+
+    def _carry(self, draw: Drawing, rounds: int, rng: np.random.Generator, winners: Ints) -> None:
+        """Rounds of transport; `winners`, those of the last points of every element, are kept up to date."""
+        if not rounds:
+            return
+        transport = Transport.of(self.movable, self.rank)
+        for _ in range(rounds):
+            shown = draw(ceil(POINTS * self.movable.nnodes), rng)
+            found = self.search(shown, winners[shown.element])[0]
+            winners[shown.element] = found
+            transport.carry(shown, found)
+
+    def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
+        """All epochs; returns the error of each.
+
+        Points of a set that is shown again start the search from their own last winner; fresh ones from that of the
+        last point drawn from the same element.
+        """
+        count, errors, kept = self.movable.nnodes, list[float](), None
+        if not schedule.fresh:
+            kept = draw(ceil(max((stage.points_per_neuron for stage in schedule.stages), default=0.0) * count), rng)
+            winners = winners[kept.element]
+        for stage, rate in schedule.epochs():
+            shown = draw(ceil(stage.points_per_neuron * count), rng) if kept is None else kept
+            slot = shown.element if kept is None else np.arange(len(winners))
+            errors.append(self.epoch(stage, rate, shown, slot, winners, rng))
+            self.movable.flip()
+            if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
+                break
+        return tuple(errors)
+
+    def smooth(self, density: Density, sweeps: int) -> None:
+        """Sweep with the weight of a density: optimal Delaunay smoothing with flips, else towards barycentres."""
+        for number in range(sweeps):
+            if number % density.lasting == 0:
+                weight = density.squares(self.movable.triangulation)
+            self.sweep(weight, self.movable.flips)
+            self.movable.flip()
+        self.movable.settle()
 
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
     ) -> float:
-        """Present every point once; returns the mean distance to the winners."""
+        """Present every point once; returns the mean distance to the winners.
+
+        A point's search starts from the entry of `winners` at its `slot`, and leaves its winner there.
+        """
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
-        parts = parts_for(self.triangulation.nnodes, rings)
+        parts = parts_for(self.movable.nnodes, rings)
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
-        batches = batches_for(stage, rate, number, self.triangulation.nnodes)
+        batches = batches_for(stage, rate, number, self.movable.nnodes)
         for first in range(batches):
             rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
@@ -85,24 +160,31 @@ class Classroom:
             total += float(distances.sum())
         return total / max(1, number)
 
+    def order_by_region(self) -> Ints:
+        """Neurons along the curve, region by region; those on interfaces in one of theirs, (n,)."""
+        tri = self.movable.triangulation
+        region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]
+        return self.order[np.argsort(region[self.order], kind="stable")]
+
     def _sound_stars(self) -> Mask:
         """Stars that the quality rule finds nothing wrong with, (n,)."""
-        tri = self.triangulation
+        tri = self.movable.triangulation
         sound = np.empty(tri.nnodes, dtype=np.bool_)
         shared(
-            lambda thread, first, last: mark_sound(tri.position, tri.star, self.floor, first, last, sound),
+            lambda thread, first, last: mark_sound(tri.position, tri.star, self.movable.floor, first, last, sound),
             even_cuts(tri.nnodes, FEW),
         )
         return sound
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         """Smooth once, with the given weight of every element."""
-        tri, parts = self.triangulation, parts_for(self.triangulation.nnodes, 1)
+        tri, constraints, floor = self.movable.triangulation, self.movable.constraints, self.movable.floor
+        parts = parts_for(tri.nnodes, 1)
         deep = self._deep_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
             sweep(
-                tri.position, tri.elements, tri.star, self.constraints, weight, circumcentres, self.floor,
+                tri.position, tri.elements, tri.star, constraints, weight, circumcentres, floor,
                 self.order[first:last], deep, which,
             )  # fmt: skip
 
@@ -111,22 +193,22 @@ class Classroom:
 
     def _deep_nodes(self, parts: int, rings: int) -> Mask:
         """Neurons that have only neurons of their own part within so many rings, (n,)."""
-        deep = np.empty(self.triangulation.nnodes, dtype=np.bool_)
+        deep = np.empty(self.movable.nnodes, dtype=np.bool_)
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
-        paired = np.flatnonzero(self.constraints.twins.partner >= 0)
+        paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
         part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
-        mark_deep(self.triangulation.star, part, rings, deep, self.rooms[0].queue)
+        mark_deep(self.movable.triangulation.star, part, rings, deep, self.rooms[0].queue)
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
-        """Winner of every point, and its distance."""
-        tri = self.triangulation
+        """Winner of every point and its distance; a search starts from its hint."""
+        tri, constraints = self.movable.triangulation, self.movable.constraints
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
             find_winners(
-                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
+                tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
                 hints[part], found[part], distances[part], self.rooms[thread],
             )  # fmt: skip
 
@@ -145,13 +227,14 @@ class Classroom:
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
-        tri, strength = self.triangulation, stage.strength()
+        tri, constraints, floor = self.movable.triangulation, self.movable.constraints, self.movable.floor
+        strength = stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
             learn(
-                tri.position, tri.elements, tri.star, self.constraints, batch.points[part], batch.region[part],
-                batch.weights[part], winners[part], rate, strength, self.floor, sound, self.rooms[thread],
+                tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
+                batch.weights[part], winners[part], rate, strength, floor, sound, self.rooms[thread],
             )  # fmt: skip
 
         shared(task, shares_of(cuts[:-1]))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import as_reals
 from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.density import (
@@ -21,9 +22,9 @@ from kohonen_adapt.kernels.triangle.density import (
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.density import as_reals, per_element
+from kohonen_adapt.som.density import per_element
 
-__all__ = ["CallableDensity", "Draw", "ElementDensity", "density_of"]
+__all__ = ["CallableDensity", "Density", "Draw", "ElementDensity", "density_of"]
 
 
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
@@ -131,7 +132,7 @@ class CallableDensity:
         values = np.asarray(self.function(points.T.copy()))
         if values.shape != (len(points),):
             raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
-        values = as_reals(values, "density")
+        values = as_reals("density", values, {"n": len(points)})
         bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
         if len(bad):
             where = tuple(points[bad[0]].tolist())
@@ -162,9 +163,10 @@ class CallableDensity:
         return without_zeros(values, self.largest).mean(axis=0) ** 2
 
 
-def density_of(
-    triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike]
-) -> ElementDensity | CallableDensity:
+Density = ElementDensity | CallableDensity
+
+
+def density_of(triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike]) -> Density:
     """A user's density, checked, for the mesh of a triangulation.
 
     Raises
@@ -174,7 +176,7 @@ def density_of(
     """
     if callable(density):
         return CallableDensity(triangulation, density)
-    values = per_element(triangulation.mesh, density, "density")
+    values = per_element(len(triangulation.elements.node), density, "density")
     if not values.any():
         raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
     return ElementDensity(triangulation, values)

@@ -9,7 +9,6 @@ Newton's method for the Monge-Ampere equation of optimal transport, as in Budd, 
 moving grids", Acta Numerica 18 (2009), for the empirical density that a self-organizing map learns from.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from typing import NamedTuple
@@ -40,6 +39,7 @@ from kohonen_adapt.kernels.triangle.transport import (
     take_step,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["POINTS", "Transport"]
@@ -60,51 +60,37 @@ FEW = 4_000  # nodes or elements that are not worth another thread
 
 @dataclass
 class Transport:
-    """A triangulation whose nodes are carried.
+    """A movable mesh whose nodes are carried.
 
     Attributes
     ----------
-    triangulation, constraints
-        What is carried, and what its outlines allow.
-    floor
-        The quality that elements must keep.
-    flip
-        Makes the triangulation Delaunay again, where it may.
+    movable
+        What is carried.
     cluster
         The cluster of every element, (m,): stretches of a space-filling curve through each region.
     """
 
-    triangulation: Triangulation
-    constraints: Constraints
-    floor: float
-    flip: Callable[[], None]
+    movable: MovableMesh
     cluster: Ints
 
     @classmethod
-    def of(
-        cls,
-        triangulation: Triangulation,
-        constraints: Constraints,
-        floor: float,
-        flip: Callable[[], None],
-        rank: Ints,
-    ) -> "Transport":
+    def of(cls, movable: MovableMesh, rank: Ints) -> "Transport":
         """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
-        return cls(triangulation, constraints, floor, flip, clusters_of(triangulation, rank))
+        return cls(movable, clusters_of(movable.triangulation, rank))
 
     def carry(self, shown: Draw, winners: Ints) -> None:
         """One round: let the nodes flow to where these points found too few winners."""
-        move = self._moves(self._flow(shown, winners))
+        move = self.moves(self.flow(shown, winners))
         far = self._reach(move)
         steps = min(STEPS, max(1, ceil(far / STEP)))
-        step = Step.of(self.triangulation, self.constraints)
+        step = Step.of(self.movable.triangulation, self.movable.constraints)
         for _ in range(steps):
             self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
-            self.flip()
+            self.movable.flip()
 
-    def _flow(self, shown: Draw, winners: Ints) -> Floats:
+    def flow(self, shown: Draw, winners: Ints) -> Floats:
         """Mean displacement of the nodes of every cluster, (c, 2)."""
-        tri, cluster = self.triangulation, self.cluster
+        tri, cluster = self.movable.triangulation, self.cluster
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
         size = np.bincount(cluster).astype(np.float64)
@@ -127,16 +113,16 @@ class Transport:
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
         along = np.empty((len(flow), 3))
-        find_directions(self.triangulation.elements.node, self.constraints, self.cluster, along)
+        find_directions(self.movable.triangulation.elements.node, self.movable.constraints, self.cluster, along)
         xx, xy, yy = along.T
-        for _ in range(int(SMOOTHING * np.sqrt(self.triangulation.nnodes))):
+        for _ in range(int(SMOOTHING * np.sqrt(self.movable.nnodes))):
             x, y = (0.5 * (flow + mean @ flow)).T
             flow = np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
         return flow
 
     def _crossings(self) -> tuple[Ints, Ints, Floats]:
         """Pairs of clusters that share edges which nodes may cross, and the length of those edges."""
-        tri, cluster = self.triangulation, self.cluster
+        tri, cluster = self.movable.triangulation, self.cluster
         most = 3 * len(cluster) // 2
         row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
         found = find_crossings(tri.position, tri.elements, cluster, row, column, length)
@@ -145,9 +131,9 @@ class Transport:
         both.sum_duplicates()
         return *both.coords, both.data
 
-    def _moves(self, flow: Floats) -> Floats:
+    def moves(self, flow: Floats) -> Floats:
         """The displacement of every node: that of the clusters around it, smoothed, along outlines on outlines."""
-        star, constraints, n = self.triangulation.star, self.constraints, self.triangulation.nnodes
+        star, constraints, n = self.movable.triangulation.star, self.movable.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, FEW), np.empty((2, n, 2))
 
         def begin(thread: int, first: int, last: int) -> None:
@@ -164,7 +150,7 @@ class Transport:
 
     def _reach(self, move: Floats) -> float:
         """How far nodes go, in distances of neighbours, all but one in a hundred."""
-        tri, ratio = self.triangulation, np.empty(self.triangulation.nnodes)
+        tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
 
         def measure(thread: int, first: int, last: int) -> None:
             measure_moves(tri.position, tri.star, move, first, last, ratio)
@@ -174,7 +160,7 @@ class Transport:
 
     def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
         """Let all nodes go a share of their moves, as far as that spoils no element."""
-        tri, constraints = self.triangulation, self.constraints
+        tri, constraints = self.movable.triangulation, self.movable.constraints
         nodes = even_cuts(tri.nnodes, FEW)
 
         def go(thread: int, first: int, last: int) -> None:
@@ -189,10 +175,14 @@ class Transport:
 
     def _mend(self, step: "Step", rings: int) -> None:
         """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are."""
-        tri, constraints, node = self.triangulation, self.constraints, self.triangulation.elements.node
+        tri, constraints, node = (
+            self.movable.triangulation,
+            self.movable.constraints,
+            self.movable.triangulation.elements.node,
+        )
 
         def mark(thread: int, first: int, last: int) -> None:
-            mark_spoiled(tri.position, step.ahead, node, self.floor, first, last, step.spoiled)
+            mark_spoiled(tri.position, step.ahead, node, self.movable.floor, first, last, step.spoiled)
 
         for attempt in range(ATTEMPTS):
             shared(mark, even_cuts(len(node), FEW))
@@ -206,9 +196,9 @@ class Transport:
                     step.ring, step.queue,
                 )  # fmt: skip
         shared(mark, even_cuts(len(node), FEW))
-        hold_back(tri.position, step.ahead, node, tri.star, self.floor, step.spoiled, step.queue)
+        hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
         while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
-            hold_back(tri.position, step.ahead, node, tri.star, self.floor, step.spoiled, step.queue)
+            hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
 
 
 class Step(NamedTuple):

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.report import write_report
 
 HOSTILE = '</script><img src=x onerror="document.title=1"><!--${oops}&amp;'
@@ -17,15 +18,27 @@ def a_mesh(levels=3):
 
 
 def a_pass(number, mesh, estimate, outputs=()):
-    return Pass(number, mesh, estimate, 2.0, (), 0.5, 0.9, 0.0, {"solve": 0.1}, outputs=dict(outputs))
+    """A pass whose indicators grow with the number of the element."""
+    return Pass(
+        number=number,
+        mesh=mesh,
+        indicators=np.linspace(0.1, 2.0, mesh.t.shape[1]),
+        nodes=np.arange(mesh.p.shape[1]),
+        estimate=estimate,
+        worth=estimate,
+        energy_norm=2.0,
+        min_quality=0.5,
+        mean_quality=0.9,
+        seconds={"solve": 0.1},
+        outputs=dict(outputs),
+    )
 
 
 def a_result(mesh, history, status=Status.MAX_PASSES):
-    """A result whose solution is x of every node, and whose indicators grow with the number of the element."""
-    indicators = np.linspace(0.1, 2.0, mesh.t.shape[1])
-    nodes = np.arange(mesh.p.shape[1])
+    """A result, the last pass of the history, whose solution is x of every node."""
+    last = history[-1]
     return AdaptResult(
-        mesh, mesh.p[0], indicators, history[-1].estimate, tuple(history), status, f"Done with {HOSTILE}.", nodes
+        mesh, mesh.p[0], last.indicators, last.estimate, tuple(history), status, f"Done with {HOSTILE}.", last.nodes
     )
 
 

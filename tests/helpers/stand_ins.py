@@ -1,23 +1,63 @@
-"""What stands in for the map in tests of the loop."""
+"""Stand in for a problem in tests of the loop: a tiny mesh, and estimates that are told, without any physics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from skfem import MeshTri
 
-from kohonen_adapt.som.relocate import Relocation
+import kohonen_adapt as ka
+
+MESH = MeshTri().refined(2)
+ELEMENTS = MESH.t.shape[1]
+
+
+def adapt(*arguments, **options):
+    """The loop without its polish, which these problems cannot have."""
+    return ka.adapt(*arguments, polish=False, **options)
 
 
 @dataclass
-class Done:
-    """A map that has been trained, as far as a loop without a polish looks at it."""
+class Script:
+    """A problem whose k-th mesh has the k-th estimate, spread evenly; an exception in its place is raised."""
 
-    result: Relocation
+    estimates: list
+    energy: float = 10.0
+    calls: list = field(default_factory=list)
 
-    def relocation(self, polish_gain):
-        assert polish_gain == 0.0
-        return self.result
+    def solve(self, mesh):
+        number = len(self.calls)
+        self.calls.append(mesh)
+        if isinstance(self.estimates[number], BaseException):
+            raise self.estimates[number]
+        return number
+
+    def indicators(self, mesh, solution):
+        return np.full(mesh.t.shape[1], self.estimates[solution] / np.sqrt(mesh.t.shape[1]))
+
+    def energy_norm(self, mesh, solution):
+        return self.energy
 
 
-def trained(mesh, errors=(), way=0.0, moved=0, message=""):
-    """A trained map that makes this mesh."""
-    return Done(Relocation(mesh, errors, way, moved, message, np.arange(mesh.p.shape[1])))
+class Left:
+    """A problem whose error is at the left side, and falls with every mesh."""
+
+    solves = 0
+
+    def solve(self, mesh):
+        self.solves += 1
+        return mesh.p[0]
+
+    def indicators(self, mesh, solution):
+        errors = 1.0 / (0.05 + solution[mesh.t].mean(axis=0))
+        return errors / np.linalg.norm(errors) / self.solves
+
+
+def script_of(*values):
+    """An output that has the k-th value on the k-th mesh; an exception in its place is raised."""
+
+    def function(solution):
+        if isinstance(values[solution], BaseException):
+            raise values[solution]
+        return values[solution]
+
+    return function

@@ -12,8 +12,8 @@ from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle import descend as kernels
 from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.problem.ritz import Ritz, functional_value
 
@@ -25,9 +25,9 @@ class Setting:
 
     def __init__(self, mesh, seed, fixed=None, values=None, load=1.0):
         rng = np.random.default_rng(seed)
-        self.tri = Triangulation.of(mesh)
+        movable = MovableMesh.of(mesh, Rules())
+        self.tri, self.outline = movable.triangulation, movable.outline
         n = self.tri.nnodes
-        self.outline = Outline.of(self.tri, np.zeros(n, dtype=bool))
         regions = self.tri.elements.region.max() + 1
         self.ritz = Ritz(
             rng.normal(size=n) if values is None else values,
@@ -39,7 +39,7 @@ class Setting:
         )
         self.data = np.column_stack([self.ritz.coefficient, self.ritz.source, self.ritz.flux.T])[self.ritz.region]
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
-        self.functional = Functional.of(self.ritz, self.tri, self.outline)
+        self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
         self.trial = self.functional.trial(self.tri, self.values, self.fixed)
 

@@ -6,9 +6,13 @@ from helpers.alternatives import canonical_winner, nearest_node
 from helpers.meshes import comb, generic_square, holed, inset, junction, l_shape, perturbed, slit, square
 from skfem import MeshTri
 
-from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.kernels.arrays import SearchScratch
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
+from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw
 
 CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}
 CONCAVE = {
@@ -24,20 +28,32 @@ CONCAVE = {
 
 def amid_an_epoch(mesh, seed):
     """A map whose nodes went far since its elements were made, as in the middle of an epoch."""
-    som = KohonenMap(mesh, topology="fixed", min_quality=0.05)
+    movable = untrained(mesh, min_quality=0.05)
     rng = np.random.default_rng(seed)
     element = rng.choice(mesh.t.shape[1], 150, p=(weights := rng.random(mesh.t.shape[1]) ** 6) / weights.sum())
-    som.train(points_in(mesh.p, mesh.t, element, rng), Schedule((Stage(2, 2, 0.8),)), seed=seed)
-    return som
+    learn(movable, points_in(mesh.p, mesh.t, element, rng), element, Schedule((Stage(2, 2, 0.8),)), rng)
+    return movable
+
+
+def untrained(mesh, min_quality=0.3):
+    """A map whose elements stay, no point of which was presented yet."""
+    return MovableMesh.of(mesh, Rules("fixed", min_quality))
+
+
+def learn(movable, points, element, schedule, rng):
+    """Present the points (2, k), whose elements in the mesh as it is are given, in every epoch."""
+    region = movable.triangulation.elements.region[element]
+    shown = Draw(points.T, element.astype(np.int32), region, np.ones(len(element)))
+    Trainer.of(movable).learn(lambda number, rng: shown, schedule, rng)
 
 
 def points_in(p, t, element, rng):
     return np.einsum("ke,dke->de", rng.dirichlet(np.ones(3), len(element)).T, p[:, t[:, element]])
 
 
-def search(som, start, x, region, alike=True):
+def search(movable, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
-    tri, limits = som.triangulation, som.outline.constraints
+    tri, limits = movable.triangulation, movable.constraints
     scratch = SearchScratch.of(tri.nnodes, len(tri.elements.node))
     winner, distance = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, scratch)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
@@ -49,10 +65,10 @@ def search(som, start, x, region, alike=True):
     return winner, distance
 
 
-def searches(som, number, seed):
+def searches(movable, number, seed):
     """Random points of a map with the element that holds each, and the node of their region to start from."""
     rng = np.random.default_rng(seed)
-    tri = som.triangulation
+    tri = movable.triangulation
     node, region = tri.elements.node, tri.elements.region
     for e in rng.integers(0, len(node), number):
         x = rng.dirichlet(np.ones(3)) @ tri.position[node[e]]
@@ -64,31 +80,31 @@ def searches(som, number, seed):
 def test_in_a_convex_region_it_is_the_nearest_of_all_nodes(kind, moved):
     mesh = CONVEX[kind]()
     for seed in range(5):
-        som = amid_an_epoch(mesh, seed) if moved else KohonenMap(mesh, topology="fixed")
-        for x, _, start, region in searches(som, 80, seed):
-            winner, distance = search(som, start, x, region)
-            nearest, shortest = nearest_node(som.triangulation.position, x)
+        movable = amid_an_epoch(mesh, seed) if moved else untrained(mesh)
+        for x, _, start, region in searches(movable, 80, seed):
+            winner, distance = search(movable, start, x, region)
+            nearest, shortest = nearest_node(movable.triangulation.position, x)
             assert winner == nearest
             assert distance == pytest.approx(shortest, rel=1e-14)
 
 
 def test_on_a_tangled_map_the_search_ends_at_a_node():
-    som = KohonenMap(square(6), topology="fixed", min_quality=None)
-    cluster = 0.4 + 0.1 * np.random.default_rng(0).random((2, 100))
-    som.train(cluster, Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)))
-    assert np.any(som.triangulation.areas() < 0)
-    for x, _, start, region in searches(som, 100, 1):
-        winner, distance = search(som, start, x, region, alike=False)
-        assert distance == pytest.approx(np.hypot(*(som.triangulation.position[winner] - x)), rel=1e-14)
+    movable, rng = untrained(square(6), min_quality=None), np.random.default_rng(0)
+    tri, cluster = movable.triangulation, 0.4 + 0.1 * rng.random((2, 100))
+    learn(movable, cluster, Locator(tri).find(cluster.T), Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)), rng)
+    assert np.any(tri.areas() < 0)
+    for x, _, start, region in searches(movable, 100, 1):
+        winner, distance = search(movable, start, x, region, alike=False)
+        assert distance == pytest.approx(np.hypot(*(tri.position[winner] - x)), rel=1e-14)
 
 
 def test_ties_go_to_the_lowest_index():
-    som = KohonenMap(square(4), topology="fixed")
-    position = som.triangulation.position
+    movable = untrained(square(4))
+    position = movable.triangulation.position
     ticks = np.arange(0, 9) / 8  # cell centres and midpoints of edges are as near to four or two nodes
     for x in np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2):
         for start in range(0, len(position), 5):
-            assert search(som, start, x, 0)[0] == nearest_node(position, x)[0]
+            assert search(movable, start, x, 0)[0] == nearest_node(position, x)[0]
 
 
 @pytest.mark.parametrize("kind", CONCAVE)
@@ -97,12 +113,12 @@ def test_it_is_the_nearest_node_that_the_flooded_disc_reaches(kind, moved):
     hidden = 0
     for seed in range(6):
         mesh = CONCAVE[kind](seed)
-        som = amid_an_epoch(mesh, seed) if moved else KohonenMap(mesh, topology="fixed")
-        tri = som.triangulation
+        movable = amid_an_epoch(mesh, seed) if moved else untrained(mesh)
+        tri = movable.triangulation
         arrays = tri.position, tri.elements.node, tri.elements.neighbour, tri.elements.region
-        for x, holder, start, region in searches(som, 80, seed):
+        for x, holder, start, region in searches(movable, 80, seed):
             want, shortest = canonical_winner(*arrays, holder, x)
-            winner, distance = search(som, start, x, region)
+            winner, distance = search(movable, start, x, region)
             assert winner == want
             assert distance == pytest.approx(shortest, rel=1e-14)
             hidden += shortest > nearest_node(tri.position, x)[1] * (1 + 1e-12)
@@ -114,16 +130,16 @@ def test_a_nearer_node_behind_a_slit_does_not_count():
     # the lower bank of the slit has its nodes at -1 and 0 (the tip), the upper one also at -0.2
     p = np.array([[-1.0, 0, 1, -1, 1, 0, -1, -0.2, 0, 1, -1], [0.0, 0, 0, -1, -1, -1, 0, 0, 1, 1, 1]])
     t = [[0, 3, 5], [0, 5, 1], [1, 5, 4], [1, 4, 2], [1, 2, 9], [1, 9, 8], [1, 8, 7], [7, 8, 10], [7, 10, 6]]
-    som = KohonenMap(MeshTri(p, np.array(t).T), topology="fixed")
+    movable = untrained(MeshTri(p, np.array(t).T))
     x = np.array([-0.25, -0.01])
-    assert nearest_node(som.triangulation.position, x)[0] == 7
+    assert nearest_node(movable.triangulation.position, x)[0] == 7
     for start in range(11):
-        assert search(som, start, x, 0)[0] == 1
+        assert search(movable, start, x, 0)[0] == 1
 
 
 def test_the_winner_does_not_depend_on_the_start():
-    som = amid_an_epoch(perturbed(slit(6), 2), 2)
+    movable = amid_an_epoch(perturbed(slit(6), 2), 2)
     rng = np.random.default_rng(0)
-    for x, _, _, region in searches(som, 20, 3):
-        starts = rng.permutation(som.triangulation.nnodes)[:20]
-        assert len({search(som, start, x, region)[0] for start in starts}) == 1
+    for x, _, _, region in searches(movable, 20, 3):
+        starts = rng.permutation(movable.triangulation.nnodes)[:20]
+        assert len({search(movable, start, x, region)[0] for start in starts}) == 1

@@ -9,7 +9,7 @@ from skfem.models.poisson import laplace
 
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.result import Status
+from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.mesh.measures import area
 

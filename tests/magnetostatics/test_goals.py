@@ -235,8 +235,8 @@ def test_the_loop_with_a_goal_says_what_it_leaves_out():
     assert "Energy" not in str(result) and "pull" in str(result)
     assert result.history[0].energy_norm is None
     message = (
-        "rtol needs a problem with the method energy_norm(mesh, solution); Magnetostatics has none: its indicators are "
-        "those of a goal, of which the energy is no measure, or use atol."
+        "rtol needs the energy norm of the problem, but its indicators are those of a goal, of which the energy is no "
+        "measure: use atol instead."
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         ka.adapt(mesh, problem, rtol=0.01)

@@ -16,6 +16,8 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule
 from kohonen_adapt.kernels.arrays import HELD, ROUND, SLIDING
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 ROOT = Path(__file__).parents[2]
 HUNDRED = np.deg2rad(100.0)
@@ -23,7 +25,7 @@ TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
 
 
 def outline_of(mesh, **options):
-    return KohonenMap(mesh, **options).outline
+    return MovableMesh.of(mesh, Rules(**options)).outline
 
 
 def circles(mesh, **options):
@@ -136,7 +138,7 @@ def arkkio(n, oriented):
     if oriented:
         rows = mesh.boundaries["arkkio"]
         inside = np.hypot(*mesh.p[:, mesh.t[:, mesh.f2t[0, rows]]].mean(axis=1)) < 0.55
-        mesh.boundaries["arkkio"] = OrientedBoundary(rows, np.where(inside, 0, 1))
+        mesh = mesh.with_boundaries({"arkkio": OrientedBoundary(rows, np.where(inside, 0, 1))})
     return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in parts.items()})
 
 

@@ -13,10 +13,11 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap
 from kohonen_adapt.kernels.arrays import ROUND, SLIDING
 from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.som.training_points import density_of
 
 pytestmark = needs_gmsh
@@ -107,8 +108,8 @@ class Truth:
     """What outlines enclose and how long they are, arcs as arcs; the circles; how far nodes are from their chains."""
 
     def __init__(self, mesh):
-        som = KohonenMap(mesh)
-        self.mesh, self.triangulation, self.outline = mesh, som.triangulation, som.outline
+        movable = MovableMesh.of(mesh, Rules())
+        self.mesh, self.triangulation, self.outline = mesh, movable.triangulation, movable.outline
         elements, chains = self.triangulation.elements, self.outline.constraints.chains
         e, k = np.nonzero((elements.chain >= 0) & (np.append(chains.shape, 0)[elements.chain] == ROUND))
         a, b, apex = (self.triangulation.position[elements.node[e, (k + step) % 3]] for step in (1, 2, 0))

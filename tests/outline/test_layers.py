@@ -12,6 +12,8 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.polish.polish import descend
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -168,12 +170,12 @@ def test_the_polish_keeps_layers_that_it_would_lose():
     field = problem.solve(mesh)
 
     def polished(layers):
-        som = KohonenMap(mesh, layers=layers)
+        movable = MovableMesh.of(mesh, Rules(min_quality=0.05, layers=layers))
         ritz = problem.ritz(mesh, field)
-        functional = Functional.of(ritz, som.triangulation, som.outline)
+        functional = Functional.of(ritz, movable)
         values, fixed = 1e3 * np.sin(40.0 * mesh.p[0] + 9.0 * mesh.p[1]), np.array(ritz.fixed)
-        descend(som.triangulation, som.outline, functional, values, fixed, sweeps=20, flips=True, floor=0.05)
-        return som.mesh
+        descend(movable, functional, values, fixed, sweeps=20)
+        return movable.mesh()
 
     assert layers_of(polished(None)) == 1
     assert layers_of(polished({"gap": 2})) == 2
@@ -218,9 +220,14 @@ def test_sectors_that_touch_share_their_sides():
     assert layers_of(again_and_again(mesh, "recycle", {"gap": 2}, 1)) >= 2
 
 
+def level_of(mesh, layers):
+    """How many edges every node is from the first side of the gap, (n,)."""
+    return MovableMesh.of(mesh, Rules(layers={"gap": layers})).triangulation.elements.level
+
+
 def test_a_polygon_of_pieces_that_face_each_other_has_two_sides():
     mesh = ring(2, columns=8)  # every turn is a corner
-    level = KohonenMap(mesh, layers={"gap": 2}).triangulation.elements.level
+    level = level_of(mesh, 2)
     radius = np.hypot(*mesh.p).round(9)
     assert [set(level[radius == r]) for r in (1.0, 1.05, 1.1)] == [{0}, {1}, {2}]
 
@@ -230,7 +237,7 @@ def test_a_gap_cut_askew_has_no_side_at_its_sharp_corner():
     y = centres(straight)[1]
     skewed = MeshTri(straight.p + np.outer([0.8, 0.0], straight.p[1]), straight.t)
     mesh = divided(skewed, (y > 0) & (y < 0.3), y < 0)
-    level = KohonenMap(mesh, layers={"gap": 2}).triangulation.elements.level
+    level = level_of(mesh, 2)
     assert [set(level[np.isclose(mesh.p[1], height)]) for height in (0.0, 0.15, 0.3)] == [{0}, {1}, {2}]
 
 
@@ -239,7 +246,7 @@ def test_slots_wider_than_the_gap_belong_to_its_side():
     x, y = centres(mesh)
     mouth, body = (x % 1.0 > 0.5) & (x % 1.0 < 0.75), (x % 1.0 > 0.25) & (y > 0.55) & (y < 1.35)
     mesh = divided(mesh, (y > 0) & ((y < 0.15) | body | mouth & (y < 0.55)), y < 0)
-    level = KohonenMap(mesh, layers={"gap": 2}).triangulation.elements.level
+    level = level_of(mesh, 2)
     gap, low, high = (mesh.t[:, mesh.subdomains[name]] for name in ("gap", "low", "high"))
     assert {tuple(np.unique(level[np.intersect1d(gap, side)])) for side in (low, high)} == {(0,), (2,)}
 
@@ -251,8 +258,8 @@ def test_a_gap_with_round_ends_has_two_straight_sides():
     (x, y), beyond = square.p, np.maximum(np.abs(square.p[0]) - 2, 0)
     x = np.sign(x) * (np.minimum(np.abs(x), 2) + beyond * np.sqrt(1 - y**2 / 2))
     mesh = MeshTri(np.stack([x, y * np.sqrt(1 - beyond**2 / 2)]), square.t)
-    som = KohonenMap(mesh.with_subdomains({"gap": np.arange(mesh.nelements)}), layers={"gap": 4})
-    level, outer = som.triangulation.elements.level, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    level = level_of(mesh.with_subdomains({"gap": np.arange(mesh.nelements)}), 4)
+    outer = np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
     straight = [outer & (np.abs(mesh.p[0]) <= 2) & (mesh.p[1] * sign > 0) for sign in (-1, 1)]
     assert {tuple(np.unique(level[side])) for side in straight} == {(0,), (4,)}
     assert {1, 2, 3} <= set(level[outer & (np.abs(mesh.p[0]) > 2.01)])
@@ -260,12 +267,12 @@ def test_a_gap_with_round_ends_has_two_straight_sides():
 
 def test_ends_of_gaps_are_no_sides():
     for mesh in (poles(3), sector(3), teeth(3), pockets(3)):
-        elements = KohonenMap(mesh, layers={"gap": 3}).triangulation.elements
+        level = level_of(mesh, 3)
         gap, low, high = (mesh.t[:, mesh.subdomains[name]] for name in ("gap", "low", "high"))
         sides = [np.intersect1d(gap, low), np.intersect1d(gap, high)]
-        assert {tuple(np.unique(elements.level[side])) for side in sides} == {(0,), (3,)}
+        assert {tuple(np.unique(level[side])) for side in sides} == {(0,), (3,)}
         ends = np.setdiff1d(np.intersect1d(gap, mesh.boundary_nodes()), np.concatenate(sides))
-        assert {1, 2} <= set(elements.level[ends])
+        assert {1, 2} <= set(level[ends])
 
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])

@@ -11,6 +11,9 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.kernels.arrays import FREE, HELD, OTHER, SLIDING
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
 SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}
@@ -22,7 +25,7 @@ def places(mesh, nodes=slice(None)):
 
 def kinds(mesh, pinned=()):
     """FREE, SLIDING or HELD per node, and which of the held may leave their corner to another node."""
-    constraints = KohonenMap(mesh, pinned=pinned).outline.constraints
+    constraints = MovableMesh.of(mesh, Rules(pinned=pinned)).constraints
     return constraints.kind, (constraints.kind == HELD) & (constraints.chain[:, OTHER] >= 0)
 
 
@@ -332,8 +335,7 @@ def test_an_oriented_line_inside_one_material_keeps_its_side(flip):
 def test_an_inner_named_line_divides_no_region_but_is_never_crossed():
     mesh = square(8).with_boundaries({"line": lambda x: np.abs(x[1] - 0.5) < 1e-9})
     mesh = square(8).with_boundaries({"line": mesh.facets_satisfying(lambda x: np.abs(x[1] - 0.5) < 1e-9)})
-    som = KohonenMap(mesh)
-    assert np.unique(som.triangulation.elements.region).tolist() == [0]
+    assert np.unique(Triangulation.of(mesh).elements.region).tolist() == [0]
     result = ka.relocate(mesh, peak(mesh, 0.3, 0.5))
     assert union_of(result, result.boundaries["line"]) == [((1, 0.5), 0.0, 1.0)]
     below = centres(mesh)[1] < 0.5

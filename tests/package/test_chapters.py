@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -108,3 +109,9 @@ print(time.process_time() - start)
 """
     (seconds,) = in_a_fresh_process(code, tmp_path)
     assert float(seconds) < 1.0
+
+
+def test_the_readme_has_the_same_chapters_in_the_same_order():
+    table = (PACKAGE / "README.md").read_text(encoding="utf-8").partition("|---|---|\n")[2].partition("\n\n")[0]
+    rows = [tuple(re.findall(r"`(\w+)`", row.split("|")[1])) for row in table.splitlines()]
+    assert rows == LAYERS

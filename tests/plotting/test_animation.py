@@ -7,11 +7,14 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import plotting
-from kohonen_adapt.loop.result import Pass
+from kohonen_adapt.loop.passes import Pass
 
 
 def passes(count, levels=2):
-    return [Pass(k, MeshTri().refined(levels), 1.0 / (k + 1), 2.0, (), 0.5, 0.9, 0.0, {}) for k in range(count)]
+    mesh = MeshTri().refined(levels)
+    same = {"mesh": mesh, "indicators": np.ones(mesh.t.shape[1]), "nodes": np.arange(mesh.p.shape[1])}
+    same |= {"worth": 1.0, "energy_norm": 2.0, "min_quality": 0.5, "mean_quality": 0.9}
+    return [Pass(number=k, estimate=1.0 / (k + 1), **same) for k in range(count)]
 
 
 def durations(path):

@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 from kohonen_adapt import plotting
-from kohonen_adapt.loop.result import AdaptResult, Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics import Arctan, Table
 from kohonen_adapt.outline.curves import Arc, Line
 
@@ -23,12 +24,22 @@ def two_regions(levels=3):
 
 
 def a_pass(number, mesh, estimate, energy_norm=2.0):
-    return Pass(number, mesh, estimate, energy_norm, (), 0.5, 0.9, 0.0, {})
+    return Pass(
+        number=number,
+        mesh=mesh,
+        indicators=np.full(mesh.t.shape[1], estimate),
+        nodes=np.arange(mesh.p.shape[1]),
+        estimate=estimate,
+        worth=estimate,
+        energy_norm=energy_norm,
+        min_quality=0.5,
+        mean_quality=0.9,
+    )
 
 
 def a_result(mesh, indicators, estimates=(1.0, 0.5)):
     history = tuple(a_pass(number, mesh, estimate) for number, estimate in enumerate(estimates))
-    nodes = np.arange(mesh.p.shape[1])
+    nodes = history[-1].nodes
     return AdaptResult(mesh, None, indicators, estimates[-1], history, Status.MAX_PASSES, "Done.", nodes)
 
 

@@ -19,8 +19,8 @@ from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, de
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.nonlinear import parabola, stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
-from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.energy_tables import tabulated
 from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
@@ -174,9 +174,9 @@ class Setting:
 
     def __init__(self, mesh, seed, law, fixed=None, values=None, load=1.0):
         rng = np.random.default_rng(seed)
-        self.tri = Triangulation.of(mesh)
+        movable = MovableMesh.of(mesh, Rules())
+        self.tri, self.outline = movable.triangulation, movable.outline
         n, region = self.tri.nnodes, self.tri.elements.region
-        self.outline = Outline.of(self.tri, np.zeros(n, dtype=bool))
         count = region.max() + 1
         laws = [law if number == 0 or rng.random() < 0.4 else None for number in range(count)]
         self.ritz = ka.Ritz(
@@ -191,7 +191,7 @@ class Setting:
         self.data = np.column_stack([self.ritz.coefficient, self.ritz.source, self.ritz.flux.T])[region]
         self.laws = np.array(laws, dtype=object)[region]
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
-        self.functional = Functional.of(self.ritz, self.tri, self.outline)
+        self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
         self.trial = self.functional.trial(self.tri, self.values, self.fixed)
 

@@ -13,7 +13,7 @@ from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -22,7 +22,8 @@ from benchmarks.problems.poisson_l import PoissonL
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polish.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
 
@@ -58,9 +59,8 @@ class Diffusion:
 
 def functional_of(mesh, problem):
     """The functional of the solution on a mesh, and whether it may be compared."""
-    tri = Triangulation.of(mesh)
     ritz = problem.ritz(mesh, problem.solve(mesh))
-    functional = Functional.of(ritz, tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)))
+    functional = Functional.of(ritz, MovableMesh.of(mesh, Rules()))
     return functional_value(mesh, ritz), functional.comparable
 
 
@@ -250,8 +250,12 @@ class Quadratic(WrongRitz):
 @pytest.mark.parametrize(
     "problem, arguments, message",
     [
-        (NoRitz(), {}, r"polish needs a problem with the methods .*ritz\(mesh, solution\); NoRitz has no ritz\."),
-        (object(), {}, r"object has no solve and no ritz\."),
+        (
+            NoRitz(),
+            {},
+            r"polish needs the functional .*, which offers none: NoRitz has no method ritz\(mesh, solution\)\.",
+        ),
+        (object(), {}, r"polish needs a problem with the method solve\(mesh\); object has none\."),
         (WrongRitz(), {}, r"ritz of the problem must return a kohonen_adapt\.Ritz; got ndarray\."),
         (Quadratic(), {}, r"polish needs elements of degree 1; the problem says order = 2\."),
         (Diffusion(), {"sweeps": -1}, r"sweeps must be an integer >= 0; got -1\."),
@@ -269,6 +273,80 @@ class Quadratic(WrongRitz):
 def test_what_it_refuses(problem, arguments, message):
     with pytest.raises(ValueError, match=message):
         ka.polish(square(4), problem, **arguments)
+
+
+SIDES = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}
+PAIR = [("left", "right")]
+
+
+def heights(mesh, name):
+    """Where the nodes of a side are, sorted."""
+    return np.sort(mesh.p[1, np.unique(mesh.facets[:, mesh.boundaries[name]])])
+
+
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+@pytest.mark.parametrize("build", [square, generic_square])
+def test_pairs_stay_matched_to_the_bit(build, topology):
+    mesh = build(10).with_boundaries(SIDES)
+    problem = Diffusion(3, load=30.0, right=lambda y: 5 * y)
+    parted = ka.polish(mesh, problem, topology=topology)
+    assert np.abs(heights(parted, "left") - heights(parted, "right")).max() > 1e-3
+    result = ka.polish(mesh, problem, topology=topology, periodic=PAIR)
+    for name in SIDES:
+        np.testing.assert_array_equal(heights(result, name), heights(mesh, name))
+    assert np.abs(result.p - mesh.p).max() > 1e-2  # elsewhere nodes move
+    ka.polish(result, problem, periodic=PAIR)  # and the sides are taken for a pair again
+
+
+class Given:
+    """A functional, and a function that it does not matter to where it comes from."""
+
+    def __init__(self, seed):
+        self.seed = seed
+
+    def solve(self, mesh):
+        return np.random.default_rng(self.seed).normal(size=mesh.p.shape[1])
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.zeros(len(solution), dtype=bool), 1.0)
+
+
+def test_layers_are_kept_that_flips_would_lose():
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 17), np.linspace(0, 0.25, 3))
+    mesh = mesh.with_subdomains({"gap": np.arange(mesh.nelements)})
+
+    def is_crossed(layers, seed):
+        """Whether an edge goes from the floor to the ceiling."""
+        result = ka.polish(mesh, Given(seed), min_quality=0.05, layers=layers)
+        (low, high), ends = np.sort(result.p[1, result.facets], axis=0), result.p[0, result.facets]
+        inside = np.all((ends > 0.0) & (ends < 2.0), axis=0)
+        return np.any((low == 0.0) & (high == 0.25) & inside)
+
+    seeds = range(5)
+    assert any(is_crossed(None, seed) for seed in seeds)
+    assert not any(is_crossed({"gap": 2}, seed) for seed in seeds)
+    with pytest.raises(ValueError, match=r"^subdomain 'gap' has 2 layers of elements .*; layers asks for 3"):
+        ka.polish(mesh, Given(0), layers={"gap": 3})
+
+
+class Level:
+    """A straight line that is given as a curve of one's own."""
+
+    def project(self, x):
+        return np.stack([x[0], np.zeros_like(x[0])])
+
+
+def test_nodes_on_curves_stay_where_they_are():
+    mesh = generic_square(10).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    floor = np.flatnonzero(mesh.p[1] == 0.0)
+    problem = Diffusion(5, load=30.0)
+    line, own = (ka.polish(mesh, problem, curves={"floor": curve}) for curve in (ka.Line((0, 0), (1, 0)), Level()))
+    np.testing.assert_array_equal(line.p, ka.polish(mesh, problem).p)
+    assert np.any(line.p[0, floor] != mesh.p[0, floor]) and np.all(line.p[1, floor] == 0.0)
+    np.testing.assert_array_equal(own.p[:, floor], mesh.p[:, floor])
+    assert np.abs(own.p - mesh.p).max() > 1e-2  # elsewhere nodes move
+    with pytest.raises(ValueError, match=r"^the nodes of boundary 'floor' must lie on the curve given"):
+        ka.polish(mesh, problem, curves={"floor": ka.Line((0, 0.1), (1, 0.1))})
 
 
 def test_a_mesh_of_another_kind_is_refused():

@@ -5,24 +5,21 @@ import pytest
 from helpers.meshes import generic_square, inset, junction, l_shape, named, slit, square
 
 import kohonen_adapt as ka
+from kohonen_adapt import Ritz, Rules, Schedule, Stage
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
-from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polish.functional import Functional
-from kohonen_adapt.polish.transfer import Carrier
-from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.polish.transfer import carried
+from kohonen_adapt.som.recycling import unchanged
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw, density_of
 
 ZEROS, FIXED, REGION = np.zeros(4), np.array([True, False, False, False]), np.array([0, 1])
 
 
-def taken_apart(mesh, pinned=None):
-    tri = Triangulation.of(mesh)
-    return tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool) if pinned is None else pinned)
-
-
-def functional_for(mesh, values, fixed, pinned=None):
-    tri, outline = taken_apart(mesh, pinned)
-    return Functional.of(Ritz(values, fixed, 1.0), tri, outline)
+def functional_for(mesh, values, fixed):
+    return Functional.of(Ritz(values, fixed, 1.0), MovableMesh.of(mesh, Rules()))
 
 
 @pytest.mark.parametrize(
@@ -75,19 +72,19 @@ def test_a_functional_keeps_its_own_numbers():
 
 def test_a_functional_of_another_mesh_is_refused():
     mesh = inset(4)
-    tri, outline = taken_apart(mesh)
+    movable = MovableMesh.of(mesh, Rules())
     n, m = mesh.p.shape[1], mesh.t.shape[1]
     fixed = np.zeros(n, dtype=bool)
     with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nnodes,\) = \(25,\); got \(4,\)\."):
-        Functional.of(Ritz(ZEROS, FIXED, 1.0), tri, outline)
+        Functional.of(Ritz(ZEROS, FIXED, 1.0), movable)
     with pytest.raises(ValueError, match=r"region of Ritz must have shape \(nelements,\) = \(32,\); got \(2,\)\."):
-        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=REGION), tri, outline)
+        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=REGION), movable)
     number = np.zeros(m, dtype=int)
     number[mesh.subdomains["core"]] = 1
-    Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), tri, outline)
+    Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), movable)
     number[mesh.subdomains["core"][2]] = 0
     with pytest.raises(ValueError, match=r"one number on each region of the mesh; elements \d+ and \d+ are"):
-        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), tri, outline)
+        Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), movable)
 
 
 def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
@@ -96,16 +93,17 @@ def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
     for k, rows in enumerate(mesh.subdomains.values()):
         number[rows] = k
     coefficient, source, flux = rng.uniform(1, 9, 3), rng.normal(size=3), rng.normal(size=(2, 3))
-    som = ka.KohonenMap(mesh)
+    movable = MovableMesh.of(mesh, Rules())
     n = mesh.p.shape[1]
     ritz = Ritz(np.zeros(n), np.zeros(n, dtype=bool), coefficient, source, flux, number)
-    functional = Functional.of(ritz, som.triangulation, som.outline)
-    som.train(rng.random((2, 200)) ** 2)
-    assert not np.array_equal(som.mesh.t, mesh.t)
-    for k, rows in enumerate(som.mesh.subdomains.values()):  # at a junction elements may have changed sides
+    functional = Functional.of(ritz, movable)
+    learn(movable, lambda x: 1 / (0.1 + np.hypot(*x)))
+    after = movable.mesh()
+    assert not np.array_equal(after.t, mesh.t)
+    for k, rows in enumerate(after.subdomains.values()):  # at a junction elements may have changed sides
         number[rows] = k
     data = np.column_stack([coefficient, source, flux.T])[number]
-    ours = functional.constants[som.triangulation.elements.region]
+    ours = functional.constants[movable.triangulation.elements.region]
     np.testing.assert_array_equal(ours, data)
 
 
@@ -135,9 +133,9 @@ def test_nodes_whose_given_values_no_formula_carries_are_held():
     mesh = square(6)
     x, y = mesh.p
     inside, left, floor = (x == 0.5) & (y == 0.5), x == 0.0, y == 0.0
-    tri, outline = taken_apart(mesh)
+    outline = MovableMesh.of(mesh, Rules()).outline
     fixed = left | inside | floor
-    functional = Functional.of(Ritz(np.where(left, y**2, x), fixed, 1.0), tri, outline)
+    functional = functional_for(mesh, np.where(left, y**2, x), fixed)
     before, after = outline.constraints.kind, functional.kinds(outline, fixed)
     assert set(np.flatnonzero(before != after)) == set(np.flatnonzero((left & (y > 0) & (y < 1)) | inside))
     assert np.all(after[before != after] == HELD)
@@ -152,13 +150,19 @@ MESHES = {
 }
 
 
-def carried(som, ritz, train):
-    """Values and what is given at the nodes of the trained map."""
-    tri, outline = som.triangulation, som.outline
-    functional = Functional.of(ritz, tri, outline)
-    carrier = Carrier.of(ritz, functional, tri.copy(), outline)
-    train(som)
-    return carrier.onto(tri, outline, tri.star.element[tri.star.start[:-1]])
+def learn(movable, density):
+    """Train with points of a density, a callable, as a map does."""
+    schedule, rng = Schedule.default(movable.nnodes, topology="flip"), np.random.default_rng(0)
+    Trainer.of(movable).learn(density_of(movable.triangulation, density).draw, schedule, rng)
+
+
+def carried_by(mesh, ritz, change, rules=None):
+    """The mesh after a change of the movable mesh, and the values and what is given at its nodes."""
+    movable = MovableMesh.of(mesh, rules or Rules())
+    functional, before = Functional.of(ritz, movable), movable.copy()
+    hint = unchanged(movable.triangulation).hint
+    change(movable)
+    return movable, *carried(functional, before, movable, hint)
 
 
 @pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -166,7 +170,7 @@ def test_where_nothing_moved_a_solution_is_what_it_was(build):
     mesh = build()
     rng = np.random.default_rng(0)
     ritz = Ritz(rng.normal(size=mesh.p.shape[1]), np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
-    values, fixed = carried(ka.KohonenMap(mesh), ritz, lambda som: None)
+    _, values, fixed = carried_by(mesh, ritz, lambda movable: None)
     np.testing.assert_allclose(values, ritz.values, atol=1e-12)
     np.testing.assert_array_equal(fixed, ritz.fixed)
 
@@ -175,10 +179,10 @@ def test_where_nothing_moved_a_solution_is_what_it_was(build):
 def test_where_nodes_moved_a_solution_is_what_it_was_there(build):
     mesh = build()
     ritz = Ritz(np.sin(3 * mesh.p[0]) * mesh.p[1], np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
-    som = ka.KohonenMap(mesh)
-    points = np.random.default_rng(1).random((2, 500)) ** 3
-    values, fixed = carried(som, ritz, lambda som: som.train(points))
-    after = som.mesh
+    movable, values, fixed = carried_by(
+        mesh, ritz, lambda movable: learn(movable, lambda x: 1 / (0.001 + np.abs(x[0] * x[1])))
+    )
+    after = movable.mesh()
     assert np.abs(after.p - mesh.p).max() > 0.1
     np.testing.assert_allclose(values, ka.interpolate(mesh, ritz.values, after.p), atol=1e-9)
     np.testing.assert_array_equal(np.flatnonzero(fixed), np.sort(after.boundary_nodes()))
@@ -186,13 +190,20 @@ def test_where_nodes_moved_a_solution_is_what_it_was_there(build):
 
 def test_a_corner_keeps_what_is_given_there_whichever_node_is_in_it():
     mesh = square(6)
-    som = ka.KohonenMap(mesh, topology="fixed", min_quality=0.1)
-    once = ka.Schedule((ka.Stage(0, 1, 1.0),))
-    kind = som.outline.constraints.kind.copy()
+    rules = Rules("fixed", min_quality=0.1)
+    kind = MovableMesh.of(mesh, rules).constraints.kind
     ritz = Ritz(mesh.p[0] + 2 * mesh.p[1], mesh.p[0] == 0.0, 1.0)
-    values, fixed = carried(som, ritz, lambda som: som.train([[0.07], [0.02]], once))
-    x, y = som.mesh.p
-    assert np.any((kind == HELD) & (som.outline.constraints.kind == SLIDING))  # a corner was handed over
+
+    def pull_at_the_corner(movable):
+        point = np.array([[0.07, 0.02]])
+        element = Locator(movable.triangulation).find(point)
+        shown = Draw(point, element, movable.triangulation.elements.region[element], np.ones(1))
+        once = Schedule((Stage(0, 1, 1.0),))
+        Trainer.of(movable).learn(lambda number, rng: shown, once, np.random.default_rng(0))
+
+    movable, values, fixed = carried_by(mesh, ritz, pull_at_the_corner, rules)
+    x, y = movable.mesh().p
+    assert np.any((kind == HELD) & (movable.constraints.kind == SLIDING))  # a corner was handed over
     np.testing.assert_array_equal(fixed, x == 0.0)
     np.testing.assert_allclose(values, x + 2 * y, atol=1e-12)
 
@@ -201,11 +212,10 @@ def test_given_values_that_are_linear_are_looked_up_on_their_chain():
     mesh = square(8)
     x, y = mesh.p
     left = x == 0.0
-    som = ka.KohonenMap(mesh)
     ritz = Ritz(np.where(left, 2 * y - 1, 5 * np.sin(9 * x)), left, 1.0)
-    points = np.random.default_rng(0).random((2, 400)) * np.array([[0.3], [1.0]])
-    values, fixed = carried(som, ritz, lambda som: som.train(points))
-    x, y = som.mesh.p
+    movable, values, fixed = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: x[0] < 0.3))
+    x, y = movable.mesh().p
+    assert np.any((x == 0.0) & (y != mesh.p[1]))
     np.testing.assert_array_equal(fixed, x == 0.0)
     np.testing.assert_allclose(values[fixed], 2 * y[fixed] - 1, rtol=0, atol=1e-15)
 
@@ -215,10 +225,9 @@ def test_both_sides_of_a_slit_keep_their_values():
     upper = np.zeros(mesh.p.shape[1], dtype=bool)
     upper[mesh.t[:, mesh.p[1, mesh.t].mean(axis=0) > 0.5]] = True
     tip = (mesh.p[0] > 0.55) & (mesh.p[1] == 0.5)
-    som = ka.KohonenMap(mesh)
     ritz = Ritz(np.where(upper & ~tip, 1.0, -1.0), np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
-    values, _ = carried(som, ritz, lambda som: som.train(np.random.default_rng(0).random((2, 300)) * [[0.5], [1.0]]))
-    moved = som.mesh
+    movable, values, _ = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: x[0] < 0.5))
+    moved = movable.mesh()
     cut = (moved.p[1] == 0.5) & (moved.p[0] < 0.5)
     above = np.zeros_like(upper)
     above[moved.t[:, moved.p[1, moved.t].mean(axis=0) > 0.5]] = True
@@ -231,22 +240,22 @@ def test_a_piece_given_throughout_stays_given():
     """A region whose values are all given, such as a conductor: its free nodes are given as well."""
     mesh = inset(8)
     core = np.isin(np.arange(mesh.p.shape[1]), mesh.t[:, mesh.subdomains["core"]])
-    som = ka.KohonenMap(mesh)
     ritz = Ritz(np.where(core, 2.0, 0.0), core, 1.0)
-    values, fixed = carried(som, ritz, lambda som: som.train(np.random.default_rng(0).random((2, 300))))
-    still = np.isin(np.arange(mesh.p.shape[1]), som.mesh.t[:, som.mesh.subdomains["core"]])
+    movable, values, fixed = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: np.ones(x.shape[1])))
+    after = movable.mesh()
+    still = np.isin(np.arange(mesh.p.shape[1]), after.t[:, after.subdomains["core"]])
     np.testing.assert_array_equal(fixed, still)
     np.testing.assert_allclose(values[fixed], 2.0)
-    kind = som.outline.constraints.kind
+    kind = movable.constraints.kind
     assert np.any(fixed & (kind == FREE)) and np.any(fixed & (kind == SLIDING)) and np.any(fixed & (kind == HELD))
 
 
 def test_far_hints_are_searched_for():
     mesh = l_shape(8)
-    tri, outline = taken_apart(mesh)
+    movable = MovableMesh.of(mesh, Rules())
+    star = movable.triangulation.star
     ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
-    carrier = Carrier.of(ritz, Functional.of(ritz, tri, outline), tri, outline)
     corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
-    hint = np.full(tri.nnodes, tri.star.element[tri.star.start[corner]])
-    values, _ = carrier.onto(tri, outline, hint)
+    hint = np.full(movable.nnodes, star.element[star.start[corner]])
+    values, _ = carried(Functional.of(ritz, movable), movable.copy(), movable, hint)
     np.testing.assert_allclose(values, ritz.values, atol=1e-12)

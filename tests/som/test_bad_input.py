@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import holed, inset, square
+from helpers.meshes import holed, square
 from skfem import MeshLine, MeshQuad, MeshTet, MeshTri, MeshTri1DG, MeshTri2
 
 import kohonen_adapt as ka
@@ -235,20 +235,11 @@ def test_topologies(topology):
             call()
 
 
-@pytest.mark.parametrize("min_quality", [-0.1, 1.0, 2, np.nan, np.inf])
-def test_min_qualities(min_quality):
-    for call in (
-        lambda: ka.relocate(MESH, ONES, min_quality=min_quality),
-        lambda: KohonenMap(MESH, min_quality=min_quality),
-    ):
-        with pytest.raises(ValueError, match=rf"^min_quality must be from 0 to below 1; got {min_quality!r}\.$"):
-            call()
-
-
-def test_relocate_works_under_the_guard_only():
+def test_relocation_and_polish_work_under_the_guard_only():
     message = r"^min_quality must be a number here; only KohonenMap works unchecked\. Got None\.$"
-    with pytest.raises(ValueError, match=message):
-        ka.relocate(MESH, ONES, min_quality=None)
+    for call in (lambda: ka.relocate(MESH, ONES, min_quality=None), lambda: ka.polish(MESH, Given(), min_quality=None)):
+        with pytest.raises(ValueError, match=message):
+            call()
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, 3.0, None, "a", True])
@@ -263,39 +254,35 @@ def test_schedules_of_another_kind(schedule):
         ka.relocate(MESH, ONES, schedule=schedule)
 
 
-PINNED = [
-    (["coil"], ValueError, r"pinned name 'coil' is not in the mesh; .* are: 'air', 'core', 'floor'\."),
-    ("coil", ValueError, r"pinned name 'coil' is not in the mesh; .* are: 'air', 'core', 'floor'\."),
-    ([25], ValueError, r"pinned nodes must be from 0 to 24; got 25\."),
-    ([-1], ValueError, r"pinned nodes must be from 0 to 24; got -1\."),
-    ([1.0], ValueError, r"pinned must hold node numbers and names; got 1\.0\."),
-    ([True], ValueError, r"pinned must hold node numbers and names; got True\."),
-    (np.ones(25, dtype=bool), ValueError, r"pinned must hold node numbers and names; got np\.True_\."),
-    (3, ValueError, r"pinned must be a sequence of node numbers and names; got 3\."),
-    (None, ValueError, r"pinned must be a sequence of node numbers and names; got None\."),
-]
+class Given:
+    """A problem with a functional, of which nothing is asked once the arguments are refused."""
+
+    def solve(self, mesh):
+        raise AssertionError("solved")
+
+    ritz = solve
 
 
-@pytest.mark.parametrize(("pinned", "error", "message"), PINNED)
-def test_pins(pinned, error, message):
-    mesh = inset(4).with_boundaries({"floor": lambda x: x[1] == 0.0})
-    for call in (lambda: ka.relocate(mesh, ONES, pinned=pinned), lambda: KohonenMap(mesh, pinned=pinned)):
-        with pytest.raises(error, match=f"^{message}$"):
-            call()
-
-
-def test_pins_on_a_mesh_without_names():
-    with pytest.raises(ValueError, match=r"^pinned name 'coil' is not in the mesh; .* are: none\.$"):
-        ka.relocate(MESH, ONES, pinned=["coil"])
-
-
-def test_a_pinned_name_that_is_both_a_boundary_and_a_subdomain():
-    mesh = inset(4).with_boundaries({"core": lambda x: x[1] == 0.0})
-    with pytest.raises(
-        ValueError, match=r"^pinned name 'core' is both a boundary and a subdomain; rename one of them\.$"
+@pytest.mark.parametrize(
+    ("rule", "message"),
+    [
+        ({"min_quality": 1.0}, r"min_quality must be from 0 to below 1; got 1\.0\."),
+        ({"pinned": 3}, r"pinned must be a sequence of node numbers and names; got 3\."),
+        ({"pinned": ["coil"]}, r"pinned name 'coil' is not in the mesh; .* are: none\."),
+        ({"curves": {"rim": ka.Arc((0, 0), 1)}}, r"curves has 'rim', which is no boundary of the mesh; .* are: none\."),
+        ({"periodic": [("left",)]}, r"periodic must hold pairs of names of boundaries, .*; got \('left',\)\."),
+        ({"layers": {"gap": 2}}, r"layers has 'gap', which is no subdomain of the mesh; .* are: none\."),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_what_the_rules_refuse_every_call_refuses(rule, message):
+    for call in (
+        lambda: ka.relocate(MESH, ONES, **rule),
+        lambda: KohonenMap(MESH, **rule),
+        lambda: ka.polish(MESH, Given(), **rule),
     ):
-        ka.relocate(mesh, ONES, pinned=["core"])
-    assert ka.relocate(mesh, ONES, schedule=FIRST).p.shape == mesh.p.shape
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            call()
 
 
 TRAINING = [
@@ -382,11 +369,6 @@ def test_training_needs_a_seed_that_fixes_it(seed):
 def test_training_needs_a_schedule():
     with pytest.raises(ValueError, match=r"^schedule must be a kohonen_adapt\.Schedule or None; got Stage"):
         ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], ka.Stage(1, 1, 0.3))
-
-
-def test_a_quality_is_a_number():
-    with pytest.raises(ValueError, match=r"^min_quality must be from 0 to below 1; got 'a'"):
-        ka.KohonenMap(MeshTri().refined(2), min_quality="a")
 
 
 def test_points_are_real():

@@ -12,10 +12,12 @@ from helpers.alternatives import SlowMap, barycentre, circumcentre, nearest_node
 from helpers.meshes import centres, doubled_areas, generic_square, holed, inset, outline_nodes, perturbed, square
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
 from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
-from kohonen_adapt.som.training import parts_for
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.training import Trainer, parts_for
 from kohonen_adapt.som.training_points import density_of
 
 NOTHING = 1e-300  # a learning rate that moves no node
@@ -43,7 +45,7 @@ def test_training_is_equation_1_under_the_guard(kind, radius, rate, min_quality)
     mesh = {"square": generic_square(6), "inset": inset(8), "bad": perturbed(holed(6), 2)}[kind]
     held = np.union1d(mesh.boundary_nodes(), outline_nodes(mesh))
     som = KohonenMap(mesh, topology="fixed", min_quality=min_quality, pinned=held)
-    elements = som.triangulation.elements
+    elements = Triangulation.of(mesh).elements
     movable = ~np.isin(np.arange(mesh.p.shape[1]), held)
     slow = SlowMap(mesh.p.T, elements.node, elements.neighbour, elements.region, movable, min_quality)
     points, element = points_of(mesh, 120, radius)
@@ -77,7 +79,7 @@ def test_the_order_in_which_points_are_given_does_not_matter():
 
 @pytest.mark.parametrize("radius", [0, 1, 3])
 def test_deep_inside_a_part_nothing_reaches_another(radius):
-    tri = KohonenMap(generic_square(16)).triangulation
+    tri = Triangulation.of(generic_square(16))
     part = (tri.position[:, 0] > 0.4).astype(np.int32) + (tri.position[:, 1] > 0.6)
     deep, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
     mark_deep(tri.star, part, radius + 1, deep, queue)
@@ -103,7 +105,7 @@ def test_exactly_the_rings_within_the_radius_move(radius):
     mesh = square(8)
     x = np.array([0.51, 0.52])
     som = KohonenMap(mesh, topology="fixed")
-    nearby = rings(som.triangulation.elements.node, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], radius, 0)
+    nearby = rings(mesh.t.T, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], radius, 0)
     som.train(x[:, None], one(radius, 1e-3))
     assert moved_nodes(mesh, som.mesh) == {v for ring in nearby for v in ring}
 
@@ -112,7 +114,7 @@ def test_exactly_the_rings_within_the_radius_move(radius):
 def test_each_ring_goes_its_share_of_the_way(neighbourhood):
     mesh, x, rate = square(8), np.array([0.51, 0.52]), 0.01
     som = KohonenMap(mesh, topology="fixed")
-    nearby = rings(som.triangulation.elements.node, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], 3, 0)
+    nearby = rings(mesh.t.T, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], 3, 0)
     som.train(x[:, None], one(3, rate, neighbourhood))
     shares = np.ones(4) if neighbourhood == "flat" else np.exp(-0.5 * (np.arange(4) * 1.5 / 3) ** 2)
     for ring, share in zip(nearby, shares, strict=True):
@@ -250,17 +252,17 @@ def test_an_unchecked_map_that_flips_comes_to_an_end():
 @pytest.mark.parametrize("topology", ["flip", "fixed"])
 def test_a_sweep_moves_nodes_towards_the_weighted_centres_of_their_elements(topology, min_quality):
     mesh = perturbed(square(6), 4, worst=0.3)
-    som = KohonenMap(mesh, topology=topology, min_quality=min_quality)
-    som.train(np.array([[0.5], [0.5]]), one(0, NOTHING))  # flips what there is to flip
-    tri = som.triangulation
+    movable = MovableMesh.of(mesh, Rules(topology, min_quality))
+    movable.flip()
+    tri, trainer = movable.triangulation, Trainer.of(movable)
     density = density_of(tri, np.random.default_rng(0).uniform(1, 3, mesh.t.shape[1]))
     x, y = mesh.p
     axes = {v: [k for k, at in enumerate((x[v], y[v])) if at not in (0, 1)] for v in range(mesh.p.shape[1])}
-    axes = {v: axes[v] for v in som._classroom.order if axes[v]}
+    axes = {v: axes[v] for v in trainer.order if axes[v]}
     centre = circumcentre if topology == "flip" else barycentre
     squares = density.squares(tri)
     wanted = slow_sweep(tri.position, tri.elements.node, squares, axes, centre, RELAXATION, min_quality)
-    som.smooth(density, 1)
+    trainer.smooth(density, 1)
     assert np.abs(tri.position - wanted).max() < 1e-12
     assert np.all((wanted != mesh.p.T).any(axis=1).sum() > 0.8 * len(axes))
 
@@ -284,7 +286,7 @@ def test_nothing_that_is_given_is_changed():
     for old, new in zip(before, [mesh.p, mesh.t, points, weights, mesh.subdomains["core"]], strict=True):
         np.testing.assert_array_equal(old, new)
     assert not np.shares_memory(result.p, mesh.p)
-    assert not np.shares_memory(result.p, som.triangulation.position)
+    assert not np.shares_memory(result.p, som.mesh.p)
     result.p[:] = 0
     assert som.mesh.p.max() == 1.0
 

@@ -20,12 +20,11 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt import Schedule
-from kohonen_adapt.kernels.arrays import HELD
+from kohonen_adapt import Rules, Schedule
+from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.som.kohonen_map import KohonenMap
-from kohonen_adapt.som.recycling import RATIO
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.recycling import RATIO, recycle_nodes
 from kohonen_adapt.som.training_points import density_of
 
 MESHES = {
@@ -40,10 +39,10 @@ MESHES = {
 
 
 def recycled(mesh, density, *, pinned=(), target=None, pairs=True, min_quality=0.3):
-    """The map of a mesh after recycling, and what that did."""
-    som = KohonenMap(mesh, min_quality=min_quality, pinned=pinned)
-    wanted = density_of(som.triangulation, density)
-    return som, som.recycle(wanted, target or mesh.p.shape[1], pairs)
+    """A mesh after recycling, and what that did."""
+    movable = MovableMesh.of(mesh, Rules("recycle", min_quality, pinned))
+    wanted = density_of(movable.triangulation, density).at_nodes()
+    return movable, recycle_nodes(movable, wanted, target or mesh.p.shape[1], pairs)
 
 
 def spread(mesh, density):
@@ -59,17 +58,17 @@ def mesh(request):
 
 
 def test_the_number_of_nodes_stays_and_nodes_go_where_the_density_is(mesh):
-    som, done = recycled(mesh, peak(mesh, 0.4, 0.9))
-    assert som.mesh.p.shape == mesh.p.shape
+    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9))
+    assert movable.mesh().p.shape == mesh.p.shape
     assert done.splits == done.collapses > 10
     near = lambda each: np.count_nonzero(np.hypot(each.p[0] - 0.4, each.p[1] - 0.9) < 0.15)  # noqa: E731
-    assert near(som.mesh) > 2 * near(mesh)
+    assert near(movable.mesh()) > 2 * near(mesh)
 
 
 def test_old_nodes_keep_their_place_and_number(mesh):
-    som, done = recycled(mesh, peak(mesh, 0.4, 0.9))
+    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9))
     kept = done.old >= 0
-    assert np.array_equal(som.mesh.p[:, kept], mesh.p[:, done.old[kept]])
+    assert np.array_equal(movable.mesh().p[:, kept], mesh.p[:, done.old[kept]])
     assert np.array_equal(done.old[kept], np.flatnonzero(kept))
     assert np.count_nonzero(~kept) <= done.splits
 
@@ -90,19 +89,19 @@ def test_names_areas_lines_and_sides_are_kept(mesh):
 
 def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
     """Neighbours, stars, regions, chains and what nodes may do, as if found anew."""
-    som, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
-    ours, anew = som.triangulation, Triangulation.of(som.mesh)
-    outline = Outline.of(anew, np.zeros(anew.nnodes, dtype=bool))
+    movable, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
+    again = MovableMesh.of(movable.mesh(), Rules("recycle"))
+    ours, anew, constraints = movable.triangulation, again.triangulation, movable.constraints
     for e in range(len(ours.elements.node)):
         for k in range(3):
             across = ours.elements.neighbour[e, k]
             assert across < 0 or e in ours.elements.neighbour[across]
     assert edges_on_chains(ours) == edges_on_chains(anew)
-    assert np.array_equal(som.outline.constraints.kind, outline.constraints.kind)
-    assert np.array_equal(som.outline.constraints.inner, outline.constraints.inner)
-    sliding = som.outline.constraints.kind == 1
-    chain, table = som.outline.constraints.own_chain[sliding], som.outline.constraints.chains
-    looked_up = table.origin[chain] + som.outline.constraints.parameter[sliding, None] * table.direction[chain]
+    assert np.array_equal(constraints.kind, again.constraints.kind)
+    assert np.array_equal(constraints.inner, again.constraints.inner)
+    sliding = constraints.kind == SLIDING
+    chain, table = constraints.own_chain[sliding], constraints.chains
+    looked_up = table.origin[chain] + constraints.parameter[sliding, None] * table.direction[chain]
     np.testing.assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
 
 
@@ -114,10 +113,12 @@ def edges_on_chains(triangulation):
 
 
 def test_corners_stay(mesh):
-    som = KohonenMap(mesh)
-    corners = {tuple(x) for x in som.triangulation.position[som.outline.constraints.kind == HELD]}
     after, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
-    assert corners == {tuple(x) for x in after.triangulation.position[after.outline.constraints.kind == HELD]}
+    assert corners_of(after) == corners_of(MovableMesh.of(mesh, Rules()))
+
+
+def corners_of(movable):
+    return {tuple(x) for x in movable.triangulation.position[movable.constraints.kind == HELD]}
 
 
 def test_outlines_gain_and_lose_nodes():
@@ -142,8 +143,8 @@ def test_a_thin_gap_does_not_stop_the_exchange():
 
 @pytest.mark.parametrize("min_quality", [0.0, 0.3, 0.6])
 def test_the_quality_rule(mesh, min_quality):
-    som, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6), min_quality=min_quality)
-    assert ka.quality(som.mesh).min() >= min(min_quality, ka.quality(mesh).min())
+    movable, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6), min_quality=min_quality)
+    assert ka.quality(movable.mesh()).min() >= min(min_quality, ka.quality(mesh).min())
 
 
 def test_pinned_nodes_stay_and_edges_between_them_too():
@@ -159,34 +160,33 @@ def test_pinned_nodes_stay_and_edges_between_them_too():
 def test_edges_become_alike_in_the_metric():
     mesh = square(24)
     density = peak(mesh, 0.4, 0.6, contrast=1e3)
-    before = KohonenMap(mesh)
-    som, done = recycled(mesh, density, min_quality=0.1)
+    movable, done = recycled(mesh, density, min_quality=0.1)
     at_nodes = lambda x: 1.0 + 1e3 * np.exp(-((x[0] - 0.4) ** 2 + (x[1] - 0.6) ** 2) / 0.01)  # noqa: E731
-    assert spread(som.mesh, at_nodes(som.mesh.p)) < 0.4 * spread(before.mesh, at_nodes(mesh.p))
+    assert spread(movable.mesh(), at_nodes(movable.mesh().p)) < 0.4 * spread(mesh, at_nodes(mesh.p))
     assert RATIO > 1 and done.splits > 0
 
 
 def test_a_mesh_that_has_the_density_is_left_alone():
     mesh = square(12)
-    som, done = recycled(mesh, np.ones(mesh.t.shape[1]))
+    movable, done = recycled(mesh, np.ones(mesh.t.shape[1]))
     assert (done.splits, done.collapses) == (0, 0)
-    assert np.array_equal(som.mesh.t, mesh.t)
+    assert np.array_equal(movable.mesh().t, mesh.t)
 
 
 def test_growth_keeps_every_node_and_reaches_the_number(mesh):
     count = mesh.p.shape[1]
-    som, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=3 * count, pairs=False)
+    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=3 * count, pairs=False)
     assert (done.splits, done.collapses) == (2 * count, 0)
-    assert som.mesh.p.shape[1] == 3 * count
-    assert np.array_equal(som.mesh.p[:, :count], mesh.p)
+    assert movable.mesh().p.shape[1] == 3 * count
+    assert np.array_equal(movable.mesh().p[:, :count], mesh.p)
     grown, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=2 * count)
-    assert grown.mesh.p.shape[1] == 2 * count
+    assert grown.mesh().p.shape[1] == 2 * count
     assert done.splits - done.collapses == count
 
 
 def test_every_old_element_has_a_start_in_its_region(mesh):
-    som, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
-    region, now = Triangulation.of(mesh).elements.region, som.triangulation
+    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
+    region, now = Triangulation.of(mesh).elements.region, movable.triangulation
     for e, start in enumerate(done.starts):
         around = now.star.element[now.star.start[start] : now.star.start[start + 1]]
         assert region[e] in now.elements.region[around]
@@ -226,10 +226,10 @@ def test_heaps_that_fill_up_are_filled_anew():
 
 def test_new_nodes_on_a_slit_are_found_from_their_own_bank():
     mesh = slit(12)
-    som, done = recycled(mesh, peak(mesh, 0.55, 0.5, contrast=1e4))
+    movable, done = recycled(mesh, peak(mesh, 0.55, 0.5, contrast=1e4))
     middle = centres(mesh)[1]
-    chains = np.flatnonzero((done.old < 0) & (som.mesh.p[1] == 0.5) & (som.mesh.p[0] < 0.6))
-    star = som.triangulation.star
-    above = [centres(som.mesh)[1, star.element[star.start[v]]] > 0.5 for v in chains]
+    chains = np.flatnonzero((done.old < 0) & (movable.mesh().p[1] == 0.5) & (movable.mesh().p[0] < 0.6))
+    star = movable.triangulation.star
+    above = [centres(movable.mesh())[1, star.element[star.start[v]]] > 0.5 for v in chains]
     assert len(chains) > 5
     assert [middle[done.hint[v]] > 0.5 for v in chains] == above

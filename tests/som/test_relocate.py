@@ -25,10 +25,11 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
-from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.rules import Limits
-from kohonen_adapt.som.relocate import start_radius, trained_map
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.relocate import doublings_for, move
+from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
@@ -290,8 +291,8 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
     function = lambda x: 1 / (0.01 + x[0] ** 2 + x[1] ** 2)  # noqa: E731
 
     def radius(mesh, density):
-        som = KohonenMap(mesh)
-        return start_radius(som, density_of(som.triangulation, density))
+        movable = MovableMesh.of(mesh, Rules())
+        return 2 ** doublings_for(Trainer.of(movable), density_of(movable.triangulation, density))
 
     assert radius(mesh, function) == 16
     assert radius(mesh, lambda x: np.ones(x.shape[1])) == 2
@@ -302,21 +303,24 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
 
 def test_an_account_of_what_it_took():
     mesh = square(6)
-    options = {"limits": Limits(), "seed": 0}
-    done = trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation()
-    way = np.hypot(*(done.mesh.p - mesh.p))
+    after, done = work_of(mesh, pull(mesh), SHORT)
+    way = np.hypot(*(after.p - mesh.p))
     assert len(done.quantization_errors) == 2
     assert done.max_displacement == pytest.approx(way.max(), rel=1e-14)
     assert done.moved == np.count_nonzero(way)
-    assert done.message == ""
-    still = trained_map(mesh, pull(mesh), schedule=Schedule(()), **options).relocation()
+    assert done.why_still == ""
+    _, still = work_of(mesh, pull(mesh), Schedule(()))
     assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
-    assert still.message == "the schedule has no rounds, no epochs and no sweeps"
-    options["limits"] = Limits(pinned=range(49))
-    assert (
-        trained_map(mesh, pull(mesh), schedule=SHORT, **options).relocation().message
-        == "every node is a corner or pinned"
-    )
+    assert still.why_still == "the schedule has no rounds, no epochs and no sweeps"
+    _, pinned = work_of(mesh, pull(mesh), SHORT, pinned=range(49))
+    assert (pinned.moved, pinned.why_still) == (0, "every node is a corner or pinned")
+
+
+def work_of(mesh, density, schedule, pinned=()):
+    """The mesh moved, and the figures of that."""
+    movable = MovableMesh.of(mesh, Rules(pinned=pinned))
+    moved = move(movable, density_of(movable.triangulation, density), schedule, "flip", np.random.default_rng(0))
+    return movable.mesh(), moved.work(movable)
 
 
 def test_regions_that_hang_together_nowhere_are_relocated_each():
@@ -374,5 +378,5 @@ def test_a_relocation_that_moves_nothing_says_so(caplog):
 
 def test_a_single_triangle_has_nothing_to_move():
     mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
-    done = trained_map(mesh, np.ones(1), schedule=None, limits=Limits(), seed=0).relocation()
-    assert (done.moved, done.message) == (0, "every node is a corner or pinned")
+    _, done = work_of(mesh, np.ones(1), None)
+    assert (done.moved, done.why_still) == (0, "every node is a corner or pinned")

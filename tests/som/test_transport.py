@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Schedule
+from kohonen_adapt import KohonenMap, Rules, Schedule
+from kohonen_adapt.kernels.arrays import FREE, HELD
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
     find_directions,
@@ -36,7 +37,8 @@ from kohonen_adapt.kernels.triangle.transport import (
 )
 from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 from kohonen_adapt.som.transport import Transport, clusters_of, potential, symmetric, wanted_inflow
 
@@ -57,8 +59,8 @@ BUILDS = {
 
 
 def parts_of(mesh):
-    tri = Triangulation.of(mesh)
-    return tri, Outline.of(tri, np.zeros(tri.nnodes, dtype=bool)).constraints
+    movable = MovableMesh.of(mesh, Rules())
+    return movable.triangulation, movable.constraints
 
 
 def rank_of(tri):
@@ -67,13 +69,18 @@ def rank_of(tri):
 
 def wins_per_element(mesh, density, seed=5):
     """Mass of many training points in every element, as transport sums it up."""
-    som = KohonenMap(mesh)
-    tri = som.triangulation
+    movable = MovableMesh.of(mesh, Rules())
+    tri = movable.triangulation
     shown = density_of(tri, density).draw(40 * tri.nnodes, np.random.default_rng(seed))
-    winners = som._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
+    winners = winners_of(movable, shown)
     mass = np.empty(len(tri.elements.node))
     share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
     return mass
+
+
+def winners_of(movable, shown):
+    """The winners of training points that were drawn from the mesh as it is."""
+    return Trainer.of(movable).search(shown, movable.triangulation.elements.node[shown.element, 0])[0]
 
 
 @pytest.mark.parametrize("kind", ["inset", "junction"])
@@ -96,10 +103,10 @@ def test_smoothing_is_the_mean_of_the_neighbours():
     move = np.random.default_rng(1).normal(size=(tri.nnodes, 2))
     smoothed = np.empty_like(move)
     smooth_moves(tri.star, constraints, move, 0, tri.nnodes, smoothed)
-    for v in np.flatnonzero(constraints.kind == 0):
+    for v in np.flatnonzero(constraints.kind == FREE):
         others = np.setdiff1d(tri.elements.node[np.any(tri.elements.node == v, axis=1)], [v])
         np.testing.assert_allclose(smoothed[v], move[others].mean(axis=0), rtol=1e-12)
-    on_outline = constraints.kind != 0
+    on_outline = constraints.kind != FREE
     x, y = tri.position[on_outline].T
     assert np.all(smoothed[on_outline, 0][(x == 0) | (x == 1)] == 0)
     assert np.all(smoothed[on_outline, 1][(y == 0) | (y == 1)] == 0)
@@ -162,7 +169,8 @@ def test_what_is_held_back_spoils_nothing(seed, length):
     mesh = perturbed(generic_square(7), seed % 7)
     tri, constraints = parts_of(mesh)
     node, n, m = tri.elements.node, tri.nnodes, len(tri.elements.node)
-    ahead = tri.position + length * np.random.default_rng(seed).normal(size=(n, 2)) * (constraints.kind == 0)[:, None]
+    free = constraints.kind == FREE
+    ahead = tri.position + length * np.random.default_rng(seed).normal(size=(n, 2)) * free[:, None]
     spoiled, queue = np.empty(m, dtype=bool), np.empty(m, dtype=np.int32)
     wish = ahead.copy()
     mark_spoiled(tri.position, ahead, node, FLOOR, 0, m, spoiled)
@@ -180,7 +188,7 @@ def test_what_is_held_back_spoils_nothing(seed, length):
 def test_around_what_stands_still_nodes_are_the_slower_the_nearer_they_are():
     tri, constraints = parts_of(square(20))
     n, node = tri.nnodes, tri.elements.node
-    free = constraints.kind == 0
+    free = constraints.kind == FREE
     ahead = tri.position + np.outer(free, [0.5, 0.25])
     spoiled = np.zeros(len(node), dtype=bool)
     middle = int(np.argmin(np.hypot(*(tri.centroids() - 0.5).T)))
@@ -213,7 +221,7 @@ def test_areas_outlines_and_quality_are_kept(kind, topology):
     assert area_of(after) == pytest.approx(area_of(mesh), rel=1e-13)
     for name, elements in (mesh.subdomains or {}).items():
         assert area_of(after, after.subdomains[name]) == pytest.approx(area_of(mesh, elements), rel=1e-12)
-    corners = KohonenMap(mesh).outline.constraints.kind == 2
+    corners = MovableMesh.of(mesh, Rules()).constraints.kind == HELD
     assert np.array_equal(after.p[:, corners], mesh.p[:, corners])
 
 
@@ -284,26 +292,26 @@ def test_weights_of_points_count():
 
 def test_a_round_of_an_unguarded_map_goes_all_the_way():
     mesh = square(16)
-    som = KohonenMap(mesh, min_quality=None, topology="fixed")
-    tri = som.triangulation
-    transport = Transport.of(tri, som.outline.constraints, som._floor, lambda: None, rank_of(tri))
+    movable = MovableMesh.of(mesh, Rules("fixed", min_quality=None))
+    tri = movable.triangulation
+    transport = Transport.of(movable, rank_of(tri))
     shown = density_of(tri, lambda x: 1.0 / (0.01 + x[0])).draw(2000, np.random.default_rng(0))
-    winners = som._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
-    move = transport._moves(transport._flow(shown, winners))
+    winners = winners_of(movable, shown)
+    move = transport.moves(transport.flow(shown, winners))
     start = tri.position.copy()
     transport.carry(shown, winners)
-    free = som.outline.constraints.kind == 0
+    free = movable.constraints.kind == FREE
     np.testing.assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
 
 
 def test_clusters_whose_centres_coincide_exchange_nodes():
     mesh = square(16)
-    tri, constraints = parts_of(mesh)
+    movable = MovableMesh.of(mesh, Rules("fixed", FLOOR))
+    tri = movable.triangulation
     inside = np.max(np.abs(tri.centroids() - 0.5), axis=1) < 0.25
-    transport = Transport(tri, constraints, FLOOR, lambda: None, inside.astype(np.int32))
+    transport = Transport(movable, inside.astype(np.int32))
     shown = density_of(tri, peak(mesh, 0.5, 0.5, 100)).draw(500, np.random.default_rng(0))
-    winners = KohonenMap(mesh)._classroom.search(shown, tri.elements.node[shown.element, 0])[0]
-    transport.carry(shown, winners)
+    transport.carry(shown, winners_of(movable, shown))
     assert np.all(np.isfinite(tri.position))
     assert area_of(mesh) == pytest.approx(np.sum(tri.areas()), rel=1e-13)
 

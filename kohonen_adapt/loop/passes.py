@@ -1,0 +1,97 @@
+"""Record a pass: the mesh after so many relocations, solved and estimated, in one flat record."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum, auto
+
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.som.relocate import Work, shown
+
+__all__ = ["Pass", "Status"]
+
+
+class Status(StrEnum):
+    """How the loop ended.
+
+    ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all passes asked for are done.
+    ``STALLED``: no pass improves any more. ``NOT_MOVED``: nothing could move. ``STOPPED``: the callback returned True,
+    or Ctrl-C, or it is a result so far. ``FAILED``: an exception after the input mesh was estimated; it stands in
+    ``AdaptResult.error``.
+    """
+
+    CONVERGED = auto()
+    MAX_PASSES = auto()
+    STALLED = auto()
+    NOT_MOVED = auto()
+    STOPPED = auto()
+    FAILED = auto()
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Pass(Work):
+    """The mesh after ``number`` relocations, solved and estimated; number 0 is the input.
+
+    Table, ``history.csv`` and checkpoints go over the fields of this record.
+
+    Attributes
+    ----------
+    number
+        How many relocations made this mesh.
+    mesh
+        The mesh.
+    indicators
+        (nelements,), what the problem's ``indicators`` returned for it, unsquared.
+    nodes
+        (nnodes,), number in the input mesh of every node, -1 for a new one.
+    estimate
+        Square root of the sum of the squared indicators.
+    worth
+        What passes are compared by where the functional does not compare: the estimate of the error in the problem's
+        norm.
+    energy_norm
+        Energy norm of the solution, None where the problem gives none.
+    min_quality, mean_quality
+        Of the elements: 1 for an equilateral triangle, 0 for a flat one.
+    seconds
+        Wall time under the keys ``solve`` and ``estimate`` (on this mesh), ``relocate`` and ``polish`` (that made it).
+    functional
+        Ritz functional of the solution, in the problem's unit of energy; None where there is no polish.
+    comparable
+        Whether its functional may be compared with that of other passes.
+    unpolished
+        Why there is no polish, or empty.
+    outputs
+        Name to value of every output asked for.
+    quantization_errors
+        Mean distance of the training points to their winners, mesh units, one per epoch of the relocation that made
+        this mesh; empty for the input.
+    max_displacement
+        The farthest that this relocation moved a node, mesh units; 0 for the input.
+    moved, why_still
+        How many nodes it moved or made; if none, why.
+    polish_gain
+        What moves and flips of the polish that made this mesh took off the functional of the solution carried to it.
+        The map gained the rest of the difference to the pass before.
+    splits, collapses
+        How often an edge was split and collapsed to make this mesh.
+    """
+
+    number: int
+    mesh: MeshTri
+    indicators: Floats
+    nodes: Ints
+    estimate: float
+    worth: float
+    energy_norm: float | None = None
+    min_quality: float = field(metadata=shown("min quality", ".2f"))
+    mean_quality: float = field(metadata=shown("mean quality", ".2f"))
+    seconds: dict[str, float] = field(default_factory=dict)
+    functional: float | None = None
+    comparable: bool = False
+    unpolished: str = ""
+    outputs: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        nodes, least = self.mesh.p.shape[1], self.min_quality
+        return f"<Pass {self.number}: estimate {self.estimate:.4g}, {nodes} nodes, min quality {least:.2f}>"

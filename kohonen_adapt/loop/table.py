@@ -1,0 +1,152 @@
+"""Lay out passes as a table: in text no wider than a terminal, and in HTML."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import Field, fields
+from html import escape
+from itertools import chain, pairwise
+from typing import Any
+
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.som.relocate import Work
+
+__all__ = ["energy_error", "html_table", "pass_figures", "table_columns", "table_lines"]
+
+WIDTH = 120  # of a printed table; what does not fit goes into another beneath
+GAP = "  "
+DASH = "-"
+
+Columns = list[tuple[str, list[str]]]
+
+
+def pass_figures(step: Pass) -> dict[str, Any]:
+    """Every number and text of a pass by the name of its field, outputs and seconds each by a name of their own."""
+    figures: dict[str, Any] = {}
+    for name in (each.name for each in fields(step)):
+        value = getattr(step, name)
+        if isinstance(value, dict):
+            singular = name.removesuffix("s") if name == "outputs" else name
+            figures |= {f"{singular} {key}": number for key, number in value.items()}
+        elif value is None or isinstance(value, int | float | str):
+            figures[name] = value
+    return figures
+
+
+def energy_error(step: Pass) -> float | None:
+    """The estimate as a share of the energy norm, in per cent; None where there is no such norm."""
+    return 100.0 * step.estimate / step.energy_norm if step.energy_norm else None
+
+
+def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
+    """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
+    number = [("pass", [str(step.number) for step in history])]
+    return [number, _solved(history), *_outputs(history), _done(history)]
+
+
+def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
+    """The table as lines no wider than 120 characters, with a mark behind the row of every pass."""
+    behind = ["", *marks]
+    blocks = _blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
+    return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
+
+
+def html_table(history: tuple[Pass, ...], bold: Sequence[bool]) -> str:
+    """The table in HTML, some rows in bold; names are text in it, whatever they hold."""
+    columns = list(chain.from_iterable(table_columns(history)))
+    titles = "".join(f"<th>{escape(title)}</th>" for title, _ in columns)
+    rows = zip(*(cells for _, cells in columns), strict=True)
+    lines = [_html_row(cells, ' style="font-weight: bold"' * mark) for cells, mark in zip(rows, bold, strict=True)]
+    caption = "<caption>The result is the pass in bold.</caption>"
+    return "\n".join([f"<table>{caption}<thead><tr>{titles}</tr></thead><tbody>", *lines, "</tbody></table>"])
+
+
+def _html_row(cells: Sequence[str], style: str) -> str:
+    return f"<tr{style}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+
+
+def _solved(history: tuple[Pass, ...]) -> Columns:
+    columns = [
+        ("nodes", [str(step.mesh.p.shape[1]) for step in history]),
+        ("estimate", [f"{step.estimate:.4g}" for step in history]),
+        ("change %", _changes([step.estimate for step in history], ".1f")),
+    ]
+    if any(step.energy_norm is not None for step in history):
+        columns.append(("Energy Error %", _cells(energy_error, ".2f", history)))
+    if any(energy is not None for energy in map(_energy, history)):
+        columns.append(("Delta Energy %", _changes([_energy(step) for step in history], ".2f")))
+    return columns
+
+
+def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
+    """One group per output: its values and their changes."""
+    return [
+        [(name, [f"{value:.5g}" for value in values]), ("Delta %", _changes(values, ".2f"))]
+        for name in history[0].outputs
+        for values in [[step.outputs[name] for step in history]]
+    ]
+
+
+def _done(history: tuple[Pass, ...]) -> Columns:
+    """The mesh of every pass, what is derived of the pass, and what made the mesh: nothing made the input."""
+    work = {each.name for each in fields(Work)}
+    columns = [("elements", [str(step.mesh.t.shape[1]) for step in history])]
+    columns += [_column(each, history) for each in _titled(history) if each.name not in work]
+    columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
+    if any(step.functional is not None for step in history):
+        columns.append(("gain of map", [DASH, *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]))
+    for each in _titled(history):
+        if each.name in work and any(getattr(step, each.name) for step in history):
+            title, cells = _column(each, history)
+            columns.append((title, [DASH, *cells[1:]]))
+    return columns
+
+
+def _titled(history: tuple[Pass, ...]) -> list[Field[Any]]:
+    """The fields whose metadata name a column."""
+    return [each for each in fields(history[0]) if "title" in each.metadata]
+
+
+def _column(each: Field[Any], history: tuple[Pass, ...]) -> tuple[str, list[str]]:
+    return each.metadata["title"], [format(getattr(step, each.name), each.metadata["form"]) for step in history]
+
+
+def _cells(figure: Callable[[Pass], float | None], form: str, history: tuple[Pass, ...]) -> list[str]:
+    return [DASH if value is None else f"{value:{form}}" for value in map(figure, history)]
+
+
+def _energy(step: Pass) -> float | None:
+    """What stands for the energy of a solution: the square of its energy norm, else the functional it minimises."""
+    return step.functional if step.energy_norm is None else step.energy_norm**2
+
+
+def _changes(values: Sequence[float | None], form: str) -> list[str]:
+    """Change in per cent from each value to the next, a dash where there is none to compare."""
+    return [
+        DASH,
+        *(f"{100.0 * (b - a) / abs(a):+{form}}" if a and b is not None else DASH for a, b in pairwise(values)),
+    ]
+
+
+def _gain_of_map(before: Pass, after: Pass) -> float:
+    """What a pass took off the Ritz functional beside its polish."""
+    return (before.functional or 0.0) - (after.functional or 0.0) - after.polish_gain
+
+
+def _blocks(groups: list[Columns], width: int) -> Iterator[list[str]]:
+    """The lines of tables that are not wider than that, each with the first group; a group is never divided."""
+    first, *others = (_aligned(group) for group in groups)
+    block = first
+    for lines in others:
+        if block is not first and len(block[0]) + len(GAP) + len(lines[0]) > width:
+            yield block
+            block = first
+        block = [GAP.join(pair) for pair in zip(block, lines, strict=True)]
+    yield block
+
+
+def _aligned(columns: Columns) -> list[str]:
+    """Lines of the columns side by side, their titles first."""
+    padded = []
+    for title, cells in columns:
+        width = max(map(len, [title, *cells]))
+        padded.append([cell.rjust(width) for cell in [title, *cells]])
+    return [GAP.join(row) for row in zip(*padded, strict=True)]

@@ -1,0 +1,174 @@
+"""Take a mesh apart into what moves: its triangulation, and its outlines, layers and quality rule, which hold nodes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
+from kohonen_adapt.mesh.triangulation import Triangulation, star_of
+from kohonen_adapt.outline.layers import lay
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.rules import Rules
+
+__all__ = ["STATE_NAMES", "MovableMesh"]
+
+FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
+FEW = 5_000  # elements that are not worth another thread
+
+# What of the arrays of elements, constraints and twins changes when nodes move.
+OF_ELEMENTS = ("node", "neighbour", "region", "chain", "level")
+OF_CONSTRAINTS = ("kind", "chain", "parameter", "inner")
+OF_TWINS = ("partner", "motion")
+STATE_NAMES = (
+    *("position", "pinned"),
+    *(f"elements.{name}" for name in OF_ELEMENTS),
+    *(f"constraints.{name}" for name in OF_CONSTRAINTS),
+    *(f"twins.{name}" for name in OF_TWINS),
+)
+
+
+@dataclass
+class MovableMesh:
+    """A mesh with where its nodes may go; map, recycling, transport and polish each change it in place.
+
+    Attributes
+    ----------
+    triangulation
+        Nodes and elements, with the levels that keep layers.
+    outline
+        What the outlines allow every node, and the names that they carry.
+    floor
+        The quality that no change may leave anything below, unless it was there before.
+    flips
+        Whether edges may flip.
+    """
+
+    triangulation: Triangulation
+    outline: Outline
+    floor: float
+    flips: bool
+
+    @classmethod
+    def of(cls, mesh: MeshTri, rules: Rules) -> "MovableMesh":
+        """Take a mesh apart; it is not modified.
+
+        Raises
+        ------
+        ValueError
+            If the mesh is not valid, or lacks what the rules name.
+        """
+        triangulation = Triangulation.of(mesh)
+        outline = Outline.of(triangulation, rules)
+        lay(triangulation, outline.constraints, rules.layers)
+        floor = UNGUARDED if rules.min_quality is None else float(rules.min_quality)
+        return cls(triangulation, outline, floor, rules.flips)
+
+    @property
+    def nnodes(self) -> int:
+        """Number of nodes."""
+        return self.triangulation.nnodes
+
+    @property
+    def constraints(self) -> Constraints:
+        """What the outlines allow every node, for the kernels."""
+        return self.outline.constraints
+
+    @property
+    def came_from(self) -> MeshTri:
+        """The mesh that was taken apart."""
+        return self.triangulation.mesh
+
+    def mesh(self) -> MeshTri:
+        """The mesh as it is now, with every name it came with."""
+        return self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+
+    def copy(self) -> "MovableMesh":
+        """The mesh as it is now, which later changes leave alone."""
+        return MovableMesh(self.triangulation.copy(), self.outline.copy(), self.floor, self.flips)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
+        tri, constraints, twins = self.triangulation, self.constraints, self.constraints.twins
+        return {
+            "position": tri.position,
+            "pinned": self.outline.pinned,
+            **{f"elements.{name}": getattr(tri.elements, name) for name in OF_ELEMENTS},
+            **{f"constraints.{name}": getattr(constraints, name) for name in OF_CONSTRAINTS},
+            **{f"twins.{name}": getattr(twins, name) for name in OF_TWINS},
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
+
+        Raises
+        ------
+        ValueError
+            If it cannot be the state of such a mesh; then nothing is changed.
+        """
+        self._check_state(state)
+        own: dict[str, Any] = {name: state[name].copy() for name in STATE_NAMES}
+        tri, constraints = self.triangulation, self.constraints
+        tri.position, self.outline.pinned = own["position"], own["pinned"]
+        tri.elements = tri.elements._replace(**{name: own[f"elements.{name}"] for name in OF_ELEMENTS})
+        tri.star = star_of(tri.elements.node, len(tri.position))
+        twins = constraints.twins._replace(**{name: own[f"twins.{name}"] for name in OF_TWINS})
+        ours = {name: own[f"constraints.{name}"] for name in OF_CONSTRAINTS}
+        self.outline.constraints = constraints._replace(twins=twins, **ours)
+
+    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Refuse arrays of other types and shapes, and numbers of what is not there."""
+        n, m = len(state["position"]), len(state["elements.node"])
+        chains, motions = len(self.constraints.chains.length), len(self.constraints.twins.motions)
+        numbers = {
+            "elements.node": (0, n),
+            "elements.neighbour": (-1, m),
+            "elements.region": (0, len(self.triangulation.elements.layered)),
+            "elements.chain": (-1, chains),
+            "constraints.chain": (JUNCTION, chains),
+            "twins.partner": (-1, n),
+            "twins.motion": (-1, motions),
+        }
+        for name, now in self.state().items():
+            found, rows = state[name], m if name.startswith("elements.") and name != "elements.level" else n
+            if (found.dtype, found.shape) != (now.dtype, (rows, *now.shape[1:])):
+                raise ValueError(f"{name} is an array {found.shape} of {found.dtype}")
+            low, high = numbers.get(name, (-np.inf, np.inf))
+            if found.size and not (found.min() >= low and found.max() < high):
+                raise ValueError(f"{name} has numbers from {found.min()} to {found.max()}")
+
+    def settle(self) -> None:
+        """Put the nodes that slide on curves exactly there, as far as the quality rule lets them."""
+        self.outline.settle(self.triangulation, self.floor)
+
+    def flip(self) -> int:
+        """Make every region constrained Delaunay as far as the quality rule allows; returns the number of flips."""
+        if not self.flips:
+            return 0
+        tri, m = self.triangulation, len(self.triangulation.elements.node)
+        doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+
+        def mark(thread: int, first: int, last: int) -> None:
+            mark_doubtful(tri.position, tri.elements, first, last, doubtful)
+
+        total, flips = 0, FLIPS
+        while flips >= FLIPS:
+            shared(mark, even_cuts(m, FEW))
+            flips = flip_edges(tri.position, tri.elements, self.floor, doubtful, stack, waiting, FLIPS)
+            total += flips
+            if flips:
+                tri.refill_star()
+        return total
+
+    def sagitta(self) -> float:
+        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        return self.outline.sagitta(self.triangulation)
+
+    def can_move(self) -> bool:
+        """Whether any node is free to move or to slide; a corner is only left to one that slides."""
+        return bool(np.any(self.constraints.kind != HELD))

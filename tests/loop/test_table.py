@@ -1,0 +1,180 @@
+"""Tables of passes: their layout, their columns, and where a new field of a record goes by itself."""
+
+from dataclasses import dataclass, field, fields, replace
+
+import pytest
+from helpers.stand_ins import MESH, Script, adapt, script_of
+
+import kohonen_adapt as ka
+from kohonen_adapt.loop.checkpoint import Checkpoint, fingerprint
+from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.loop.step import ONLY_ENDS, Settings
+from kohonen_adapt.loop.table import pass_figures, table_columns
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.relocate import shown
+
+
+def plain(result):
+    """The result with every pass of the same duration and quality."""
+    same = {"seconds": {"solve": 1.0, "relocate": 0.5}, "min_quality": 0.871, "mean_quality": 0.9}
+    history = tuple(replace(step, **same) for step in result.history)
+    return replace(result, history=history)
+
+
+def test_the_table():
+    assert str(plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip"))).splitlines() == [
+        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  elements  min quality  mean quality  seconds",
+        "   0     25         4         -           40.00               -        32         0.87          0.90     1.50",
+        "   1     25         2     -50.0           20.00           +0.00        32         0.87          0.90     1.50"
+        "  <- result",
+        "   2     25         3     +50.0           30.00           +0.00        32         0.87          0.90     1.50",
+        "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
+    ]
+
+
+def test_the_table_with_outputs_has_their_changes():
+    outputs = {"force": script_of(-2.0, -2.5, -2.4), "flux": script_of(0.0, 1.0, 1.23456789)}
+    assert str(
+        plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip", outputs=outputs))
+    ).splitlines() == [
+        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  force  Delta %    flux  Delta %",
+        "   0     25         4         -           40.00               -     -2        -       0        -",
+        "   1     25         2     -50.0           20.00           +0.00   -2.5   -25.00       1        -  <- result",
+        "   2     25         3     +50.0           30.00           +0.00   -2.4    +4.00  1.2346   +23.46",
+        "pass  elements  min quality  mean quality  seconds",
+        "   0        32         0.87          0.90     1.50",
+        "   1        32         0.87          0.90     1.50  <- result",
+        "   2        32         0.87          0.90     1.50",
+        "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
+    ]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 8])
+def test_the_table_fits_into_120_columns_and_has_every_output(number):
+    outputs = {f"output {k}": script_of(-1.23456789, -1.23456e-7) for k in range(number)}
+    *rows, _message = str(adapt(MESH, Script([4.0, 2.0]), passes=1, outputs=outputs)).splitlines()
+    assert max(map(len, rows)) <= 120
+    titles = "  ".join(rows[::3])
+    assert titles.count("Delta %") == number and all(name in titles for name in outputs)
+    assert all(row.startswith(("pass  ", "   0  ", "   1  ")) for row in rows)
+
+
+def test_delta_energy_is_the_change_of_the_squared_energy_norm():
+    class Rising(Script):
+        def energy_norm(self, mesh, solution):
+            return (10.0, 20.0, 10.0)[solution]
+
+    title, *rows = str(adapt(MESH, Rising([4.0, 3.0, 2.0]), passes=2)).splitlines()[:4]
+    end = title.index("Delta Energy %") + len("Delta Energy %")
+    assert [row[:end].split()[-1] for row in rows] == ["-", "+300.00", "-75.00"]
+
+
+def test_without_an_energy_norm_delta_energy_is_that_of_the_functional():
+    history = adapt(MESH, Script([4.0, 3.0]), passes=1).history
+    bare = [
+        replace(step, energy_norm=None, functional=value) for step, value in zip(history, (-4.0, -5.0), strict=True)
+    ]
+    result = replace(adapt(MESH, Script([4.0]), passes=0), history=tuple(bare))
+    assert "-25.00" in str(result).splitlines()[2]
+
+
+def test_the_table_without_an_energy_norm():
+    result = adapt(MESH, Script([4.0]), passes=0)
+    result = replace(result, history=tuple(replace(step, energy_norm=None) for step in result.history))
+    assert "Energy" not in str(result)
+
+
+def test_repr_is_short():
+    result = adapt(MESH, Script([4.0, 2.0]), passes=1)
+    assert len(repr(result)) < 300
+    assert repr(result.history[0]) == "<Pass 0: estimate 4, 25 nodes, min quality 0.87>"
+
+
+def test_the_table_shows_what_was_done_to_the_mesh_of_a_pass_and_a_dash_for_the_input():
+    result = plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip"))
+    first, second, third = result.history
+    history = (
+        replace(first, functional=-1.0),
+        replace(second, functional=-3.0, polish_gain=1.5, splits=3),
+        replace(third, functional=-3.5, collapses=4),
+    )
+    *_, done = table_columns(history)
+    assert done == [
+        ("elements", ["32", "32", "32"]),
+        ("min quality", ["0.87"] * 3),
+        ("mean quality", ["0.90"] * 3),
+        ("seconds", ["1.50"] * 3),
+        ("gain of map", ["-", "0.5", "0.5"]),
+        ("gain of polish", ["-", "1.5", "0"]),
+        ("splits", ["-", "3", "0"]),
+        ("collapses", ["-", "0", "4"]),
+    ]
+    assert [title for title, _ in table_columns(result.history)[-1]] == [
+        "elements",
+        "min quality",
+        "mean quality",
+        "seconds",
+    ]
+
+
+def test_the_notebook_shows_the_result_in_bold_and_names_as_text():
+    result = adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, outputs={"<b>&": script_of(1.0, 2.0, 3.0)})
+    shown_rows = result._repr_html_().split("<tr")
+    assert [" style=" in row for row in shown_rows[2:5]] == [False, True, False]
+    assert "<th>&lt;b&gt;&amp;</th>" in shown_rows[1]
+
+
+# ---- a record with one field more ----
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Longer(ka.Pass):
+    """A pass that has one figure more."""
+
+    extra: float = field(default=0.0, metadata=shown("extra", ".3g"))
+
+
+def longer(step, extra):
+    return Longer(**{each.name: getattr(step, each.name) for each in fields(step)}, extra=extra)
+
+
+def test_a_field_of_the_record_is_in_table_file_and_checkpoint(tmp_path):
+    """History.csv is written from the figures of a pass; the checkpoint keeps what the record has."""
+    movable = MovableMesh.of(MESH, ka.Rules())
+    steps = [longer(adapt(MESH, Script([4.0]), passes=0).history[0], 1.23456)]
+    *_, done = table_columns(tuple(steps))
+    assert ("extra", ["1.23"]) in done
+    assert pass_figures(steps[0])["extra"] == 1.23456
+    kept = Checkpoint(tmp_path, {"seed": "0"}, record=Longer)
+    kept.keep(steps[0], movable)
+    (back,) = Checkpoint(tmp_path, {"seed": "0"}, record=Longer).passes(MovableMesh.of(MESH, ka.Rules()))
+    assert type(back) is Longer and back.extra == 1.23456
+    assert back.mesh is MESH
+    assert pass_figures(back) == pass_figures(steps[0])
+
+
+@dataclass(frozen=True)
+class MoreRules(ka.Rules):
+    """Rules with one more."""
+
+    stiffness: float = 1.0
+
+
+@dataclass(frozen=True)
+class MoreSettings(Settings):
+    """Settings with one more, and one that only says when to end."""
+
+    momentum: float = 0.5
+    patience: int = field(default=2, metadata=ONLY_ENDS)
+
+
+def test_a_field_of_rules_or_settings_is_in_the_fingerprint():
+    def taken(rules, kind=Settings, **more):
+        return fingerprint(MESH, Script([]), kind(rules, None, 0, False, Growth(25, 25, 1), {}, **more))
+
+    plain_run = taken(ka.Rules())
+    assert taken(MoreRules()) == {**plain_run, "stiffness": "1.0"}
+    assert taken(MoreRules(stiffness=2.0))["stiffness"] == "2.0"
+    assert taken(ka.Rules(), MoreSettings) == {**plain_run, "momentum": "0.5"}
+    assert taken(ka.Rules(), MoreSettings, momentum=0.25, patience=3)["momentum"] == "0.25"
+    assert taken(ka.Rules(), MoreSettings, patience=3) == taken(ka.Rules(), MoreSettings)
