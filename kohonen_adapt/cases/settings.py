@@ -205,8 +205,6 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     }
     values = read_table(given, readers, "", required=("mesh", "materials"))
     problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
-    options = values.get("adapt", {})
-    joined = [*problem.periodic, *problem.antiperiodic]
-    if joined:
-        options.setdefault("periodic", joined)  # what belongs together in the field must stay matched in the mesh
-    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, options, values.get("outputs", {}))
+    return Case(
+        folder / values["mesh"], values.get("scale", 1.0), problem, values.get("adapt", {}), values.get("outputs", {})
+    )

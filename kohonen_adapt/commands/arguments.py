@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kohonen_adapt import __version__
-from kohonen_adapt.outline.rules import TOPOLOGIES
+from kohonen_adapt.outline.rules import TOPOLOGIES, Rules
 
 __all__ = ["command_parser", "writable_folder"]
 
@@ -80,14 +80,14 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
     move.add_argument(
         "--topology",
         choices=TOPOLOGIES,
-        default="flip",
+        default=Rules.topology,
         help="fixed: nodes move; flip, the default: edges flip, too; recycle: nodes are taken away and put elsewhere",
     )
     move.add_argument(
         "--min-quality",
         metavar="Q",
         type=float,
-        default=0.3,
+        default=Rules.min_quality,
         help="least quality of an element, from 0, flat, to 1, equilateral; by default 0.3",
     )
     move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")

@@ -12,12 +12,13 @@ from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 __all__ = ["described", "faults", "outlines_described", "thin_parts", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
-MIN_QUALITY = 0.3  # what `adapt` keeps where nothing else is asked
+MIN_QUALITY = Rules.min_quality or 0.0  # of `adapt`, where nothing else is asked
 SHOWN = 3  # places of a kind
 LISTED = 6  # radii; of more than that the least and the greatest are told
 

@@ -147,7 +147,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
         ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-0.5 * order).figure,
         OUTLINES: plotting.plot_outlines(
-            after.mesh, pinned=names, periodic=case.adapt.get("periodic", ()), unit=unit
+            after.mesh, pinned=names, periodic=case.adapt.get("periodic", case.problem.pairs), unit=unit
         ).figure,
     }
     for name, figure in figures.items():

@@ -9,7 +9,6 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import table_columns
 
@@ -101,17 +100,13 @@ def _table(result: AdaptResult) -> str:
     """All columns that printing shows, side by side."""
     columns = [column for group in table_columns(result.history) for column in group]
     head = "".join(f'<th scope="col">{escape(title)}</th>' for title, _ in columns)
-    rows = [_row([cells[k] for _, cells in columns], _is_result(step, result)) for k, step in enumerate(result.history)]
+    rows = [_row([cells[k] for _, cells in columns], step is result.best) for k, step in enumerate(result.history)]
     body = "\n".join(rows)
     return (
         '<div class="wide" tabindex="0" role="region" aria-labelledby="passes-title">\n'
         f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>\n</div>\n"
         '<p class="note">The marked row is the result; pass 0 is the mesh that came in.</p>'
     )
-
-
-def _is_result(step: Pass, result: AdaptResult) -> bool:
-    return step.mesh is result.mesh
 
 
 def _row(cells: Iterable[str], marked: bool) -> str:

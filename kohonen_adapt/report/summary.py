@@ -9,6 +9,7 @@ from kohonen_adapt.display import counted
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.table import energy_error
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 
@@ -20,7 +21,7 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
     """Names and values to look at first: the error before and after, nodes, quality, outputs."""
-    first, last = result.history[0], _best(result)
+    first, last = result.history[0], result.best
     word = "energy error" if _in_percent(first, last) else "estimate"
     return [
         ("ended by", result.status.replace("_", " ")),
@@ -34,7 +35,7 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
 
 def sentences(result: AdaptResult) -> list[str]:
     """How it ended, what it gained, and what became of every output."""
-    first, last = result.history[0], _best(result)
+    first, last = result.history[0], result.best
     relocations = len(result.history) - 1
     said = [
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
@@ -45,19 +46,13 @@ def sentences(result: AdaptResult) -> list[str]:
     return said + [_of_output(name, first, last) for name in last.outputs]
 
 
-def _best(result: AdaptResult) -> Pass:
-    return next((step for step in result.history if step.mesh is result.mesh), result.history[-1])
-
-
 def _in_percent(*steps: Pass) -> bool:
-    return all(step.energy_norm for step in steps)
+    return all(energy_error(step) is not None for step in steps)
 
 
 def _error(step: Pass, other: Pass) -> str:
     """The estimate, in per cent of the energy norm if the other pass has one too."""
-    if step.energy_norm and other.energy_norm:
-        return f"{100.0 * step.estimate / step.energy_norm:.3g}\u00a0%"
-    return f"{step.estimate:.4g}"
+    return f"{energy_error(step):.3g}\u00a0%" if _in_percent(step, other) else f"{step.estimate:.4g}"
 
 
 def _share(first: Pass, last: Pass) -> str:

@@ -130,7 +130,6 @@ def test_every_key():
         "seed": 7,
         "polish": False,
         "target_nodes": 5000,
-        "periodic": [("left", "right"), ("low", "high")],
         "layers": {"air": 2},
         "output_rtol": 0.01,
     }
@@ -193,7 +192,8 @@ def test_outputs_ask_the_field():
 
 def test_pairs_of_the_field_stay_matched_unless_the_case_says_otherwise():
     pair = '[materials.a]\n[adapt]\nperiodic = [["c", "d"]]'
-    assert case(f'mesh = "m"\nantiperiodic = [["a", "b"]]\n{pair}').adapt["periodic"] == [("c", "d")]
+    it = case(f'mesh = "m"\nantiperiodic = [["a", "b"]]\n{pair}')
+    assert it.problem.pairs == (("a", "b"),) and it.adapt["periodic"] == [("c", "d")]
 
 
 def test_a_curve_from_a_file_beside_the_case(tmp_path):

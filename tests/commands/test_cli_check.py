@@ -12,6 +12,8 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.check import faults, thin_parts
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -107,7 +109,7 @@ def test_a_gap_of_one_layer(layers, thin):
     mesh = mesh.with_subdomains(
         {"gap": lambda x: (x[1] > 0.9) & (x[1] < 1), "rest": lambda x: (x[1] < 0.9) | (x[1] > 1)}
     )
-    found = list(thin_parts(ka.KohonenMap(mesh)))
+    found = list(thin_parts(MovableMesh.of(mesh, Rules())))
     assert len(found) == thin
     if thin:
         assert found[0].startswith("subdomain 'gap' has 1 layer of elements between its sides near (")
