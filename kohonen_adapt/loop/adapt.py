@@ -7,11 +7,11 @@ from typing import Any
 from skfem import MeshTri
 
 from kohonen_adapt.loop.checkpoint import Checkpoint
-from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import Settings, assess, density_for, polish_moved
+from kohonen_adapt.loop.settings import Growth, Settings
+from kohonen_adapt.loop.step import assess, density_for, polish_moved
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.outline.curves import Curve

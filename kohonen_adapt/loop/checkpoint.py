@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from hashlib import sha256
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -13,20 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_file
-from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.step import ONLY_ENDS, Settings
-from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
 from kohonen_adapt.outline.movable import STATE_NAMES, MovableMesh
-from kohonen_adapt.problem.protocol import Problem, norm_of, order_of
+from kohonen_adapt.problem.protocol import Problem
 
-__all__ = ["Checkpoint", "fingerprint"]
+__all__ = ["Checkpoint"]
 
 FORMAT = 2  # of the files; another number is another format
 
-DIGEST = "sha256 "
 STATE = "state "  # before the names of the arrays of a movable mesh
 
 
@@ -166,72 +161,3 @@ def _check_run(folder: Path, before: Mapping[str, str], now: Mapping[str, str]) 
             f"the checkpoint in '{folder}' is of another run: {'; '.join(differing)}. Go on with what it was begun "
             "with, or choose another folder."
         )
-
-
-def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str, str]:
-    """Name to text of everything that passes depend on, but for what the problem and its outputs work out.
-
-    What only says when to end is not in it.
-    """
-    texts = {
-        "mesh": digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains)),
-        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm",
-    }
-    for part in (settings.rules, settings):
-        for each in fields(part):
-            if each.metadata != ONLY_ENDS and each.name != "rules":
-                name = each.metadata.get("argument", each.name)
-                texts[name] = _text(getattr(part, each.name), mesh)
-    return texts
-
-
-def _text(value: Any, mesh: MeshTri) -> str:
-    """A text of a setting, whatever the type of its numbers and sequences."""
-    if value is None:
-        return "none"
-    if isinstance(value, Growth):
-        return f"{value.target} in {value.steps} passes" if value.target > value.start else "none"
-    if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
-        return _of_curves(mesh, value)
-    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
-        return str(sorted(value))
-    if isinstance(value, Mapping):
-        return str({name: _number(item) for name, item in sorted(value.items())})
-    if isinstance(value, list | tuple | range | np.ndarray):
-        return str([_number(item) for item in value])
-    return str(_number(value))
-
-
-def _number(value: Any) -> Any:
-    """A value without the type of its number."""
-    return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
-
-
-def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
-    """Names and members in order, and which side of it an oriented facet looks to."""
-    found: list[NDArray[Any]] = [np.array(sets is None)]
-    for name, rows in (sets or {}).items():
-        found += [
-            np.array(name),
-            np.asarray(rows, dtype=np.int64),
-            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
-        ]
-    return found
-
-
-def _of_curves(mesh: MeshTri, curves: Mapping[str, Curve]) -> str:
-    """A curve is what it makes of the middles of its facets, which lie off it."""
-    found: list[NDArray[Any]] = []
-    for name, curve in sorted(curves.items()):
-        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
-        found += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
-    return digest(*found)
-
-
-def digest(*arrays: NDArray[Any]) -> str:
-    """A text that tells arrays from others: of their types, shapes and bytes."""
-    found = sha256()
-    for array in map(np.ascontiguousarray, arrays):
-        found.update(f"{array.dtype.str}{array.shape}".encode())
-        found.update(array.tobytes())
-    return f"{DIGEST}{found.hexdigest()[:32]}"

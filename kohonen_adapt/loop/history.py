@@ -9,12 +9,12 @@ from kohonen_adapt.checks import check_hook
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import UNSOLVED, Settings, Solved, assessed_again
+from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.loop.step import UNSOLVED, Solved, assessed_again
 from kohonen_adapt.loop.steps import StepFailed, Steps
 from kohonen_adapt.loop.stopping import Ending, StopTest, failed, final, interrupted, not_moved, under_way
-from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.problem.protocol import Problem, solve_again
-from kohonen_adapt.som.relocate import Work
 
 __all__ = ["History"]
 

@@ -6,7 +6,7 @@ from enum import StrEnum, auto
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.som.relocate import Work, shown
+from kohonen_adapt.outline.movable import Work, shown
 
 __all__ = ["Pass", "Status"]
 

@@ -1,23 +1,21 @@
 """Assess a mesh: solve, estimate, and see what functional the solution minimises."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.polish.functional import Functional, VariesInside
 from kohonen_adapt.polish.polish import descend
 from kohonen_adapt.polish.transfer import carried
-from kohonen_adapt.problem.outputs import Output, output_value
+from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,
@@ -31,48 +29,13 @@ from kohonen_adapt.problem.protocol import (
 )
 from kohonen_adapt.problem.ritz import functional_value
 from kohonen_adapt.som.density import density_from_indicators
-from kohonen_adapt.som.relocate import Moved, Work
-from kohonen_adapt.som.schedule import Schedule, check_training
+from kohonen_adapt.som.relocate import Moved
 from kohonen_adapt.som.training_points import Density, density_of
 
-__all__ = [
-    "ONLY_ENDS",
-    "UNSOLVED",
-    "Settings",
-    "Solved",
-    "assess",
-    "assessed_again",
-    "density_for",
-    "polish_moved",
-]
-
-ONLY_ENDS = {"only ends": True}
-"""Metadata of a setting that says when to end, and changes no pass."""
+__all__ = ["UNSOLVED", "Solved", "assess", "assessed_again", "density_for", "polish_moved"]
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What every pass depends on beside mesh and problem; see `adapt`."""
-
-    rules: Rules
-    schedule: Schedule | None
-    seed: int
-    polish: bool
-    growth: Growth = field(metadata={"argument": "target_nodes"})
-    outputs: Mapping[str, Output]
-    rtol: float | None = field(default=None, metadata=ONLY_ENDS)
-
-    def __post_init__(self) -> None:
-        check_training(self.schedule, self.seed)
-        if not isinstance(self.polish, bool | np.bool_):
-            raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
-
-    def rng(self, number: int) -> np.random.Generator:
-        """The generator of the training points that make pass `number`."""
-        return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
 @dataclass(frozen=True)
@@ -125,15 +88,15 @@ def assess(
     for name, function in settings.outputs.items():
         with steps("estimate", f"output {name!r}"):
             outputs[name] = output_value(name, function, solution)
-    qualities, work = quality(mesh), moved.work(movable, polish_gain) if moved else Work()
+    qualities, weight = quality(mesh), 1.0 if norm_of(problem) == "energy" else np.sqrt(area(mesh))
     record = Pass(
-        **vars(work),
+        **vars(moved.work(movable, polish_gain) if moved else Work()),
         number=before.record.number + 1 if before else 0,
         mesh=mesh,
         indicators=indicators,
         nodes=numbers_in_input(before, moved, movable),
         estimate=root_of_squares(indicators),
-        worth=root_of_squares(indicators if norm_of(problem) == "energy" else indicators * np.sqrt(area(mesh))),
+        worth=root_of_squares(weight * indicators),
         energy_norm=norm,
         min_quality=float(qualities.min()),
         mean_quality=float(qualities.mean()),

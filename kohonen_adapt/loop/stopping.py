@@ -8,10 +8,10 @@ import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook, is_number
 from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.step import Settings
+from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import StepFailed
+from kohonen_adapt.outline.movable import Work
 from kohonen_adapt.problem.outputs import have_settled
-from kohonen_adapt.som.relocate import Work
 
 __all__ = [
     "STALL_GAIN",

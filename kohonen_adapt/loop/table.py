@@ -7,7 +7,7 @@ from itertools import chain, pairwise
 from typing import Any
 
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.som.relocate import Work
+from kohonen_adapt.outline.movable import Work
 
 __all__ = ["energy_error", "html_table", "pass_figures", "table_columns", "table_lines"]
 

@@ -1,7 +1,7 @@
 """Take a mesh apart into what moves: its triangulation, and its outlines, layers and quality rule, which hold nodes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules
 
-__all__ = ["STATE_NAMES", "MovableMesh"]
+__all__ = ["STATE_NAMES", "MovableMesh", "Work", "shown"]
 
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
 FEW = 5_000  # elements that are not worth another thread
@@ -31,6 +31,24 @@ STATE_NAMES = (
     *(f"constraints.{name}" for name in OF_CONSTRAINTS),
     *(f"twins.{name}" for name in OF_TWINS),
 )
+
+
+def shown(title: str, form: str) -> dict[str, str]:
+    """Metadata of a field that is a column in tables of passes, with this title and format."""
+    return {"title": title, "form": form}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """The figures of moving a mesh; `Pass` has them, and says what they are, of the relocation that made its mesh."""
+
+    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
+    max_displacement: float = 0.0
+    moved: int = 0
+    why_still: str = ""
+    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", ".2g"))
+    splits: int = field(default=0, metadata=shown("splits", "d"))
+    collapses: int = field(default=0, metadata=shown("collapses", "d"))
 
 
 @dataclass

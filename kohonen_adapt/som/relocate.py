@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.som.recycling import Recycled, recycle_nodes, unchanged
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
@@ -21,30 +21,12 @@ from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["Moved", "Work", "move", "relocate", "shown"]
+__all__ = ["Moved", "move", "relocate"]
 
 # Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
 MISMATCH = 0.6
 
 AnyDensity = ArrayLike | Callable[[Floats], ArrayLike]
-
-
-def shown(title: str, form: str) -> dict[str, str]:
-    """Metadata of a field that is a column in tables of passes, with this title and format."""
-    return {"title": title, "form": form}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Work:
-    """The figures of moving a mesh; `Pass` has them, and says what they are, of the relocation that made its mesh."""
-
-    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
-    max_displacement: float = 0.0
-    moved: int = 0
-    why_still: str = ""
-    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", ".2g"))
-    splits: int = field(default=0, metadata=shown("splits", "d"))
-    collapses: int = field(default=0, metadata=shown("collapses", "d"))
 
 
 @dataclass(frozen=True)

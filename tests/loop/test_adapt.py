@@ -11,10 +11,9 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import Settings
+from kohonen_adapt.loop.settings import Growth, Settings
 from kohonen_adapt.mesh.measures import area
 
 NODES = MESH.p.shape[1]

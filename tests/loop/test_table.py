@@ -6,12 +6,10 @@ import pytest
 from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.checkpoint import Checkpoint, fingerprint
-from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.step import ONLY_ENDS, Settings
+from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.settings import ONLY_ENDS, Growth, Settings, fingerprint
 from kohonen_adapt.loop.table import pass_figures, table_columns
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.som.relocate import shown
+from kohonen_adapt.outline.movable import MovableMesh, shown
 
 
 def plain(result):

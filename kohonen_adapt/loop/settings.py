@@ -1,0 +1,165 @@
+"""Say what every pass depends on, and tell one run from another by it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import is_count
+from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.problem.outputs import Output
+from kohonen_adapt.problem.protocol import Problem, norm_of, order_of
+from kohonen_adapt.som.schedule import Schedule, check_training
+
+__all__ = ["DIGEST", "ONLY_ENDS", "Growth", "Settings", "fingerprint"]
+
+DIGEST = "sha256 "
+
+ONLY_ENDS = {"only ends": True}
+"""Metadata of a setting that says when to end, and changes no pass."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """From the nodes of the input to those wanted, by the same factor in every pass but the last.
+
+    The last pass has all nodes from the start, so that the estimate that places them is made with as many.
+    """
+
+    start: int
+    target: int
+    steps: int
+
+    @classmethod
+    def of(cls, start: int, target: int | None, passes: int) -> "Growth":
+        """Check the target of a mesh that starts with so many nodes.
+
+        Raises
+        ------
+        ValueError
+            If it is not an integer, or below the number of nodes that there are.
+        """
+        if target is not None and not is_count(target):
+            raise ValueError(f"target_nodes must be an integer >= 0, or None; got {target!r}.")
+        if target is not None and target < start:
+            raise ValueError(
+                f"target_nodes must be at least the number of nodes of the mesh, {start}; got {target}. "
+                "Start from a coarser mesh."
+            )
+        return cls(start, start if target is None else int(target), max(1, passes - 1))
+
+    def nodes(self, number: int) -> int:
+        """Nodes of the mesh of pass `number`, more than of the one before until all are there."""
+        share = min(1.0, number / self.steps)
+        wanted = self.target if share == 1.0 else round(self.start * (self.target / self.start) ** share)
+        return min(self.target, max(wanted, self.start + number))
+
+    def goes_on(self, number: int) -> bool:
+        """Whether there are nodes to come after pass `number`."""
+        return self.nodes(number) < self.target
+
+    def shortfall(self, nodes: int) -> str:
+        """What to say where that many nodes is what it came to."""
+        if nodes >= self.target:
+            return ""
+        return (
+            f"the mesh has {nodes} of {self.target} nodes, for every further split would have broken the quality rule "
+            "or the passes ended before: lower min_quality, improve the input, or ask for more passes"
+        )
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What every pass depends on beside mesh and problem; see `adapt`."""
+
+    rules: Rules
+    schedule: Schedule | None
+    seed: int
+    polish: bool
+    growth: Growth = field(metadata={"argument": "target_nodes"})
+    outputs: Mapping[str, Output]
+    rtol: float | None = field(default=None, metadata=ONLY_ENDS)
+
+    def __post_init__(self) -> None:
+        check_training(self.schedule, self.seed)
+        if not isinstance(self.polish, bool | np.bool_):
+            raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
+
+    def rng(self, number: int) -> np.random.Generator:
+        """The generator of the training points that make pass `number`."""
+        return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
+
+
+def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str, str]:
+    """Name to text of everything that passes depend on, but for what the problem and its outputs work out.
+
+    What only says when to end is not in it.
+    """
+    texts = {
+        "mesh": digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains)),
+        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm",
+    }
+    for part in (settings.rules, settings):
+        for each in fields(part):
+            if each.metadata != ONLY_ENDS and each.name != "rules":
+                name = each.metadata.get("argument", each.name)
+                texts[name] = _text(getattr(part, each.name), mesh)
+    return texts
+
+
+def _text(value: Any, mesh: MeshTri) -> str:
+    """A text of a setting, whatever the type of its numbers and sequences."""
+    if value is None:
+        return "none"
+    if isinstance(value, Growth):
+        return f"{value.target} in {value.steps} passes" if value.target > value.start else "none"
+    if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
+        return _of_curves(mesh, value)
+    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
+        return str(sorted(value))
+    if isinstance(value, Mapping):
+        return str({name: _number(item) for name, item in sorted(value.items())})
+    if isinstance(value, list | tuple | range | np.ndarray):
+        return str([_number(item) for item in value])
+    return str(_number(value))
+
+
+def _number(value: Any) -> Any:
+    """A value without the type of its number."""
+    return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
+
+
+def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
+    """Names and members in order, and which side of it an oriented facet looks to."""
+    found: list[NDArray[Any]] = [np.array(sets is None)]
+    for name, rows in (sets or {}).items():
+        found += [
+            np.array(name),
+            np.asarray(rows, dtype=np.int64),
+            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
+        ]
+    return found
+
+
+def _of_curves(mesh: MeshTri, curves: Mapping[str, Curve]) -> str:
+    """A curve is what it makes of the middles of its facets, which lie off it."""
+    found: list[NDArray[Any]] = []
+    for name, curve in sorted(curves.items()):
+        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
+        found += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
+    return digest(*found)
+
+
+def digest(*arrays: NDArray[Any]) -> str:
+    """A text that tells arrays from others: of their types, shapes and bytes."""
+    found = sha256()
+    for array in map(np.ascontiguousarray, arrays):
+        found.update(f"{array.dtype.str}{array.shape}".encode())
+        found.update(array.tobytes())
+    return f"{DIGEST}{found.hexdigest()[:32]}"
