@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints, Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.triangulation import Triangulation, star_of
@@ -16,20 +16,16 @@ from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules
 
-__all__ = ["STATE_NAMES", "MovableMesh", "Work", "shown"]
+__all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
 
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
 FEW = 5_000  # elements that are not worth another thread
 
-# What of the arrays of elements, constraints and twins changes when nodes move.
-OF_ELEMENTS = ("node", "neighbour", "region", "chain", "level")
-OF_CONSTRAINTS = ("kind", "chain", "parameter", "inner")
-OF_TWINS = ("partner", "motion")
+# The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
+BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")
 STATE_NAMES = (
-    *("position", "pinned"),
-    *(f"elements.{name}" for name in OF_ELEMENTS),
-    *(f"constraints.{name}" for name in OF_CONSTRAINTS),
-    *(f"twins.{name}" for name in OF_TWINS),
+    *("position", "pinned", *BY_ELEMENT, "elements.level", "twins.partner", "twins.motion"),
+    *("constraints.kind", "constraints.chain", "constraints.parameter", "constraints.inner"),
 )
 
 
@@ -112,14 +108,14 @@ class MovableMesh:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
-        tri, constraints, twins = self.triangulation, self.constraints, self.constraints.twins
-        return {
-            "position": tri.position,
-            "pinned": self.outline.pinned,
-            **{f"elements.{name}": getattr(tri.elements, name) for name in OF_ELEMENTS},
-            **{f"constraints.{name}": getattr(constraints, name) for name in OF_CONSTRAINTS},
-            **{f"twins.{name}": getattr(twins, name) for name in OF_TWINS},
+        records = {
+            "elements": self.triangulation.elements,
+            "constraints": self.constraints,
+            "twins": self.constraints.twins,
         }
+        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
+        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
+        return {"position": self.triangulation.position, "pinned": self.outline.pinned, **arrays}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
@@ -130,14 +126,11 @@ class MovableMesh:
             If it cannot be the state of such a mesh; then nothing is changed.
         """
         self._check_state(state)
-        own: dict[str, Any] = {name: state[name].copy() for name in STATE_NAMES}
-        tri, constraints = self.triangulation, self.constraints
+        own = {name: state[name].copy() for name in STATE_NAMES}
+        tri = self.triangulation
         tri.position, self.outline.pinned = own["position"], own["pinned"]
-        tri.elements = tri.elements._replace(**{name: own[f"elements.{name}"] for name in OF_ELEMENTS})
+        tri.elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
         tri.star = star_of(tri.elements.node, len(tri.position))
-        twins = constraints.twins._replace(**{name: own[f"twins.{name}"] for name in OF_TWINS})
-        ours = {name: own[f"constraints.{name}"] for name in OF_CONSTRAINTS}
-        self.outline.constraints = constraints._replace(twins=twins, **ours)
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Refuse arrays of other types and shapes, and numbers of what is not there."""
@@ -153,7 +146,7 @@ class MovableMesh:
             "twins.motion": (-1, motions),
         }
         for name, now in self.state().items():
-            found, rows = state[name], m if name.startswith("elements.") and name != "elements.level" else n
+            found, rows = state[name], m if name in BY_ELEMENT else n
             if (found.dtype, found.shape) != (now.dtype, (rows, *now.shape[1:])):
                 raise ValueError(f"{name} is an array {found.shape} of {found.dtype}")
             low, high = numbers.get(name, (-np.inf, np.inf))
@@ -190,3 +183,15 @@ class MovableMesh:
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide; a corner is only left to one that slides."""
         return bool(np.any(self.constraints.kind != HELD))
+
+
+def with_state(
+    elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
+) -> tuple[Elements, Constraints]:
+    """Elements and constraints with the arrays of a state in place of theirs."""
+
+    def arrays(record: str) -> dict[str, Any]:
+        return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}
+
+    twins = constraints.twins._replace(**arrays("twins."))
+    return elements._replace(**arrays("elements.")), constraints._replace(twins=twins, **arrays("constraints."))

@@ -11,9 +11,8 @@ from kohonen_adapt.kernels.arrays import Constraints, Elements, Origins, Pool, S
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
-from kohonen_adapt.mesh.triangulation import Triangulation, star_of
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
 
 __all__ = ["Recycled", "recycle_nodes", "unchanged"]
 
@@ -21,6 +20,16 @@ RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits
 ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
 SETTLED = 0.01  # share of the nodes: a round with fewer splits is the last
 SPLITS = 100_000  # per compiled call: Python hears Ctrl-C at least every half second
+
+# What stands in rows that are not in use, where it is not -1.
+UNUSED = {
+    "position": 0.0,
+    "pinned": False,
+    "elements.level": 0,
+    "constraints.kind": 0,
+    "constraints.parameter": 0.0,
+    "constraints.inner": False,
+}
 
 
 @dataclass(frozen=True)
@@ -69,108 +78,85 @@ def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: boo
         Whether to go on with splits and collapses when there are as many.
     """
     movable.settle()
-    triangulation, outline = movable.triangulation, movable.outline
-    before = triangulation.elements
-    spacious = Surgery.on(triangulation, outline, density, unchanged(triangulation).hint, target)
-    splits, collapses = spacious.run(movable.floor, target - triangulation.nnodes, RATIO if pairs else np.inf)
-    spacious.hand_back(triangulation, outline)
-    old = spacious.origins.old
-    return Recycled(old, spacious.origins.hint, starts_of(before, old), splits, collapses)
+    before, missing = movable.triangulation.elements, target - movable.nnodes
+    spacious = Surgery.on(movable, density, target)
+    splits, collapses = spacious.run(movable.floor, missing, RATIO if pairs else np.inf)
+    old, hint = spacious.hand_back(movable)
+    return Recycled(old, hint, starts_of(before, old), splits, collapses)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Surgery:
-    """The arrays of a triangulation with room for more nodes and elements."""
+    """The arrays of a movable mesh with room for more nodes and elements, by name and as kernels take them."""
 
-    position: Floats
+    state: dict[str, NDArray[Any]]
     elements: Elements
     constraints: Constraints
     pool: Pool
     origins: Origins
 
     @classmethod
-    def on(cls, triangulation: Triangulation, outline: Outline, density: Floats, hint: Ints, target: int) -> "Surgery":
+    def on(cls, movable: MovableMesh, density: Floats, target: int) -> "Surgery":
         """Copies with one node more than wanted, so that a split can come before its collapse, and elements enough.
 
         By Euler's formula there is one element more for every node that leaves the outer boundary for the interior.
         """
-        n, m = triangulation.nnodes, len(triangulation.elements.node)
-        on_boundary = np.bincount(outer_edges(triangulation.elements).ravel(), minlength=n)
+        n, m = movable.nnodes, len(movable.triangulation.elements.node)
+        on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
-        before = triangulation.elements
-        elements = Elements(
-            padded(before.node, spare, -1),
-            padded(before.neighbour, spare, -1),
-            padded(before.region, spare, -1),
-            padded(before.chain, spare, -1),
-            padded(before.level, rows, 0),
-            before.layered,
-        )
-        constraints = outline.constraints._replace(
-            kind=padded(outline.constraints.kind, rows, 0),
-            chain=padded(outline.constraints.chain, rows, -1),
-            parameter=padded(outline.constraints.parameter, rows, 0.0),
-            inner=padded(outline.constraints.inner, rows, False),
-            twins=outline.constraints.twins._replace(
-                partner=padded(outline.constraints.twins.partner, rows, -1),
-                motion=padded(outline.constraints.twins.motion, rows, -1),
-            ),
-        )
-        anchor = padded(hint, rows, -1)
-        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m]))
+        state = {
+            name: padded(array, spare if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
+            for name, array in movable.state().items()
+        }
+        hint = padded(unchanged(movable.triangulation).hint, rows, -1)
+        pool = Pool(hint.copy(), free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m]))
         origins = Origins(
             padded(density, rows, 1.0),
             padded(np.arange(n, dtype=np.int32), rows, -1),
-            padded(hint, rows, -1),
-            padded(outline.pinned, rows, False),
+            hint,
+            state["pinned"],
             np.zeros(rows, dtype=np.bool_),
             padded(on_boundary > 2, rows, False),
         )
-        return cls(padded(triangulation.position, rows, 0.0), elements, constraints, pool, origins)
+        return cls(state, *with_state(movable.triangulation.elements, movable.constraints, state), pool, origins)
 
     def run(self, floor: float, missing: int, ratio: float) -> tuple[int, int]:
         """Rounds of splits and collapses; returns how many of each."""
-        longest, shortest, room = (*heaps_for(self.elements), room_for(self.position, self.elements))
-        arrays = self.position, self.elements, self.constraints, self.pool, self.origins, longest, shortest
+        longest, shortest, room = (*heaps_for(self.elements), room_for(self.state["position"], self.elements))
+        position = self.state["position"]
+        arrays = position, self.elements, self.constraints, self.pool, self.origins, longest, shortest
         splits = collapses = 0
         for _ in range(ROUNDS):
-            fill_heaps(self.position, self.elements, self.origins, longest, shortest)
+            fill_heaps(position, self.elements, self.origins, longest, shortest)
             at_first, finished = splits, False
             self.origins.young[:] = False
             while not finished:
                 more, fewer, finished = recycle(*arrays, max(0, missing - splits), ratio, floor, SPLITS, room)
                 splits, collapses = splits + more, collapses + fewer
-            if splits - at_first <= SETTLED * len(self.position):
+            if splits - at_first <= SETTLED * len(position):
                 break
         return splits, collapses
 
-    def hand_back(self, triangulation: Triangulation, outline: Outline) -> None:
-        """Fill the rows that are free with the last ones, and give the arrays to the triangulation and its outline."""
+    def hand_back(self, movable: MovableMesh) -> tuple[Ints, Ints]:
+        """Fill the rows that are free with the last ones, and give the arrays back.
+
+        Returns the number before of every node and an element before that is near it, (n,) each.
+        """
         in_use = np.flatnonzero(self.pool.anchor >= 0)
         rows = len(in_use)
         kept = np.arange(rows, dtype=np.int32)
         kept[self.pool.anchor[:rows] < 0] = in_use[in_use >= rows]
-        number = np.zeros(len(self.position), dtype=np.int32)
+        number = np.zeros(len(self.pool.anchor), dtype=np.int32)
         number[kept] = np.arange(rows)
         used = self.elements.node[:, 0] >= 0
-        renumbered = np.append(np.cumsum(used, dtype=np.int32) - 1, -1)
-        triangulation.elements = Elements(
-            number[self.elements.node[used]],
-            renumbered[self.elements.neighbour[used]].astype(np.int32),
-            self.elements.region[used],
-            self.elements.chain[used],
-            self.elements.level[kept],
-            self.elements.layered,
-        )
-        triangulation.position = self.position[kept]
-        triangulation.star = star_of(triangulation.elements.node, rows)
-        constraints, names = self.constraints, ("kind", "chain", "parameter", "inner")
-        partner, motion = constraints.twins.partner[kept], constraints.twins.motion[kept]
-        twins = constraints.twins._replace(partner=np.where(partner >= 0, number[partner], -1), motion=motion)
-        arrays = {name: getattr(constraints, name)[kept] for name in names}
-        outline.constraints = constraints._replace(twins=twins, **arrays)
-        outline.pinned = self.origins.pinned[kept]
-        self.origins = Origins(*(array[kept] for array in self.origins))
+        renumbered = np.append(np.cumsum(used, dtype=np.int32) - 1, -1).astype(np.int32)
+        state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
+        state["elements.node"] = number[state["elements.node"]]
+        state["elements.neighbour"] = renumbered[state["elements.neighbour"]]
+        partner = state["twins.partner"]
+        state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
+        movable.restore(state)
+        return self.origins.old[kept], self.origins.hint[kept]
 
 
 def starts_of(before: Elements, old: Ints) -> Ints:
