@@ -11,7 +11,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import Content, Rows, found_in, nodes_of, refusing
-from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
+from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 
 __all__ = ["header_of", "read_msh"]
 
@@ -59,9 +59,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         start = data.find(b"\n$" + name.encode()) + 1
         if start == 0:
             raise ValueError(f"section ${name} is missing")
-        start = data.index(b"\n", start) + 1
-        # Where a binary section ends shows while it is read; no byte of it may be taken for text before.
-        return BinaryNumbers(data, start) if binary else TextNumbers(data[start : data.index(b"$End", start)])
+        return Numbers(data, data.index(b"\n", start) + 1, binary)
 
     if b"\n$PartitionedEntities" in data:
         raise ValueError("it is partitioned")
@@ -73,7 +71,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
     else:
         nodes = section("Nodes")
-        numbers, points = nodes.numbered_values(nodes.count(), 3)
+        numbers, points = nodes.rows(nodes.count(), 3)
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
     return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing, numbers[order])
@@ -97,13 +95,13 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
 def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
     """Physical groups of every entity of the geometry by (dimension, tag); a reversed group has a minus sign."""
     groups = {}
-    for dimension, count in enumerate(section.sizes(4)):
+    for dimension, count in enumerate(section.ints(4, SIZE)):
         for _ in range(count):
             tag = section.integer()
-            section.floats(6 if dimension else 3)
-            number = section.size()
+            section.take(6 if dimension else 3)
+            number = section.integer(SIZE)
             groups[dimension, tag] = np.abs(section.ints(number)) if number else NO_GROUPS
-            if dimension and (number := section.size()):
+            if dimension and (number := section.integer(SIZE)):
                 section.ints(number)
     return groups
 
@@ -111,12 +109,12 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
     numbers: list[Ints] = [np.empty(0, np.int64)]
     points = [np.empty((0, 3))]
-    for _ in range(section.sizes(4)[0]):
+    for _ in range(section.ints(4, SIZE)[0]):
         dimension, _, parametric = (section.integer() for _ in range(3))
-        count = section.size()
-        numbers.append(section.sizes(count))
+        count = section.integer(SIZE)
+        numbers.append(section.ints(count, SIZE))
         width = 3 + (dimension if parametric else 0)
-        points.append(section.floats(count * width).reshape(-1, width)[:, :3])
+        points.append(section.take(count * width).reshape(-1, width)[:, :3])
     return np.concatenate(numbers), np.concatenate(points)
 
 
@@ -125,9 +123,10 @@ def _elements_41(
 ) -> tuple[list[Block], set[tuple[int, int]]]:
     """Blocks of elements, one per entity and group, and the entities that have any; `most` rows in all."""
     blocks, meshed = [], set()
-    for _ in range(section.sizes(4)[0]):
+    for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))
-        table = section.sizes(section.size() * (1 + nodes_of(kind))).reshape(-1, 1 + nodes_of(kind))
+        width = 1 + nodes_of(kind)
+        table = section.ints(section.integer(SIZE) * width, SIZE).reshape(-1, width)
         meshed.add((dimension, entity))
         tags = groups.get((dimension, entity), NO_GROUPS)
         most -= len(tags) * len(table)
@@ -140,7 +139,7 @@ def _elements_41(
 
 def _elements_22(section: Numbers) -> list[Block]:
     blocks = []
-    for kind, tags, table in section.numbered_elements(section.count()):
+    for kind, tags, table in section.elements(section.count()):
         group = np.abs(table[:, 1]) if tags else np.zeros(len(table), np.int64)
         blocks.append((kind, Rows(table[:, 1 + tags :], group, table[:, 0])))
     return blocks

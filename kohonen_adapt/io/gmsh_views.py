@@ -9,7 +9,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, refusing
-from kohonen_adapt.io.gmsh_numbers import BinaryNumbers, Numbers, TextNumbers
+from kohonen_adapt.io.gmsh_numbers import Numbers, parsed
 from kohonen_adapt.io.gmsh_reader import header_of, read_msh
 
 __all__ = ["read_views"]
@@ -92,21 +92,16 @@ def _listed(data: bytes, path: Path) -> Sampled:
 
 
 def _numbers(lists: list[bytes]) -> Floats:
-    return TextNumbers(b",".join(lists).replace(b",", b" ")).rest()
+    return parsed(b",".join(lists).replace(b",", b" "))
 
 
 def _views(data: bytes, binary: bool) -> Iterator[View]:
     for found in SECTION.finditer(data):
         kind = found[1].decode()
-        tags, start = _tags(data, found.end())
-        name, components, count = tags
-        numbers: Numbers = (
-            BinaryNumbers(data, start) if binary else TextNumbers(data[start : data.index(b"\n$End", start - 1)])
-        )
-        if kind == "ElementNodeData":
-            yield View(kind, name, *_means(numbers, components, count))
-        else:
-            yield View(kind, name, *numbers.numbered_values(count, components))
+        (name, components, count), start = _tags(data, found.end())
+        numbers = Numbers(data, start, binary)
+        rows = numbers.means if kind == "ElementNodeData" else numbers.rows
+        yield View(kind, name, *rows(count, components))
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:
@@ -129,16 +124,6 @@ def _size(text: bytes) -> int:
     if number < 0:
         raise ValueError(f"a view has the size {number}")
     return number
-
-
-def _means(numbers: Numbers, components: int, count: int) -> tuple[Ints, Floats]:
-    """Rows of number, how many nodes, and the values of each, as means over the nodes."""
-    number: list[Ints] = [np.empty(0, np.int64)]
-    values = [np.empty((0, components))]
-    for rows, table in numbers.numbered_lists(count, components):
-        number.append(rows)
-        values.append(table.mean(axis=1))
-    return np.concatenate(number), np.concatenate(values)
 
 
 def _on_mesh(content: Content, views: list[View]) -> Sampled:
