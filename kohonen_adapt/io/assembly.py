@@ -14,7 +14,7 @@ from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["to_mesh"]
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kohonen_adapt")
 
 Sets = dict[str, Ints]
 

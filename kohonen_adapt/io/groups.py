@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kohonen_adapt")
 
 POINT = "point"
 DIMENSION = {POINT: 0, LINE: 1, TRIANGLE: 2}

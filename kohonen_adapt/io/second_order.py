@@ -14,7 +14,7 @@ from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["to_curves"]
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kohonen_adapt")
 
 TRIANGLE6 = 9
 """Gmsh's number for triangles of three corners and, in `MIDDLES`, a node on each side."""

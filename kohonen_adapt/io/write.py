@@ -20,7 +20,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["write_mesh"]
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kohonen_adapt")
 
 LONGEST_NAME = 127
 """Bytes of a name that Gmsh reads."""

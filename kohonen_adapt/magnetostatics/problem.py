@@ -155,12 +155,29 @@ class Magnetostatics(Arguments):
         """
         return self._solved(mesh, old_field)
 
-    def _solved(self, mesh: MeshTri, old: Field | None) -> Field:
+    def check(self, mesh: MeshTri) -> None:
+        """Refuse what `solve` would refuse, without solving.
+
+        Parameters
+        ----------
+        mesh
+            As for `solve`.
+
+        Raises
+        ------
+        ValueError
+            As `solve`, but for equations that have no finite solution.
+        """
+        self._energy_on(mesh)
+
+    def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_mesh(mesh)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         given = coefficients(mesh, self.materials, self.ampere_turns)
-        energy = EnergyFunctional.of(elements_on(mesh, self.order), symmetry, given, self.boundaries)
-        return solution_of(energy, self.depth, old, self.method)
+        return EnergyFunctional.of(elements_on(mesh, self.order), symmetry, given, self.boundaries)
+
+    def _solved(self, mesh: MeshTri, old: Field | None) -> Field:
+        return solution_of(self._energy_on(mesh), self.depth, old, self.method)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Error indicators of a solution, near the true error in the energy norm.

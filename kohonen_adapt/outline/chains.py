@@ -22,7 +22,7 @@ from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size
 from kohonen_adapt.outline.facets import Facets
 from kohonen_adapt.outline.polylines import Pieces, Runs, nodes_of
 
-logger = logging.getLogger(__package__)
+logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["chains_of", "curve_of_facets", "pair_chains", "without_corner"]
 

@@ -17,6 +17,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.table import energy_error
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, check_training
@@ -127,8 +128,9 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 
 
 def _title(step: Pass) -> str:
-    error = f"{100.0 * step.estimate / step.energy_norm:.3g} %" if step.energy_norm else f"{step.estimate:.4g}"
-    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, error {error}"
+    error = energy_error(step)
+    said = f"{step.estimate:.4g}" if error is None else f"{error:.3g} %"
+    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, error {said}"
 
 
 def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> None:

@@ -16,8 +16,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.magnetostatics import Law, Table
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.materials.bh_table import Table
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.plotting.drawing import COLOURS, draw_indicators
 
