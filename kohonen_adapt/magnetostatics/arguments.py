@@ -8,11 +8,12 @@ import numpy as np
 
 from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Value
-from kohonen_adapt.magnetostatics.estimation import ESTIMATORS
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 
 __all__ = ["Arguments"]
+
+ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
 Pairs = Sequence[tuple[str, str]]
 

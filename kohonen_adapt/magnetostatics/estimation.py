@@ -1,23 +1,39 @@
-"""Estimate the error of a magnetic field: as that of a scalar problem, of order 2 by a residual of its own."""
+"""Estimate the error of a magnetic field: of its energy as that of a scalar problem, of a goal by the dual one."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, recovery, residual
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.estimators import (
+    duality_gap,
+    equilibrated,
+    equilibrated_flux,
+    goal_error,
+    goal_oriented,
+    recovery,
+    residual,
+)
 from kohonen_adapt.estimators.jumps import ENDS, OPPOSITE
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, fixed_values
-from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.conditions import (
+    Boundaries,
+    Conditions,
+    conditions_of,
+    fixed_values,
+    ties_of,
+)
+from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
-from kohonen_adapt.magnetostatics.equations.ties import ties_of
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.solution import tangent_solution
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
 
-__all__ = ["ESTIMATORS", "RESIDUAL_SCALE", "estimated"]
+__all__ = ["RESIDUAL_SCALE", "error_of_goal", "estimated", "goal_indicators"]
 
 
 # What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
@@ -31,7 +47,6 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
 # corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %.
 QUADRATIC_SCALE = 1.0 / 6.1
-ESTIMATORS = ("residual", "recovery", "equilibrated")
 
 Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
 
@@ -152,3 +167,50 @@ def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joi
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
     squared = (jump[0] ** 2 + jump[0] * jump[1] + jump[1] ** 2) / 3.0
     return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
+
+
+class _Pair(NamedTuple):
+    """A field and its dual as two problems ``-div(nu grad u - flux) = source`` of one scalar nu."""
+
+    potential: Floats
+    dual: Floats
+    reluctivity: Floats
+    source: Floats
+    flux: Floats
+    dual_source: Floats
+    dual_flux: Floats
+    fixed: Mask
+
+
+def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
+    """Indicators of a goal, (nelements,), unsquared, in the root of its unit."""
+    return goal_oriented(field.mesh, **_pair(field, goal, boundaries, newton)._asdict())
+
+
+def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> float:
+    """Estimate of what the goal's value is short of, with its sign."""
+    return goal_error(field.mesh, **_pair(field, goal, boundaries, newton)._asdict())
+
+
+def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> _Pair:
+    """Of nonlinear material one scalar stands for the tensor of the linearised problem: the root of its determinant.
+
+    The fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
+    """
+    source, load = goal.derivative(field)
+    elements, symmetry, u = field.elements, field.symmetry, field.unknown
+    dual = tangent_solution(field, boundaries, elements.loads(source, load), newton)
+    weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
+    nu, slope = symmetry.reluctivity(elements.points, weight), elements.gradient(dual)
+    flux = nu * elements.gradient(u) - symmetry.flux(field.field_strength)
+    change = symmetry.flux(field.change_of_strength(symmetry.flux_density(elements.points, slope)))
+    given = _given(conditions_of(elements, boundaries, symmetry))
+    return _Pair(u, dual, nu, symmetry.source(field.current_density), flux, source, nu * slope - change + load, given)
+
+
+def _given(conditions: Conditions) -> Mask:
+    """Nodes whose value is given, and those of pairs and of the open boundary: there what the field lacks of
+    equilibrium is no part of the estimate.
+    """
+    fixed = conditions.held
+    return fixed if conditions.robin is None else fixed | (conditions.robin.diagonal() > 0.0)

@@ -11,14 +11,12 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
 from kohonen_adapt.magnetostatics.equations.elements import elements_on
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
-from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
-from kohonen_adapt.magnetostatics.estimation import estimated
-from kohonen_adapt.magnetostatics.linearised import error_of_goal, goal_indicators, linkage_slope
+from kohonen_adapt.magnetostatics.estimation import error_of_goal, estimated, goal_indicators
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.solution import functional_of, solution_of
+from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz

@@ -1,19 +1,19 @@
-"""Solve a problem on a mesh, and state the functional that its solution minimises."""
+"""Solve a problem on a mesh, state the functional that its solution minimises, and linearise it there."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
-from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, Newton, NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.ritz import Ritz
 
-__all__ = ["NotConverged", "functional_of", "solution_of"]
+__all__ = ["NotConverged", "functional_of", "linkage_slope", "solution_of", "tangent_solution"]
 
 
 class NotConverged(np.linalg.LinAlgError):
@@ -92,3 +92,21 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Sequence[Mate
     tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
     laws = tuple(materials[index].bh for index in given.number[first]) if given.pieces else ()
     return Ritz(field.potential, conditions.held, *tables, place, laws)
+
+
+def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:
+    """The change of ``field.unknown``, (nunknowns,), that a small load of every unknown makes, as of `Elements.loads`.
+
+    It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
+    with zeros for the values given.
+    """
+    energy = EnergyFunctional.of(field.elements, field.symmetry, field.coefficients, boundaries)
+    return newton.whole_step(energy, field.unknown, -load[energy.conditions.free])
+
+
+def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:
+    """d linkage / d current of a circuit, everything else as it is; see `Magnetostatics.incremental_inductance`."""
+    density, none = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
+    linked = field.elements.loads(density, none)
+    load = field.elements.loads(field.symmetry.source(density), none)
+    return turn_length(field) * float(linked @ tangent_solution(field, boundaries, load, newton))

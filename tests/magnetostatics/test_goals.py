@@ -37,7 +37,7 @@ from kohonen_adapt.magnetostatics import (
     Torque,
 )
 from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.linearised import tangent_solution
+from kohonen_adapt.magnetostatics.solution import tangent_solution
 from kohonen_adapt.mesh.measures import area, gradient
 
 CASES = {

@@ -9,7 +9,6 @@ from skfem import Basis, ElementTriP2, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
 __all__ = ["Elements", "Linear", "Quadratic", "elements_on"]
@@ -87,10 +86,6 @@ class Linear(_Polynomials):
     def mean_function(self, u: Floats) -> Floats:
         """The mean of a function over every element, (nelements,)."""
         return u[self.unknowns].mean(axis=0)
-
-    def interpolate(self, u: Floats, x: Floats) -> Floats:
-        """Values of a function at points (2, n), (n,); nan outside the mesh."""
-        return interpolate(self.mesh, u, x)
 
     def against_functions(self, source: Floats) -> Floats:
         """``int source phi`` for a source (nelements,): the same for each corner of an element, (nelements,)."""
@@ -194,9 +189,8 @@ class Quadratic(_Polynomials):
         """The mean of a function over every element, (nelements,): that of the values at the middles of its facets."""
         return u[self.unknowns[3:]].mean(axis=0)
 
-    def interpolate(self, u: Floats, x: Floats) -> Floats:
-        """Values of a function at points (2, n), (n,); nan outside the mesh."""
-        element = find_elements(self.mesh, x)
+    def at(self, u: Floats, x: Floats, element: Ints) -> Floats:
+        """Values of a function at points (2, n) of these elements, (n,)."""
         corner = self.mesh.p[:, self.mesh.t[:, element]]
         (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         x0, y0 = x - corner[:, 0]
@@ -204,7 +198,7 @@ class Quadratic(_Polynomials):
         share = np.stack((1.0 - second - third, second, third))
         # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
         functions = np.vstack((share * (2.0 * share - 1.0), 4.0 * share * share[[1, 2, 0]]))
-        return np.where(element >= 0, np.sum(functions * u[self.unknowns[:, element]], axis=0), np.nan)
+        return np.sum(functions * u[self.unknowns[:, element]], axis=0)
 
     def against_functions(self, source: Floats) -> Floats:
         """``int source phi`` for a source (nelements,): (6, nelements)."""

@@ -1,18 +1,33 @@
-"""Find the elements of a body by name, and refuse one without air around it."""
+"""Find the elements of a body, and surround it by a shell of air: a weight falls from 1 on it to 0 on the rest."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Names", "air_elements", "elements_in", "isolated_body"]
+__all__ = [
+    "Cut",
+    "Names",
+    "air_elements",
+    "elements_in",
+    "isolated_body",
+    "mirror_cut",
+    "sector_cut",
+    "weight_gradient",
+]
 
 AIR_TOLERANCE = 1e-6  # of the relative permeability: air as it is (1.0000004) is air
+NEAR = 1e-9  # of the size of the mesh
+ROUND = 1e-3  # of the length of a facet: how much its ends may differ in radius on a circle
 
 Names = str | Sequence[str]
 
@@ -70,3 +85,162 @@ def _said(names: Names) -> str:
 
 def _names_at(mesh: MeshTri, element: int) -> str:
     return " + ".join(repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if element in rows)
+
+
+class Cut(NamedTuple):
+    """Facets of the outer boundary that are a cut, not an end, and what is known there.
+
+    Attributes
+    ----------
+    facets
+        Numbers of the facets along the cut, of the body and of what lies beside it.
+    direction
+        Of a mirror plane, a unit vector (2,); None of a sector, and where nothing is cut.
+    twin
+        (nnodes,): of each node the one that it is an image of, else itself.
+    """
+
+    facets: Ints
+    direction: Floats | None
+    twin: Ints
+
+
+def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
+    """The lines of one direction along which the outer boundary cuts the body.
+
+    Raises
+    ------
+    ValueError
+        If they have several directions.
+    """
+    own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    if not own.size:
+        return Cut(own, None, twin)
+    edge = _edges(mesh, own)
+    direction = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
+    near = NEAR * np.ptp(mesh.p, axis=1).max()
+    if np.any(np.abs(_cross(direction, edge)) > near):
+        raise ValueError(
+            "the body lies on the outer boundary along lines of several directions; the force on a part of it can only "
+            "be told where it is cut by a mirror plane. Model what is beyond the boundary."
+        )
+    outer = mesh.boundary_facets()
+    height = _cross(direction, mesh.p)[mesh.facets[:, outer]]
+    level = np.unique(_cross(direction, mesh.p)[mesh.facets[0, own]])
+    along = np.any(np.all(np.abs(height[:, :, None] - level) < near, axis=0), axis=1)
+    return Cut(outer[along], direction, twin)
+
+
+def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
+    """The two sides of a periodic sector about the centre, along which the outer boundary cuts the body.
+
+    On circles about the centre the body may end at the outer boundary: where A is constant they have no torque.
+
+    Raises
+    ------
+    ValueError
+        If the body lies on the outer boundary elsewhere, or the sides do not have the same nodes.
+    """
+    own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    radial, near = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
+    radius = np.hypot(*radial)[mesh.facets[:, own]]
+    own = own[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, own))]
+    if not own.size:
+        return Cut(own, None, twin)
+    outer = mesh.boundary_facets()
+    rays = _rays(radial[:, mesh.facets[:, own]].mean(axis=1))
+    sides = [outer[np.all(_on_ray(ray, radial[:, mesh.facets[:, outer]], near), axis=0)] for ray in rays]
+    if len(sides) != 2 or not np.isin(own, np.concatenate(sides)).all():
+        raise ValueError(
+            "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
+            "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond."
+        )
+    one, other = (_by_radius(mesh.facets[:, side], radial) for side in sides)
+    if one.size != other.size or np.any(np.abs(np.hypot(*radial[:, one]) - np.hypot(*radial[:, other])) > 1e3 * near):
+        raise ValueError(
+            "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part "
+            "of it can only be told of a periodic sector, whose sides are one another's image."
+        )
+    twin[other] = one
+    return Cut(np.concatenate(sides), None, twin)
+
+
+def _outer_facets(mesh: MeshTri, inside: Mask) -> Ints:
+    outer = mesh.boundary_facets()
+    return outer[inside[mesh.f2t[0, outer]]]
+
+
+def _edges(mesh: MeshTri, facets: Ints) -> Floats:
+    start, end = mesh.p[:, mesh.facets[:, facets]].swapaxes(0, 1)
+    return end - start
+
+
+def _cross(direction: Floats, x: Floats) -> Floats:
+    return direction[0] * x[1] - direction[1] * x[0]
+
+
+def _rays(x: Floats) -> list[Floats]:
+    """The different directions of these points from the origin."""
+    units = x / np.hypot(*x)
+    rays: list[Floats] = []
+    for unit in units.T:
+        if all(np.hypot(*(unit - ray)) > 1e-6 for ray in rays):
+            rays.append(unit)
+            if len(rays) > 2:
+                break
+    return rays
+
+
+def _on_ray(ray: Floats, x: Floats, near: float) -> Mask:
+    """Which points (2, ...) are on the half-line from the origin."""
+    return (np.abs(_cross(ray, x)) < near) & (np.tensordot(ray, x, 1) > -near)
+
+
+def _by_radius(facets: Ints, radial: Floats) -> Ints:
+    nodes = np.unique(facets)
+    return nodes[np.argsort(np.hypot(*radial[:, nodes]))]
+
+
+# Measured for weights of one layer of elements around the body (1 on it, 0 on the other nodes) / of Laplace's solution
+# itself / of this: magnet over iron, meshes of Gmsh as they are, 3623 nodes (`benchmarks force`; F_x = 106.0 N/m)
+#     mean of F_x in N/m               114.0 / 108.7 / 107.2        scatter  2.4 / 0.32 / 0.10
+#     the same meshes adapted          106.0 / 106.0 / 106.0        scatter  0.031 / 0.012 / 0.014
+# two magnets on a regular grid, 5265 nodes: error of force 1.2 / 3.1 / 1.1 %, of order 1.5 for Laplace's, 2 for this
+
+
+def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
+    """Gradient of the weight, (2, nelements) in 1/m; zero but in the air around the body.
+
+    The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
+    1 on the body, and 0 on all that is not air and on the outer boundary but for the cut. Any weight that is 1 on the
+    body and 0 there has the same exact force. This one takes the field where it is told best, away from the corners of
+    body and neighbours, and in many elements, so that the errors of single ones count little: the force converges by
+    the square of the element size on uniform meshes, too.
+    """
+    mesh, air = field.mesh, air_elements(field) & ~inside
+    values, held = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
+    values[cut.twin[mesh.t[:, inside]]] = 1.0
+    held[cut.twin[held]] = True
+    level = np.clip(2.0 * _laplace(mesh, air, cut.twin, values, held) - 0.5, 0.0, 1.0)
+    return np.where(air, gradient(mesh, level**2 * (3.0 - 2.0 * level)), 0.0)
+
+
+def _free_nodes(mesh: MeshTri, air: Mask, cut: Cut) -> Mask:
+    """Nodes that have air all around, on the cut too."""
+    free = np.ones(mesh.p.shape[1], dtype=bool)
+    free[mesh.t[:, ~air]] = False
+    free[mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), cut.facets)]] = False
+    return free
+
+
+def _laplace(mesh: MeshTri, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
+    """The solution, (nnodes,): as given at the nodes held, solved for at the others; twins have the same."""
+    hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
+    corner = twin[mesh.t[:, air]]
+    products = np.einsum("cik,cjk,k->ijk", hats, hats, size)
+    row, column = (np.broadcast_to(part, products.shape).ravel() for part in (corner[:, None], corner[None, :]))
+    matrix = coo_array((products.ravel(), (row, column)), shape=(values.size, values.size)).tocsr()
+    solution, unknown = values.copy(), np.unique(twin[~held[twin]])
+    if unknown.size:
+        solution[unknown] = Solver().solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
+    return solution[twin]

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.averaging import corner_averages, linear_between
 from kohonen_adapt.magnetostatics.equations.elements import Quadratic
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Field", "QuadraticField"]
@@ -41,6 +42,8 @@ class Field(LocalField):
     newton
         The steps of Newton's method that led to it; empty for linear problems.
     """
+
+    newton: tuple[NewtonStep, ...] = ()
 
     def __repr__(self) -> str:
         per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
@@ -127,7 +130,10 @@ class Field(LocalField):
         ValueError
             If `x` is not of shape (2, n).
         """
-        return self.elements.interpolate(self._values, np.asarray(x, dtype=float))
+        return self._interpolated(np.asarray(x, dtype=float))
+
+    def _interpolated(self, x: Floats) -> Floats:
+        return interpolate(self.mesh, self.potential, x)
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
@@ -270,3 +276,7 @@ class QuadraticField(Field):
     @property
     def _values(self) -> Floats:
         return self.values
+
+    def _interpolated(self, x: Floats) -> Floats:
+        element = find_elements(self.mesh, x)
+        return np.where(element >= 0, self.elements.at(self.values, x, element), np.nan)

@@ -7,9 +7,17 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in, isolated_body
+from kohonen_adapt.magnetostatics.quantities.bodies import (
+    Cut,
+    Names,
+    air_elements,
+    elements_in,
+    isolated_body,
+    mirror_cut,
+    sector_cut,
+    weight_gradient,
+)
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.magnetostatics.quantities.shell import Cut, mirror_cut, sector_cut, weight_gradient
 
 __all__ = [
     "Component",

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
+from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import (
     Component,
     checked_point,
@@ -17,9 +18,6 @@ from kohonen_adapt.magnetostatics.quantities.forces import (
     torque_component,
 )
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, linkage_density
-
-if TYPE_CHECKING:
-    from kohonen_adapt.magnetostatics.quantities.field import Field
 
 __all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
 
@@ -32,10 +30,10 @@ class Goal(Protocol):
     ``int source w + flux . grad w`` over the plane of the mesh.
     """
 
-    def __call__(self, field: "Field") -> float:
+    def __call__(self, field: Field) -> float:
         """J of a field."""
 
-    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element."""
 
 
@@ -80,15 +78,15 @@ class Force:
             raise ValueError(f"direction of Force must not be zero; got {self.direction!r}.")
         object.__setattr__(self, "direction", tuple((along / np.hypot(*along)).tolist()))
 
-    def __call__(self, field: "Field") -> float:
+    def __call__(self, field: Field) -> float:
         """In N/m; with `depth`, and axisymmetric, in N."""
         return component_value(field, self._component(field))
 
-    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
         return _of_flux_density(field, component_change(field, self._component(field)))
 
-    def _component(self, field: "Field") -> Component:
+    def _component(self, field: Field) -> Component:
         component = force_component(field, self.body, np.array(self.direction))
         if not component.arm.any():
             raise ValueError(
@@ -135,11 +133,11 @@ class Torque:
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", tuple(checked_point("centre of Torque", self.centre).tolist()))
 
-    def __call__(self, field: "Field") -> float:
+    def __call__(self, field: Field) -> float:
         """In N m/m; with `depth` in N m."""
         return component_value(field, torque_component(field, self.body, self.centre))
 
-    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
         return _of_flux_density(field, component_change(field, torque_component(field, self.body, self.centre)))
 
@@ -178,11 +176,11 @@ class FluxLinkage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
 
-    def __call__(self, field: "Field") -> float:
+    def __call__(self, field: Field) -> float:
         """In Wb/m; with `depth`, and axisymmetric, in Wb."""
         return sum(coil_linkage(field, name, turns) for name, turns in self.circuit.items())
 
-    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
         source = linkage_density(field, self.circuit)
         return source, np.zeros((2, source.size))
@@ -220,11 +218,11 @@ class StoredEnergy:
 
     part: Names
 
-    def __call__(self, field: "Field") -> float:
+    def __call__(self, field: Field) -> float:
         """In J/m; with `depth`, and axisymmetric, in J."""
         return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
-    def derivative(self, field: "Field") -> tuple[Floats, Floats]:
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
         inside = elements_in(field.mesh, self.part)
         if inside.all():
@@ -235,7 +233,7 @@ class StoredEnergy:
         return _of_flux_density(field, np.where(inside, field.field_strength, 0.0))
 
 
-def _of_flux_density(field: "Field", weight: Floats) -> tuple[Floats, Floats]:
+def _of_flux_density(field: Field, weight: Floats) -> tuple[Floats, Floats]:
     """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, nelements) in A/m."""
     total = weight * (1.0 if field.depth is None else field.depth)
     return np.zeros(weight.shape[1]), field.symmetry.flux(total)

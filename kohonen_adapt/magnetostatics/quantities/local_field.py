@@ -8,7 +8,6 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.elements import Elements, Linear
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.mesh.measures import area
@@ -28,7 +27,6 @@ class LocalField:
     coefficients: Coefficients
     symmetry: Symmetry = PLANAR
     depth: float | None = None
-    newton: tuple[NewtonStep, ...] = ()
 
     @property
     def axisymmetric(self) -> bool:
