@@ -10,14 +10,14 @@ from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
-from kohonen_adapt.polish.polish import polish
+from kohonen_adapt.polishing.polish import polish
+from kohonen_adapt.precompile import warmup
 from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
-from kohonen_adapt.warmup import warmup
 
 __all__ = [
     "AdaptResult",

@@ -12,9 +12,9 @@ from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.outline.movable import MovableMesh, Work
-from kohonen_adapt.polish.functional import Functional, VariesInside
-from kohonen_adapt.polish.polish import descend
-from kohonen_adapt.polish.transfer import carried
+from kohonen_adapt.polishing.functional import Functional, VariesInside
+from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (
     NotOffered,

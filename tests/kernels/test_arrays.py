@@ -8,8 +8,8 @@ import pytest
 from helpers.meshes import square
 
 from kohonen_adapt.kernels import arrays
-from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "Twins", "SearchScratch", "SurgeryScratch")
@@ -24,8 +24,8 @@ def table_of(record):
 def records():
     """One record of each kind, and the sizes that letters stand for."""
     mesh = square(6).with_defaults().with_subdomains({"low": lambda x: x[1] < 0.5})
-    tri = Triangulation.of(mesh)
-    constraints = Outline.of(tri, np.zeros(tri.nnodes, dtype=bool), None, [("left", "right")]).constraints
+    movable = MovableMesh.of(mesh, Rules(periodic=[("left", "right")]))
+    tri, constraints = movable.triangulation, movable.constraints
     chains, twins = constraints.chains, constraints.twins
     n, m = tri.nnodes, len(tri.elements.node)
     scratch = arrays.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)

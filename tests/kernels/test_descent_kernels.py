@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, de
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.ritz import Ritz, functional_value
 
 FLOOR = 0.3

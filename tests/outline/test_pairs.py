@@ -199,7 +199,7 @@ def test_a_loop_keeps_them_matched_and_lowers_the_estimate(topology):
 @pytest.mark.parametrize(
     ("periodic", "message"),
     [
-        ("lr", r"periodic must hold pairs of names of boundaries, as \[\('left', 'right'\)\]; got 'l'\."),
+        ("lr", r"periodic must hold pairs of names of boundaries, as \[\('left', 'right'\)\]; got 'lr'\."),
         ([("left",)], r"periodic must hold pairs of names"),
         ([("left", "east")], r"periodic has 'east', which is no boundary of the mesh; its boundaries are: 'bottom',"),
         ([("left", "right"), ("left", "top")], r"boundary 'left' is in periodic twice; it can have one partner only\."),

@@ -1,6 +1,7 @@
 """A file imports from its own chapter and from those below it."""
 
 import ast
+import inspect
 import os
 import re
 import subprocess
@@ -8,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+import kohonen_adapt
 
 PACKAGE = Path(__file__).parents[2] / "kohonen_adapt"
 
@@ -18,9 +21,9 @@ LAYERS = [
     ("kernels",),
     ("mesh",),
     ("outline", "problem", "estimators", "display"),
-    ("som", "polish", "magnetostatics", "io"),
+    ("som", "polishing", "magnetostatics", "io"),
     ("loop",),
-    ("warmup",),
+    ("precompile",),
     ("__init__",),
     ("plotting", "cases"),
     ("report",),
@@ -77,7 +80,13 @@ def test_guests_stay_in_their_chapters(path):
 
 def test_the_top_level_has_no_other_modules():
     modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "__main__"}
-    assert modules <= {"arrays", "checks", "files", "display", "warmup"}
+    assert modules <= {"arrays", "checks", "files", "display", "precompile"}
+
+
+def test_no_module_hides_a_public_function():
+    functions = {name for name in kohonen_adapt.__all__ if not inspect.ismodule(getattr(kohonen_adapt, name))}
+    hidden = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"} & functions
+    assert not hidden, f"importlib and pydoc find the modules of these names and not the functions: {sorted(hidden)}"
 
 
 def in_a_fresh_process(code, tmp_path):

@@ -100,10 +100,3 @@ def test_every_property_of_a_field_is_there(name):
 @pytest.mark.parametrize("name", names_after("plotting"))
 def test_every_picture_is_there(name):
     assert name in importlib.import_module("kohonen_adapt.plotting").__all__
-
-
-def test_every_room_is_in_the_table_of_how_it_is_built():
-    package = ROOT / "kohonen_adapt"
-    rooms = [path.name for path in package.glob("*.py") if not path.name.startswith("__")]
-    rooms += [f"{path.parent.name}/" for path in package.glob("*/__init__.py")]
-    assert [room for room in sorted(rooms) if f"`{room}`" not in PAGES["kohonen_adapt/README.md"]] == []

@@ -24,7 +24,7 @@ from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
 
 ROOT = Path(__file__).parents[2]

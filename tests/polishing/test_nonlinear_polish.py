@@ -21,8 +21,8 @@ from kohonen_adapt.kernels.triangle.nonlinear import parabola, stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.polish.energy_tables import tabulated
-from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polishing.energy_tables import tabulated
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
 
 LAWS = {

@@ -10,7 +10,7 @@ from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, STRAIGHT, Laws, Tr
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.polish.energy_tables import Tables, tabulated
+from kohonen_adapt.polishing.energy_tables import Tables, tabulated
 from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, gradients
 
 __all__ = ["Functional", "VariesInside"]

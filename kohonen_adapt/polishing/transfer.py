@@ -8,7 +8,7 @@ from kohonen_adapt.kernels.triangle.locate import barycentric, walk_each
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["carried"]
 

@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
-from kohonen_adapt.polish.functional import Functional
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.protocol import NotOffered, Problem, offered, offers, order_of, ritz_of
 
 __all__ = ["SWEEPS", "descend", "polish"]
