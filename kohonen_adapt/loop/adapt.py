@@ -153,13 +153,20 @@ def adapt(
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    history = History(problem, settings, stop, steps, kept, interim)
+    return adapted(movable, problem, settings, History(problem, settings, stop, steps, kept, interim))
+
+
+def adapted(movable: MovableMesh, problem: Problem, settings: Settings, history: History) -> AdaptResult:
+    """Solve and estimate; until it is enough relocate, polish, and solve and estimate again."""
+    steps = history.steps
     with history.ending_kept():
         solved = history.resumed(movable) or history.add(assess(problem, movable, settings, steps), movable)
         while history.goes_on:
+            number = steps.number
             with steps("relocate"):
-                density, rng = density_for(problem, movable, solved), settings.rng(steps.number)
-                moved = move(movable, density, schedule, rules.topology, rng, growth.nodes(steps.number))
+                density, nodes = density_for(problem, movable, solved), settings.growth.nodes(number)
+                topology, rng = settings.rules.topology, settings.rng(number)
+                moved = move(movable, density, settings.schedule, topology, rng, nodes)
             with steps("polish"):
                 gain = polish_moved(movable, moved, solved.functional)
             if moved.changed(movable) or history.growing:

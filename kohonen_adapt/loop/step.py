@@ -84,10 +84,6 @@ def assess(
         indicators = estimate(problem, mesh, solution)
         norm = energy_norm(problem, mesh, solution, settings.rtol)
         functional, value, unpolished = functional_of(problem, movable, mesh, solution, settings)
-    outputs = {}
-    for name, function in settings.outputs.items():
-        with steps("estimate", f"output {name!r}"):
-            outputs[name] = output_value(name, function, solution)
     qualities, weight = quality(mesh), 1.0 if norm_of(problem) == "energy" else np.sqrt(area(mesh))
     record = Pass(
         **vars(moved.work(movable, polish_gain) if moved else Work()),
@@ -100,13 +96,22 @@ def assess(
         energy_norm=norm,
         min_quality=float(qualities.min()),
         mean_quality=float(qualities.mean()),
-        seconds=steps.seconds,
         functional=value,
         comparable=functional is not None and functional.comparable,
         unpolished=unpolished,
-        outputs=outputs,
+        outputs=outputs_of(solution, settings, steps),
+        seconds=steps.seconds,  # last, for outputs take their time, too
     )
     return Solved(record, solution, functional)
+
+
+def outputs_of(solution: Any, settings: Settings, steps: Steps) -> dict[str, float]:
+    """The values of all outputs of a solution."""
+    values = {}
+    for name, function in settings.outputs.items():
+        with steps("estimate", f"output {name!r}"):
+            values[name] = output_value(name, function, solution)
+    return values
 
 
 def assessed_again(problem: Problem, movable: MovableMesh, settings: Settings, record: Pass) -> Solved:
