@@ -1,5 +1,6 @@
 """Hold what a mesh file says before anything is made of it, and refuse in one line a file that cannot be read."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 
@@ -21,6 +22,7 @@ __all__ = [
     "Sampled",
     "found_in",
     "nodes_of",
+    "parsed",
     "refusing",
     "shape_of",
     "suffix_of",
@@ -156,6 +158,16 @@ def found_in(known: Ints, wanted: Ints) -> Ints:
     order = np.argsort(known, kind="stable")
     place = order[np.searchsorted(known, wanted, sorter=order).clip(max=len(known) - 1)]
     return np.where(known[place] == wanted, place, -1)
+
+
+def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
+    """All numbers of a text; a ValueError if it holds anything else."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy warns of what is no number of this type, or raises
+        try:
+            return np.fromstring(text.strip(), kind, sep=" ")
+        except (DeprecationWarning, RuntimeWarning, ValueError):
+            raise ValueError("a section of numbers holds something else") from None
 
 
 def suffix_of(path: Path, caller: str, known: tuple[str, ...]) -> str:

@@ -1,6 +1,5 @@
 """Take the numbers of a Gmsh file one after another from a place on, text or binary."""
 
-import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -8,9 +7,9 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import nodes_of
+from kohonen_adapt.io.content import nodes_of, parsed
 
-__all__ = ["INT", "SIZE", "Numbers", "parsed"]
+__all__ = ["INT", "SIZE", "Numbers"]
 
 INT, SIZE, REAL = "i4", "u8", "f8"
 """Types of Gmsh's numbers in binary files, in the byte order of this machine."""
@@ -142,16 +141,6 @@ class Numbers:
             words, count, window = words[run * width :], count - run * items, 2 * window if run == window else 1
         for head, parts in tables.items():
             yield head, np.concatenate(parts)
-
-
-def parsed(text: bytes) -> Floats:
-    """All numbers of a text; a ValueError if it holds anything else."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # numpy warns of text that is no number, or raises
-        try:
-            return np.fromstring(text, sep=" ")
-        except (DeprecationWarning, ValueError):
-            raise ValueError("a section of numbers holds something else") from None
 
 
 def _need(there: bool) -> None:

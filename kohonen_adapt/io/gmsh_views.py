@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, refusing
-from kohonen_adapt.io.gmsh_numbers import Numbers, parsed
+from kohonen_adapt.io.content import TRIANGLE, Content, Field, Sampled, found_in, parsed, refusing
+from kohonen_adapt.io.gmsh_numbers import Numbers
 from kohonen_adapt.io.gmsh_reader import header_of, read_msh
 
 __all__ = ["read_views"]

@@ -1,34 +1,33 @@
 """Read VTU files: ASCII, base64 and raw data, inline or appended, compressed or not.
 
-meshio reads these files, too, but it takes memory by what a file declares and not by what it holds, loops without end
-on some, and decodes all that follows an appended array for each of them.
+meshio reads these files, too, but it unpacks whatever it is given without a limit, keeps the cells of the last piece
+only, prints that it skips a field, and refuses files of VTK's version 2.
 """
 
 import base64
-import binascii
 import lzma
 import re
-import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import refusing
+from kohonen_adapt.checks import listed
+from kohonen_adapt.io.content import parsed, refusing
 
 __all__ = ["NODES", "Grid", "read_grid"]
 
+T = TypeVar("T")
 Data = dict[str, NDArray[Any]]
 
-SIZES = (1, 2, 4, 8)
-NUMBERS = {f"Int{8 * size}": f"i{size}" for size in SIZES} | {f"UInt{8 * size}": f"u{size}" for size in SIZES}
-NUMBERS |= {"Float32": "f4", "Float64": "f8"}
+TYPES = ["Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Float32", "Float64"]
+NUMBERS = {name: np.dtype(name.lower()).str[1:] for name in TYPES}
 """VTK's name of a type to numpy's."""
 
 NODES = {1: 1, 3: 2, 21: 3, 5: 3, 22: 6}
@@ -38,6 +37,9 @@ DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
     "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
+
+HEADERS = {"UInt32": "u4", "UInt64": "u8"}
+ORDERS = {"LittleEndian": "<", "BigEndian": ">"}
 
 RAW = re.compile(rb"<AppendedData\b[^>]*\bencoding\s*=\s*[\"']raw[\"'][^>]*>")
 END = b"</AppendedData>"
@@ -56,15 +58,15 @@ class Grid:
         (n, 3).
     types
         (m,): VTK's number for the type of every cell.
-    first, connectivity
-        The nodes of cell k are `connectivity` from `first[k]` to `first[k + 1]`.
+    count, connectivity
+        (m,): how many nodes every cell has; and these, of all cells one after another.
     point_data, cell_data
         Arrays (n,) or (n, components), and (m,) or (m, components), by name.
     """
 
     points: Floats
     types: Ints
-    first: Ints
+    count: Ints
     connectivity: Ints
     point_data: Data
     cell_data: Data
@@ -72,7 +74,8 @@ class Grid:
     def cells(self, kind: int) -> tuple[Ints, Ints]:
         """Select the cells of a type of `NODES`: their numbers, and their nodes (cells, nodes of each)."""
         which = np.flatnonzero(self.types == kind)
-        return which, self.connectivity[self.first[which][:, None] + np.arange(NODES[kind])]
+        first = np.cumsum(self.count) - self.count
+        return which, self.connectivity[first[which][:, None] + np.arange(NODES[kind])]
 
 
 def read_grid(path: Path, caller: str) -> Grid:
@@ -96,94 +99,80 @@ class _Plain(ElementTree.TreeBuilder):
 
 class _Reader:
     def __init__(self, data: bytes) -> None:
-        self._raw: bytes | None = None
-        text = data
-        if found := RAW.search(data):
-            end = data.rfind(END)
-            start = data.index(b"_", found.end()) + 1
-            if end < start:
-                raise ValueError("its appended data has no end")
-            self._raw, text = data[start:end], data[: found.end()] + data[end:]
+        text, raw = _without_raw(data)
         if b"<!DOCTYPE" in text:
             _Plain().doctype("", None, None)
-        self._root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Plain()))
-        if self._root.tag != "VTKFile" or self._root.get("type") != "UnstructuredGrid":
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Plain()))
+        if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
             raise ValueError("it holds no UnstructuredGrid")
+        self._pieces = root.findall("UnstructuredGrid/Piece")
         self._budget = PACKED * len(data) + ALWAYS
-        order = {"LittleEndian": "<", "BigEndian": ">"}.get(self._root.get("byte_order", "LittleEndian"))
-        if order is None:
-            raise ValueError("its byte order is unknown")
-        self._order = order
-        self._size = np.dtype(order + {"UInt32": "u4", "UInt64": "u8"}[self._root.get("header_type", "UInt32")])
-        self._compressor = self._root.get("compressor")
-        appended = self._root.find("AppendedData")
-        self._appended = "" if appended is None or self._raw is not None else (appended.text or "").strip()[1:]
+        self._order = _known(ORDERS, "byte order", root.get("byte_order", "LittleEndian"))
+        self._size = np.dtype(self._order + _known(HEADERS, "header type", root.get("header_type", "UInt32")))
+        self._compressor = root.get("compressor")
+        self._appended = root.findtext("AppendedData", "").strip()[1:] if raw is None else raw
 
     def grid(self) -> Grid:
-        pieces = self._root.findall("UnstructuredGrid/Piece")
-        if not pieces:
+        if not self._pieces:
             raise ValueError("it has no piece")
-        grids = [self._piece(piece) for piece in pieces]
-        shift = np.cumsum([0, *(len(grid.points) for grid in grids)])
-        start = np.cumsum([0, *(len(grid.connectivity) for grid in grids)])
+        grids: list[Grid] = []
+        shift = 0
+        for piece in self._pieces:
+            grids.append(self._piece(piece, shift))
+            shift += len(grids[-1].points)
         return Grid(
             np.concatenate([grid.points for grid in grids]),
             np.concatenate([grid.types for grid in grids]),
-            np.concatenate([[0], *(grid.first[1:] + begin for grid, begin in zip(grids, start, strict=False))]),
-            np.concatenate([grid.connectivity + begin for grid, begin in zip(grids, shift, strict=False)]),
+            np.concatenate([grid.count for grid in grids]),
+            np.concatenate([grid.connectivity for grid in grids]),
             _joined([grid.point_data for grid in grids]),
             _joined([grid.cell_data for grid in grids]),
         )
 
-    def _piece(self, piece: ElementTree.Element) -> Grid:
+    def _piece(self, piece: ElementTree.Element, shift: int) -> Grid:
+        """One piece, `shift` added to the numbers of its nodes."""
         arrays = list(self._arrays(piece, "Points").values())
         if len(arrays) != 1:
             raise ValueError(f"a piece has {len(arrays)} arrays of points")
-        (places,) = arrays
-        points = places.reshape(len(places), -1).astype(float)
+        points = arrays[0].reshape(len(arrays[0]), -1).astype(float)
         points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
         cells = self._arrays(piece, "Cells")
         connectivity, ends, types = (_whole(cells[name], name) for name in ("connectivity", "offsets", "types"))
-        first = np.concatenate([[0], ends])
-        if len(ends) != len(types) or np.any(np.diff(first) < 1) or first[-1] > len(connectivity):
+        count = np.diff(ends, prepend=0)
+        total = count.sum()
+        if len(ends) != len(types) or np.any(count < 1) or total > len(connectivity):
             raise ValueError("its offsets do not fit its cells")
-        connectivity = connectivity[: first[-1]]
-        if len(connectivity) and not 0 <= connectivity.min() <= connectivity.max() < len(points):
+        connectivity = connectivity[:total]
+        if np.any((connectivity < 0) | (connectivity >= len(points))):
             raise ValueError("a cell has a node that is not there")
         for kind, nodes in NODES.items():
-            if np.any(np.diff(first)[types == kind] != nodes):
+            if np.any(count[types == kind] != nodes):
                 raise ValueError(f"a cell of type {kind} has not {nodes} nodes")
         at_points = _of_length(self._arrays(piece, "PointData"), len(points))
         in_cells = _of_length(self._arrays(piece, "CellData"), len(types))
-        return Grid(points, types, first, connectivity, at_points, in_cells)
+        return Grid(points, types, count, connectivity + shift, at_points, in_cells)
 
     def _arrays(self, piece: ElementTree.Element, section: str) -> Data:
-        elements = piece.findall(f"{section}/DataArray")
-        return {element.get("Name", ""): self._array(element) for element in elements}
+        return {element.get("Name", ""): self._array(element) for element in piece.findall(f"{section}/DataArray")}
 
     def _array(self, element: ElementTree.Element) -> NDArray[Any]:
-        code = NUMBERS[element.attrib["type"]]
+        code = _known(NUMBERS, "type of numbers", element.attrib["type"])
         form, text = element.get("format", "ascii"), (element.text or "").strip()
         if form == "ascii":
-            values = _parsed(text, np.dtype(code))
+            values = parsed(text, code)
         elif form == "binary":
-            values = self._unpacked(_Encoded(text, 0), code)
+            values = np.frombuffer(self._unpacked(_Source(text, 0)), self._order + code)
         elif form == "appended":
-            offset = int(element.attrib["offset"])
-            if not 0 <= offset < len(self._appended if self._raw is None else self._raw):
-                raise ValueError(f"its appended data has no byte {offset}")
-            source = _Encoded(self._appended, offset) if self._raw is None else _Plainly(self._raw, offset)
-            values = self._unpacked(source, code)
+            source = _Source(self._appended, int(element.attrib["offset"]))
+            values = np.frombuffer(self._unpacked(source), self._order + code)
         else:
             raise ValueError(f"its data has the format '{form}'")
         components = int(element.get("NumberOfComponents") or 1)
         return values if components == 1 else values.reshape(-1, components)
 
-    def _unpacked(self, source: "_Encoded | _Plainly", code: str) -> NDArray[Any]:
-        data = b"".join(self._blocks(source)) if self._compressor else self._as_it_is(source)
-        return np.frombuffer(data, self._order + code)
-
-    def _as_it_is(self, source: "_Encoded | _Plainly") -> bytes:
+    def _unpacked(self, source: "_Source") -> bytes:
+        if self._compressor:
+            return b"".join(self._blocks(source))
         data = source.sized(self._size)
         self._spend(len(data))  # arrays may name the same bytes
         return data
@@ -193,11 +182,10 @@ class _Reader:
         if self._budget < 0:
             raise ValueError("it unpacks to far more than a mesh of its size holds")
 
-    def _blocks(self, source: "_Encoded | _Plainly") -> Iterator[bytes]:
+    def _blocks(self, source: "_Source") -> Iterator[bytes]:
         """Unpacked blocks, each as long as the header says."""
         count = int(np.frombuffer(source.peek(self._size.itemsize), self._size)[0])
-        head = np.frombuffer(source.take((3 + count) * self._size.itemsize), self._size)
-        full, last, sizes = int(head[1]), int(head[2]), [int(size) for size in head[3:]]
+        _, full, last, *sizes = np.frombuffer(source.take((3 + count) * self._size.itemsize), self._size).tolist()
         packed, start = source.take(sum(sizes)), 0
         for number, size in enumerate(sizes):
             length = last if last and number == count - 1 else full
@@ -206,10 +194,9 @@ class _Reader:
             start += size
 
     def _decompressed(self, block: bytes, length: int) -> bytes:
-        if self._compressor not in DECOMPRESSORS:
-            raise ValueError(f"its compressor '{self._compressor}' is unknown; write it with zlib")
+        decompressor = _known(DECOMPRESSORS, "compressor", self._compressor or "")
         try:
-            unpacked = DECOMPRESSORS[self._compressor]().decompress(block, length + 1)
+            unpacked = decompressor().decompress(block, length + 1)
         except (zlib.error, lzma.LZMAError, EOFError) as error:
             raise ValueError(f"a block of its data cannot be unpacked: {error}") from None
         if len(unpacked) != length:
@@ -217,65 +204,51 @@ class _Reader:
         return unpacked
 
 
-class _Plainly:
-    """Bytes of a raw section from an offset on."""
+def _without_raw(data: bytes) -> tuple[bytes, bytes | None]:
+    """The text of a file without its raw section, which is no XML, and the latter."""
+    found = RAW.search(data)
+    if not found:
+        return data, None
+    start, end = data.index(b"_", found.end()) + 1, data.rfind(END)
+    if end < start:
+        raise ValueError("its appended data has no end")
+    return data[: found.end()] + data[end:], data[start:end]
 
-    def __init__(self, data: bytes, offset: int) -> None:
-        self._data, self._position = data, offset
+
+class _Source:
+    """Bytes from a place on, as they are or as text in base64; what is taken at once was encoded at once."""
+
+    def __init__(self, data: bytes | str, position: int) -> None:
+        self._data, self._position = data, position
+
+    def _after(self, count: int) -> int:
+        """Where `count` bytes end."""
+        return self._position + (count if isinstance(self._data, bytes) else -(-count // 3) * 4)
 
     def peek(self, count: int) -> bytes:
-        if not 0 <= count <= len(self._data) - self._position:
+        if not 0 <= self._position <= self._after(count) <= len(self._data):
             raise ValueError("its data ends before its last number")
-        return self._data[self._position : self._position + count]
+        part = self._data[self._position : self._after(count)]
+        return part if isinstance(part, bytes) else base64.b64decode(part, validate=True)[:count]
 
     def take(self, count: int) -> bytes:
         taken = self.peek(count)
-        self._position += count
-        return taken
-
-    def sized(self, size: np.dtype) -> bytes:
-        return self.take(int(np.frombuffer(self.take(size.itemsize), size)[0]))
-
-
-class _Encoded:
-    """Bytes in base64 from an offset on; what is taken at once was encoded at once."""
-
-    def __init__(self, text: str, offset: int) -> None:
-        self._text, self._position = text, offset
-
-    def peek(self, count: int) -> bytes:
-        characters = -(-count // 3) * 4
-        if not 0 <= characters <= len(self._text) - self._position:
-            raise ValueError("its data ends before its last number")
-        try:
-            return base64.b64decode(self._text[self._position : self._position + characters], validate=True)[:count]
-        except binascii.Error as error:
-            raise ValueError(f"its data is no base64: {error}") from None
-
-    def take(self, count: int) -> bytes:
-        taken = self.peek(count)
-        self._position += -(-count // 3) * 4
+        self._position = self._after(count)
         return taken
 
     def sized(self, size: np.dtype) -> bytes:
         """Writers encode the size by itself, or together with what follows; padding after it tells."""
-        head, width = self.peek(size.itemsize), -(-size.itemsize // 3) * 4
-        count = int(np.frombuffer(head, size)[0])
-        if self._text[self._position + width - 1] == "=":
-            self._position += width
+        count = int(np.frombuffer(self.peek(size.itemsize), size)[0])
+        if self._data[self._after(size.itemsize) - 1] == "=":  # never in bytes, which hold numbers
+            self._position = self._after(size.itemsize)
             return self.take(count)
         return self.take(size.itemsize + count)[size.itemsize :]
 
 
-def _parsed(text: str, kind: np.dtype) -> NDArray[Any]:
-    if not text:
-        return np.empty(0, kind)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # numpy warns of what is no number
-        try:
-            return np.fromstring(text, kind, sep=" ")
-        except (DeprecationWarning, RuntimeWarning):
-            raise ValueError("an array of numbers holds something else") from None
+def _known(table: dict[str, T], what: str, word: str) -> T:
+    if word not in table:
+        raise ValueError(f"its {what} is '{word}'; write it with {listed(table)}")
+    return table[word]
 
 
 def _whole(values: NDArray[Any], name: str) -> Ints:
