@@ -1,7 +1,7 @@
 """Hold what a mesh file says before anything is made of it, and refuse in one line a file that cannot be read."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +13,16 @@ from numpy.typing import DTypeLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = [
+    "LARGEST_TAG",
     "LINE",
     "MSH_VERSION",
+    "POINT",
     "TRIANGLE",
     "Content",
     "Field",
     "Rows",
     "Sampled",
+    "check_finite",
     "found_in",
     "nodes_of",
     "parsed",
@@ -31,14 +34,15 @@ __all__ = [
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Suffix to version of MSH; Gmsh itself takes `.msh2` for 2.2."""
 
+LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh has them as int
 SHOWN = 160  # characters of what went wrong: a file may put anything there
 
-LINE, TRIANGLE = "line", "triangle"
-CORNERS = {LINE: 2, TRIANGLE: 3}
+POINT, LINE, TRIANGLE = "point", "line", "triangle"
+CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3}
 
 # Nodes per element by Gmsh's numbers for element types; the corners always come first.
 _SHAPES = {
-    "point": {15: 1},
+    POINT: {15: 1},
     LINE: {1: 2, 8: 3, 26: 4, 27: 5, 28: 6},
     TRIANGLE: {2: 3, 9: 6, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21},
     "quadrilateral": {3: 4, 10: 9, 16: 8, 36: 16, 37: 25},
@@ -64,6 +68,16 @@ class Rows:
     nodes: Ints
     group: Ints
     number: Ints
+
+    @classmethod
+    def joined(cls, parts: Sequence["Rows"], nodes: int) -> "Rows":
+        """All rows by the first `nodes` of their nodes."""
+        none = np.empty(0, np.int64)
+        return cls(
+            np.concatenate([np.empty((0, nodes), np.int64), *(part.nodes[:, :nodes] for part in parts)]),
+            np.concatenate([none, *(part.group for part in parts)]),
+            np.concatenate([none, *(part.number for part in parts)]),
+        )
 
 
 @dataclass(frozen=True)
@@ -91,14 +105,9 @@ class Content:
     numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     def of_shape(self, shape: str) -> Rows:
-        """All lines or triangles, whatever their order, by their corners: Gmsh lists these first."""
-        corners, none = CORNERS[shape], np.empty(0, np.int64)
+        """All points, lines or triangles, whatever their order, by their corners: Gmsh lists these first."""
         parts = [rows for kind, rows in sorted(self.rows.items()) if shape_of(kind) == shape]
-        return Rows(
-            np.concatenate([np.empty((0, corners), np.int64), *(part.nodes[:, :corners] for part in parts)]),
-            np.concatenate([none, *(part.group for part in parts)]),
-            np.concatenate([none, *(part.number for part in parts)]),
-        )
+        return Rows.joined(parts, CORNERS[shape])
 
 
 @dataclass(frozen=True)
@@ -176,6 +185,13 @@ def suffix_of(path: Path, caller: str, known: tuple[str, ...]) -> str:
     if suffix not in known:
         raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.")
     return suffix
+
+
+def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
+    """Refuse a file with points (n, dimensions) at infinity or nowhere."""
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        raise ValueError(f"{caller} expected finite coordinates; '{path}' has a {what} at {points[~finite][0]}.")
 
 
 @contextmanager

@@ -8,8 +8,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import Field, Sampled, suffix_of
-from kohonen_adapt.io.gmsh_views import read_views
+from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
+from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.vtu import read_arrays
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
@@ -101,8 +101,7 @@ def _distinct(points: Floats) -> int:
 
 def _matched(wanted: Floats, given: Floats, mesh: MeshTri, path: Path, what: str) -> Ints:
     """The nearest of the given places to each that is wanted, (n, 2) -> (n,), if none is off."""
-    if not np.all(np.isfinite(given)):
-        raise ValueError(f"read_field expected finite coordinates; '{path}' has others.")
+    check_finite(given, path, "read_field", what)
     distance, place = cKDTree(given).query(wanted)
     off = float(np.max(distance) / np.ptp(mesh.p, axis=1).max())
     if off > NEAR:

@@ -1,19 +1,32 @@
-"""Read Gmsh's MSH 2.2 and 4.1, text and binary, with every physical group an element is in.
+"""Read Gmsh's MSH 2.2 and 4.1, text and binary: the mesh with every physical group an element is in, and views of data.
 
 meshio reads these files, too, but it drops the numbers of nodes and elements (and with them their order), reversed
 groups, every group of an element but its first where they have no names, and one of two groups of the same name; files
 of version 4.1 with an untagged part it refuses.
 """
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import Content, Rows, found_in, nodes_of, refusing
+from kohonen_adapt.io.content import (
+    LARGEST_TAG,
+    TRIANGLE,
+    Content,
+    Field,
+    Rows,
+    Sampled,
+    found_in,
+    nodes_of,
+    parsed,
+    refusing,
+)
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 
-__all__ = ["header_of", "read_msh"]
+__all__ = ["read_msh", "read_views"]
 
 Block = tuple[int, Rows]
 """Elements of one type, by numbers of nodes."""
@@ -27,19 +40,22 @@ FEW = 10**6
 
 NO_GROUPS = np.empty(0, np.int64)
 
-LARGEST = 2**31 - 1  # of numbers of groups: Gmsh has them as int
+SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
+VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
+TRIANGLES = re.compile(rb"\bST\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
+CORNERS, VALUES = 9, 3  # numbers of a triangle of a list, and of its scalar
 
 
 def read_msh(path: Path) -> Content:
     """Read the content of a Gmsh file of version 2.2 or 4.1; a ValueError if it is none, or damaged."""
     with path.open("rb") as stream:
         start = stream.read(FRONT)
-        version, binary = header_of(start, path)
+        version, binary = _header_of(start, path)
         with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
             return _content(start + stream.read(), version, binary)
 
 
-def header_of(data: bytes, path: Path) -> tuple[str, bool]:
+def _header_of(data: bytes, path: Path) -> tuple[str, bool]:
     """Version of a Gmsh file, and whether it is binary; a ValueError if it is none, or of another version or order."""
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
@@ -86,7 +102,7 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
     names = {}
     for line in lines:
         dimension, tag, quoted = line.split(maxsplit=2)
-        if abs(int(tag)) > LARGEST:
+        if abs(int(tag)) > LARGEST_TAG:
             raise ValueError(f"a group has the number {tag}")
         names[int(dimension), abs(int(tag))] = quoted[quoted.index('"') + 1 : quoted.rindex('"')]
     return names
@@ -147,15 +163,108 @@ def _elements_22(section: Numbers) -> list[Block]:
 
 def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
     """The rows of every element type together, numbers of nodes replaced by where they stand in `numbers`."""
-    rows = {}
+    found = {}
     for kind in {kind for kind, _ in blocks}:
-        parts = [part for other, part in blocks if other == kind]
-        nodes = np.concatenate([part.nodes for part in parts])
-        if nodes.size and not len(numbers):
+        rows = Rows.joined([part for other, part in blocks if other == kind], nodes_of(kind))
+        if rows.nodes.size and not len(numbers):
             raise ValueError("it has elements and no nodes")
-        place = found_in(numbers, nodes)
+        place = found_in(numbers, rows.nodes)
         if np.any(place < 0):
-            raise ValueError(f"an element has node {nodes[place < 0][0]}, which is not there")
-        group, number = (np.concatenate([getattr(part, name) for part in parts]) for name in ("group", "number"))
-        rows[kind] = Rows(place, group, number)
-    return rows
+            raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which is not there")
+        found[kind] = replace(rows, nodes=place)
+    return found
+
+
+def read_views(path: Path) -> Sampled:
+    """The triangles of a file and the fields on them.
+
+    Parameters
+    ----------
+    path
+        MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
+        (``View "name" {ST(...){...}; };``).
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or damaged.
+    """
+    with refusing(path, f"read_field cannot read '{path}': {{}}."):
+        data = path.read_bytes()
+    if data[:80].lstrip()[:4] == b"View":
+        return _listed(data, path)
+    binary = _header_of(data, path)[1]
+    content = read_msh(path)
+    with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
+        return _views(data, binary, content)
+
+
+def _listed(data: bytes, path: Path) -> Sampled:
+    """Every view of a list has triangles of its own; those of the first count, and others must be the same."""
+    fields: list[Field] = []
+    corners = np.empty((0, CORNERS))
+    found = list(VIEW.finditer(data))
+    if not found:
+        raise ValueError(f"read_field expected lists of triangles; '{path}' begins like one and has none.")
+    ends = [*(view.start() for view in found[1:]), len(data)]
+    for view, end in zip(found, ends, strict=True):
+        name, rows = view[1], TRIANGLES.findall(data, view.end(), end)
+        try:
+            places = _numbers([place for place, _ in rows]).reshape(len(rows), CORNERS)
+            table = _numbers([value for _, value in rows]).reshape(len(rows), VALUES)
+        except ValueError:
+            raise ValueError(
+                f"'{path}' must have triangles of nine coordinates and three values, one step; write one step only."
+            ) from None
+        if len(fields) and not np.array_equal(places, corners):
+            raise ValueError(f"'{path}' has views on other triangles; write each to a file of its own.")
+        corners = places
+        fields.append(Field(name.decode("utf-8", "replace"), False, table.mean(axis=1)[:, None]))
+    points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return Sampled(points, node.reshape(-1, 3), fields)
+
+
+def _numbers(lists: list[bytes]) -> Floats:
+    return parsed(b",".join(lists).replace(b",", b" "))
+
+
+def _views(data: bytes, binary: bool, content: Content) -> Sampled:
+    """The triangles of a file and its views: rows of data that name a node or an element by its number in the file."""
+    rows = content.of_shape(TRIANGLE)
+    # An element of several groups is listed again, in MSH 2.2 under another number: any of them has its data.
+    triangles, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
+    fields = []
+    for found in SECTION.finditer(data):
+        kind = found[1].decode()
+        (name, components, count), start = _tags(data, found.end())
+        numbers = Numbers(data, start, binary)
+        number, given = (numbers.means if kind == "ElementNodeData" else numbers.rows)(count, components)
+        nodal = kind == "NodeData"
+        owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
+        values = np.full((len(content.points) if nodal else len(triangles), components), np.nan)
+        place = found_in(known, number)
+        values[owner[place[place >= 0]]] = given[place >= 0]
+        fields.append(Field(name, nodal, values))
+    return Sampled(content.points, triangles, fields)
+
+
+def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:
+    """Name, components and rows of a section, and where its rows begin."""
+
+    def line() -> bytes:
+        nonlocal start
+        end = data.index(b"\n", start)
+        text, start = data[start:end].strip(), end + 1
+        return text
+
+    words, _, integers = ([line() for _ in range(_size(line()))] for _ in range(3))
+    if not words or len(integers) < 3:
+        raise ValueError("a view lacks its name, components or size")
+    return (words[0].strip(b'"').decode("utf-8", "replace"), _size(integers[1]), _size(integers[2])), start
+
+
+def _size(text: bytes) -> int:
+    number = int(text[:20])
+    if number < 0:
+        raise ValueError(f"a view has the size {number}")
+    return number

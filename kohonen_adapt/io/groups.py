@@ -12,19 +12,17 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, shape_of
+from kohonen_adapt.io.content import LARGEST_TAG, LINE, POINT, TRIANGLE, Content
 from kohonen_adapt.mesh.names import is_own_name
 
 __all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
 logger = logging.getLogger("kohonen_adapt")
 
-POINT = "point"
 DIMENSION = {POINT: 0, LINE: 1, TRIANGLE: 2}
 UNNAMED = {0: "point_{}", 1: "boundary_{}", 2: "region_{}"}
 """Dimension to what a group without a name is called."""
 
-LARGEST = 2**31 - 1  # Gmsh has them as int
 SAME = 1e-9  # of the size of the mesh: nodes nearer than that are in the same place
 
 
@@ -82,19 +80,15 @@ def name_of(content: Content, dimension: int, number: int) -> str:
 def to_groups(content: Content, path: Path, scale: float) -> Groups:
     """The groups that a file, `path`, has, whether or not anything of the mesh is in them."""
     keys = {key for key in content.names if key[0] in UNNAMED}
-    for kind, rows in content.rows.items():
-        dimension = DIMENSION.get(shape_of(kind))
-        if dimension is not None:
-            keys |= {(dimension, int(number)) for number in np.unique(rows.group[rows.group > 0])}
+    for shape, dimension in DIMENSION.items():
+        keys |= {(dimension, tag) for tag in np.unique(content.of_shape(shape).group).tolist() if tag > 0}
     names = {key: name for key in sorted(keys) if is_own_name(name := name_of(content, *key))}
     _report_shared(names, path)
-    members: dict[int, Ints] = {}
-    for kind, rows in content.rows.items():
-        if shape_of(kind) == POINT:
-            members = by_group(rows.group, rows.nodes[:, 0])
+    rows = content.of_shape(POINT)
+    members = by_group(rows.group, rows.nodes[:, 0])
     nowhere = np.empty(0, np.int64)
     nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
-    return Groups(names, {number: scale * content.points[rows, :2].T for number, rows in nodes.items()})
+    return Groups(names, {number: scale * content.points[each, :2].T for number, each in nodes.items()})
 
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
@@ -151,8 +145,8 @@ def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple
 def _known(groups: Groups) -> dict[tuple[int, str], int]:
     known: dict[tuple[int, str], int] = {}
     for (dimension, number), name in groups.names.items():
-        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 < number <= LARGEST:
-            raise ValueError(f"numbers of groups must be integers from 1 to {LARGEST}; '{name}' has {number!r}.")
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 < number <= LARGEST_TAG:
+            raise ValueError(f"numbers of groups must be integers from 1 to {LARGEST_TAG}; '{name}' has {number!r}.")
         known.setdefault((dimension, name), int(number))
     return known
 
@@ -161,4 +155,4 @@ def _number_in(name: str, dimension: int) -> int | None:
     """The number of a group that has no other name: 7 for ``region_7``."""
     found = re.fullmatch(UNNAMED[dimension].format("([1-9][0-9]{0,9})"), name)
     number = int(found[1]) if found else 0
-    return number if 0 < number <= LARGEST else None
+    return number if 0 < number <= LARGEST_TAG else None

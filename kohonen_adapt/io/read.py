@@ -7,11 +7,10 @@ from pathlib import Path
 
 from skfem import MeshTri
 
-from kohonen_adapt.io.assembly import to_mesh
+from kohonen_adapt.io.assembly import to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
-from kohonen_adapt.io.second_order import to_curves
 from kohonen_adapt.io.vtu import read_vtu
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.spline import Spline
