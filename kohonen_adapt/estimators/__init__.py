@@ -1,8 +1,7 @@
 """Estimate the error of any P1 solution: indicators per element in the energy norm."""
 
-from kohonen_adapt.estimators.averaging import recovery
 from kohonen_adapt.estimators.dual_weighting import goal_error, goal_oriented
 from kohonen_adapt.estimators.equilibration import duality_gap, equilibrated, equilibrated_flux
-from kohonen_adapt.estimators.jumps import residual
+from kohonen_adapt.estimators.explicit import recovery, residual
 
 __all__ = ["duality_gap", "equilibrated", "equilibrated_flux", "goal_error", "goal_oriented", "recovery", "residual"]

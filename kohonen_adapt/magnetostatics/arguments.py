@@ -112,16 +112,11 @@ class Arguments:
 
 
 def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
-    """The ampere-turns of a problem as a dict of its own.
-
-    Raises
-    ------
-    ValueError
-        If they are no mapping of the names of materials to finite numbers, or a material has a current density besides.
-    """
+    """The ampere-turns as a dict of its own: names of materials without a current density to finite numbers."""
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"ampere_turns must map subdomain names to amperes; got {given!r}.")
-    for name, total in (given or {}).items():
+    turns = dict(given or {})
+    for name, total in turns.items():
         if name not in materials:
             raise ValueError(f"ampere_turns has {name!r}, which is not among the materials: {listed(materials)}.")
         if not is_number(total) or not np.isfinite(total):
@@ -131,17 +126,11 @@ def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, f
                 f"the coil {name!r} has ampere_turns or a current density; got both, "
                 f"{materials[name].current_density:g} A/m^2 of its material."
             )
-    return {name: float(total) for name, total in (given or {}).items()}
+    return {name: float(total) for name, total in turns.items()}
 
 
 def _checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
-    """The pairs of an argument as a tuple of tuples.
-
-    Raises
-    ------
-    ValueError
-        If they are none.
-    """
+    """The pairs of an argument as a tuple of tuples."""
     pairs = list(given) if isinstance(given, list | tuple) else None
     if pairs is None or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in pairs):
         raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")

@@ -1,7 +1,6 @@
 """Estimate the error of a magnetic field: of its energy as that of a scalar problem, of a goal by the dual one."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from skfem import MeshTri
@@ -16,7 +15,7 @@ from kohonen_adapt.estimators import (
     recovery,
     residual,
 )
-from kohonen_adapt.estimators.jumps import ENDS, OPPOSITE
+from kohonen_adapt.estimators.explicit import ENDS, OPPOSITE
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
     Conditions,
@@ -169,43 +168,38 @@ def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joi
     return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
 
 
-class _Pair(NamedTuple):
-    """A field and its dual as two problems ``-div(nu grad u - flux) = source`` of one scalar nu."""
-
-    potential: Floats
-    dual: Floats
-    reluctivity: Floats
-    source: Floats
-    flux: Floats
-    dual_source: Floats
-    dual_flux: Floats
-    fixed: Mask
-
-
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
     """Indicators of a goal, (nelements,), unsquared, in the root of its unit."""
-    return goal_oriented(field.mesh, **_pair(field, goal, boundaries, newton)._asdict())
+    return goal_oriented(field.mesh, **_pair(field, goal, boundaries, newton))
 
 
 def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> float:
     """Estimate of what the goal's value is short of, with its sign."""
-    return goal_error(field.mesh, **_pair(field, goal, boundaries, newton)._asdict())
+    return goal_error(field.mesh, **_pair(field, goal, boundaries, newton))
 
 
-def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> _Pair:
-    """Of nonlinear material one scalar stands for the tensor of the linearised problem: the root of its determinant.
+def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Floats | Mask]:
+    """A field and its dual as two problems ``-div(nu grad u - flux) = source`` of one scalar nu, by argument.
 
-    The fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
+    Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
+    fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
     """
     source, load = goal.derivative(field)
     elements, symmetry, u = field.elements, field.symmetry, field.unknown
     dual = tangent_solution(field, boundaries, elements.loads(source, load), newton)
     weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
     nu, slope = symmetry.reluctivity(elements.points, weight), elements.gradient(dual)
-    flux = nu * elements.gradient(u) - symmetry.flux(field.field_strength)
     change = symmetry.flux(field.change_of_strength(symmetry.flux_density(elements.points, slope)))
-    given = _given(conditions_of(elements, boundaries, symmetry))
-    return _Pair(u, dual, nu, symmetry.source(field.current_density), flux, source, nu * slope - change + load, given)
+    return {
+        "potential": u,
+        "dual": dual,
+        "reluctivity": nu,
+        "source": symmetry.source(field.current_density),
+        "flux": nu * elements.gradient(u) - symmetry.flux(field.field_strength),
+        "dual_source": source,
+        "dual_flux": nu * slope - change + load,
+        "fixed": _given(conditions_of(elements, boundaries, symmetry)),
+    }
 
 
 def _given(conditions: Conditions) -> Mask:

@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
@@ -129,29 +129,22 @@ class Magnetostatics(Arguments):
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
         """
-        return self._solved(mesh, None)
+        return solution_of(self._energy_on(mesh), self.depth, None, self.method)
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
         """Solve like `solve`; nonlinear problems start from a solution on another mesh, which saves steps.
 
         Parameters
         ----------
-        mesh
-            As for `solve`.
-        old_mesh, old_field
-            The other mesh, and what `solve` returned for it.
+        mesh, old_mesh, old_field
+            As for `solve`; the other mesh, and what `solve` returned for it.
 
         Returns
         -------
         Field
-            As of `solve`.
-
-        Raises
-        ------
-        ValueError
-            As `solve`.
+            As of `solve`, which says what it raises.
         """
-        return self._solved(mesh, old_field)
+        return solution_of(self._energy_on(mesh), self.depth, old_field, self.method)
 
     def check(self, mesh: MeshTri) -> None:
         """Refuse what `solve` would refuse, without solving.
@@ -170,12 +163,9 @@ class Magnetostatics(Arguments):
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_mesh(mesh)
-        symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
+        elements, symmetry = elements_on(mesh, self.order), AXISYMMETRIC if self.axisymmetric else PLANAR
         given = coefficients(mesh, self.materials, self.ampere_turns)
-        return EnergyFunctional.of(elements_on(mesh, self.order), symmetry, given, self.boundaries)
-
-    def _solved(self, mesh: MeshTri, old: Field | None) -> Field:
-        return solution_of(self._energy_on(mesh), self.depth, old, self.method)
+        return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Error indicators of a solution, near the true error in the energy norm.
@@ -206,16 +196,13 @@ class Magnetostatics(Arguments):
 
         Parameters
         ----------
-        field
-            What `solve` returned.
-        circuit
-            Subdomain to turns for every side of a coil, negative where the conductor comes back; they need not carry a
-            current.
+        field, circuit
+            What `solve` returned, and a circuit as of `circuit_current`; its sides need not carry a current.
 
         Returns
         -------
         float
-            In H per metre of depth; with `depth`, and axisymmetric, in H.
+            As of `apparent_inductance`.
 
         Raises
         ------

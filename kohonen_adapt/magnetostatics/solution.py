@@ -38,13 +38,7 @@ class NotConverged(np.linalg.LinAlgError):
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    """Minimise the energy: of nonlinear material from an old solution, perhaps on another mesh, where there is one.
-
-    Raises
-    ------
-    NotConverged
-        If Newton's method does not converge.
-    """
+    """Minimise the energy: of nonlinear material from an old solution, perhaps on another mesh, where there is one."""
     elements, steps = energy.elements, tuple[NewtonStep, ...]()
     if energy.given.pieces:
         unknown, steps = newton.descend(energy, _begin(energy, old, newton))
@@ -100,8 +94,9 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
     with zeros for the values given.
     """
-    energy = EnergyFunctional.of(field.elements, field.symmetry, field.coefficients, boundaries)
-    return newton.whole_step(energy, field.unknown, -load[energy.conditions.free])
+    conditions = conditions_of(field.elements, boundaries, field.symmetry)
+    energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
+    return newton.whole_step(energy, field.unknown, -load[conditions.free])
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:

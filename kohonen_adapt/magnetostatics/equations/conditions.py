@@ -38,58 +38,27 @@ class Boundaries:
 
 @dataclass(frozen=True)
 class Ties:
-    """``u[i] = sign[i] u[master[i]]``.
+    """``u[i] = sign[i] u[master[i]]``: unknowns that are one up to a sign."""
 
-    Attributes
-    ----------
-    master
-        (nunknowns,): one for each class of unknowns that are one; most are their own.
-    sign
-        (nunknowns,) 1.0 or -1.0.
-    zero
-        (nunknowns,) bool: those of classes that hold their own negative, so that u = 0 there.
-    one, other, between
-        Unknowns that are one, (k,) each, and the sign between them, (k,): 1.0 for periodic, -1.0 for antiperiodic.
-    facets
-        Facets that are one, and the sign between them: three arrays (f,).
-    """
-
-    master: Ints
-    sign: Floats
-    zero: Mask
-    one: Ints
-    other: Ints
-    between: Floats
-    facets: tuple[Ints, Ints, Floats]
+    master: Ints  # (nunknowns,): one for each class of unknowns that are one; most are their own
+    sign: Floats  # (nunknowns,): 1.0 or -1.0
+    zero: Mask  # (nunknowns,): those of classes that hold their own negative, so that u = 0 there
+    one: Ints  # (k,): unknowns that are one with ...
+    other: Ints  # (k,): ... these
+    between: Floats  # (k,): the sign between the two, 1.0 for periodic, -1.0 for antiperiodic
+    facets: tuple[Ints, Ints, Floats]  # (f,) each: facets that are one with others, these, and the sign between them
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """The boundary conditions on one mesh.
+    """The boundary conditions on one mesh."""
 
-    Attributes
-    ----------
-    fixed
-        (nunknowns,) bool: unknowns of given values.
-    values
-        (nunknowns,): these values, zero elsewhere.
-    free
-        The other unknowns.
-    robin
-        (nunknowns, nunknowns): what the open boundary adds to the matrix, or None.
-    join
-        (nfree, nclasses): the values of the free unknowns from one for each class of them, or None where each is its
-        own.
-    ties
-        Unknowns that are one, or None.
-    """
-
-    fixed: Mask
-    values: Floats
-    free: Ints
-    robin: csc_array | None = None
-    join: csc_array | None = None
-    ties: Ties | None = None
+    fixed: Mask  # (nunknowns,): unknowns of given values
+    values: Floats  # (nunknowns,): these values, zero elsewhere
+    free: Ints  # (nfree,): the other unknowns
+    robin: csc_array | None = None  # (nunknowns, nunknowns): what the open boundary adds to the matrix
+    join: csc_array | None = None  # (nfree, nclasses): free unknowns from one for each class; None: each is its own
+    ties: Ties | None = None  # unknowns that are one
 
     @property
     def held(self) -> Mask:
@@ -150,11 +119,6 @@ def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array
 
     In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
     sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
-
-    Raises
-    ------
-    ValueError
-        If the mesh lacks the boundary, or it lies not on one circle.
     """
     mesh = elements.mesh
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
@@ -166,7 +130,7 @@ def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array
             f"{inside} of its {facets.size} facets are inside."
         )
     start, end = mesh.facets[:, facets]
-    (a, b), size = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)[1]
+    (a, b), size = (mesh.p[:, ends] for ends in (start, end)), radius_of(mesh, name)
     weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
     unknowns, count = elements.on_facets(facets), elements.places.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
@@ -174,14 +138,8 @@ def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array
     return coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
 
 
-def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
-    """Centre (2,) and radius of the circle that a boundary lies on, by least squares.
-
-    Raises
-    ------
-    ValueError
-        If its nodes lie on no circle, up to 1e-3 of the radius.
-    """
+def radius_of(mesh: MeshTri, name: str) -> float:
+    """Radius of the circle that a boundary lies on, by least squares; refused where it is off by more than `ROUND`."""
     x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
     middle = x.mean(axis=1, keepdims=True)
     scale = np.max(np.abs(x - middle))
@@ -195,7 +153,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
             f"the open boundary {name!r} must be a circle, or an arc; its nodes are {distance.min():.6g} to "
             f"{distance.max():.6g} m from the best centre. Draw the outer boundary as a circle, or fix A on it."
         )
-    return centre, radius
+    return radius
 
 
 def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Mask, Floats]:
@@ -213,12 +171,8 @@ def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Ma
 
 
 def ties_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Ties:
-    """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell.
-
-    Raises
-    ------
-    ValueError
-        If a name is no boundary, or the nodes of a pair do not match.
+    """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell;
+    refuse names that are no boundaries, and nodes that do not match.
     """
     mesh, names = elements.mesh, [*periodic, *antiperiodic]
     try:

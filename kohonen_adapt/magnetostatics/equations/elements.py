@@ -21,26 +21,15 @@ class _Polynomials:
 
     What is at quadrature points has them in its last axis, all of an element together, (..., npoints); of order 1 there
     is one in every element.
-
-    Attributes
-    ----------
-    order
-        Of the polynomials.
-    facet_products
-        Integrals of the products of the functions of a facet, per length, in the order of `on_facets`.
-    mesh
-        Whose elements they are.
-    unknowns
-        (k, nelements): numbers of the unknowns of every element.
-    places
-        (2, nunknowns): where the unknowns are.
     """
 
     order: ClassVar[int]
-    facet_products: ClassVar[Floats]
+    facet_products: ClassVar[Floats]  # integrals of products of the functions of a facet, per length; see `on_facets`
 
     def __init__(self, mesh: MeshTri, unknowns: Ints, places: Floats) -> None:
-        self.mesh, self.unknowns, self.places = mesh, unknowns, places
+        self.mesh = mesh
+        self.unknowns = unknowns  # (k, nelements): numbers of the unknowns of every element
+        self.places = places  # (2, nunknowns): where the unknowns are
 
     def added(self, terms: Floats) -> Floats:
         """Sum the terms (k, nelements) of the elements by unknowns, (nunknowns,)."""
@@ -137,7 +126,10 @@ class Linear(_Polynomials):
 
 
 class Quadratic(_Polynomials):
-    """P2 by quadrature: the unknowns are the values at the nodes and then at the middles of the facets."""
+    """P2 by quadrature: the unknowns are the values at the nodes and then at the middles of the facets.
+
+    Methods are as of `Linear`, with six functions in every element.
+    """
 
     order = 2
     facet_products = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0
@@ -177,11 +169,9 @@ class Quadratic(_Polynomials):
         return np.vstack((self.mesh.facets[:, facets], self.mesh.p.shape[1] + np.asarray(facets)))
 
     def gradient(self, u: Floats) -> Floats:
-        """Gradient at the quadrature points, (2, npoints)."""
         return np.einsum("ik,ickq->ckq", u[self.unknowns], self._gradients).reshape(2, -1)
 
     def mean(self, values: Floats) -> Floats:
-        """The mean over every element, (..., nelements), of what is at the quadrature points."""
         apart = values.reshape(*values.shape[:-1], *self._basis.dx.shape)
         return np.sum(apart * self._basis.dx, axis=-1) / np.sum(self._basis.dx, axis=-1)
 
@@ -205,25 +195,20 @@ class Quadratic(_Polynomials):
         return self._integrals * source
 
     def against_function(self, source: Floats, u: Floats) -> Floats:
-        """The terms that add up to ``int source u`` for a source (nelements,)."""
         return self.against_functions(source) * u[self.unknowns]
 
     def against_gradients(self, flux: Floats) -> Floats:
-        """``int flux . grad phi`` for a flux at the quadrature points, (6, nelements)."""
         weighted = flux.reshape(2, *self._basis.dx.shape) * self._basis.dx
         return np.einsum("ckq,ickq->ik", weighted, self._gradients)
 
     def against_slopes(self, size: Floats) -> Floats:
-        """``int size |grad phi|`` for a size at the quadrature points, (6, nelements)."""
         slopes = np.hypot(self._gradients[:, 0], self._gradients[:, 1])
         return np.einsum("kq,ikq->ik", size.reshape(self._basis.dx.shape) * self._basis.dx, slopes)
 
     def loads(self, source: Floats, flux: Floats) -> Floats:
-        """``int source phi + flux . grad phi`` of every unknown, for a source (nelements,) and a flux at the points."""
         return self.added(self.against_functions(source) + self.against_gradients(flux))
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        """As of `Linear`."""
         shape, gradients = self._basis.dx.shape, self._gradients
         across = across.reshape(shape) * self._basis.dx
         products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Solver
@@ -54,11 +54,6 @@ class EnergyFunctional:
     symmetry: Symmetry
     given: Coefficients
     conditions: Conditions
-
-    @classmethod
-    def of(cls, elements: Elements, symmetry: Symmetry, given: Coefficients, boundaries: Boundaries) -> Self:
-        """That of the conditions of these names."""
-        return cls(elements, symmetry, given, conditions_of(elements, boundaries, symmetry))
 
     @cached_property
     def _at_points(self) -> Coefficients:
@@ -154,12 +149,8 @@ class Newton:
     solver: Solver = field(default_factory=Solver)
 
     def whole_step(self, energy: EnergyFunctional, u: Floats, pull: Floats) -> Floats:
-        """The whole step from u where the gradient is `pull`: to the minimum, where the functional is quadratic.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If that has no finite solution.
+        """The whole step from u where the gradient is `pull`: to the minimum, where the functional is quadratic;
+        LinAlgError if it is not finite.
         """
         whole, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
@@ -181,12 +172,8 @@ class Newton:
         """Go down from values that keep the conditions; the last values, and all steps, converged or not.
 
         Newton's steps, halved until they lower the functional as their slope promises, up to rounding. The whole step
-        alone may overshoot into saturation by so much that the next ones never come back.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If the first step has no finite solution; a later one without ends the descent.
+        alone may overshoot into saturation by so much that the next ones never come back. LinAlgError if the first step
+        is not finite; a later one that is not ends the descent.
         """
         u, steps = start.copy(), list[NewtonStep]()
         free = energy.conditions.free

@@ -20,7 +20,7 @@ class Planar:
         return potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        """The potential of u at points."""
+        """The potential of u at points; on an axis 0, and there at all places of unknowns."""
         return unknown
 
     def on_axis(self, x: Floats) -> Mask:
@@ -48,27 +48,25 @@ class Planar:
         return current_density
 
     def volume(self, x: Floats, area: Floats) -> Floats:
-        """Volume that an area at a point stands for."""
+        """Volume that an area at a point stands for, around an axis of a ring."""
         return area
 
 
 class Axisymmetric:
     """u is r A_phi in the half-plane x = r >= 0, y = z; ``B_r = -(du/dz) / r``, ``B_z = (du/dr) / r``; totals.
 
-    1 / r is taken at the middle of every element of order 1: exactly integrated it has no bound at the axis.
+    1 / r is taken at the middle of every element of order 1: exactly integrated it has no bound at the axis. Methods
+    are as of `Planar`.
     """
 
     def unknown(self, x: Floats, potential: Floats) -> Floats:
-        """u of the potential at points."""
         return x[0] * potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        """The potential of u at all places of unknowns; 0 on the axis."""
         axis = self.on_axis(x)
         return np.where(axis, 0.0, unknown / np.where(axis, 1.0, x[0]))
 
     def on_axis(self, x: Floats) -> Mask:
-        """Which of all places of unknowns have u = 0 by symmetry."""
         near = AXIS * np.max(np.ptp(x, axis=1))
         outside = np.flatnonzero(x[0] < -near)
         if outside.size:
@@ -79,27 +77,21 @@ class Axisymmetric:
         return x[0] <= near
 
     def flux_density(self, x: Floats, gradient: Floats) -> Floats:
-        """B of the gradient of u at points, (2, n)."""
         return np.stack((-gradient[1], gradient[0])) / x[0]
 
     def flux(self, field_strength: Floats) -> Floats:
-        """``nu' grad u - flux'`` of the field strength, (2, n); of -Hc it is -flux'."""
         return 2.0 * np.pi * np.stack((field_strength[1], -field_strength[0]))
 
     def weight(self, x: Floats) -> Floats:
-        """nu' / nu at points."""
         return 2.0 * np.pi / x[0]
 
     def reluctivity(self, x: Floats, reluctivity: Floats) -> Floats:
-        """nu' of the reluctivity at points."""
         return reluctivity * self.weight(x)
 
     def source(self, current_density: Floats) -> Floats:
-        """source' of the current density."""
         return 2.0 * np.pi * current_density
 
     def volume(self, x: Floats, area: Floats) -> Floats:
-        """Volume of the ring that an area at a point stands for."""
         return 2.0 * np.pi * x[0] * area
 
 

@@ -32,13 +32,7 @@ class Solver:
     most_iterations: int = 200
 
     def solve(self, matrix: csc_array, right: Floats) -> Floats:
-        """The solution: of a large system by multigrid, of others, and where that fails, by factors.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If the matrix is singular.
-        """
+        """The solution: of a large system by multigrid, of others, and where that fails, by factors (see there)."""
         solution = self.by_multigrid(matrix, right) if right.size > self.large else None
         return factorised(matrix).solve(right) if solution is None else solution
 

@@ -64,11 +64,8 @@ class Table(Continued):
         # scipy's slope at an end can be zero, which were an infinite permeability; up to 3 secants it stays monotone.
         slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
         curve = CubicHermiteSpline(b, h, slope)
-        for name, function in (
-            ("_strength", curve),
-            ("_slope", curve.derivative()),
-            ("_energy", curve.antiderivative()),
-        ):
+        functions = {"_strength": curve, "_slope": curve.derivative(), "_energy": curve.antiderivative()}
+        for name, function in functions.items():
             object.__setattr__(self, name, function)
         steep = curve.derivative().solve(VACUUM_RELUCTIVITY, extrapolate=False)
         steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan stands for a piece that is all of that slope

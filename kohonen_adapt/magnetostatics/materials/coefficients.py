@@ -27,30 +27,14 @@ class Piece:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The materials of a mesh, element by element.
+    """The materials of a mesh, element by element."""
 
-    Attributes
-    ----------
-    number
-        (nelements,): place of the element's material in the mapping of materials.
-    reluctivity
-        (nelements,) in m/H; of nonlinear material that at B = 0.
-    remanence
-        (2, nelements) in T.
-    coercivity
-        (2, nelements) in A/m: what of H does not depend on B, with its sign changed.
-    current_density
-        (nelements,) in A/m^2.
-    pieces
-        The nonlinear materials.
-    """
-
-    number: Ints
-    reluctivity: Floats
-    remanence: Floats
-    coercivity: Floats
-    current_density: Floats
-    pieces: tuple[Piece, ...] = ()
+    number: Ints  # (nelements,): place of the element's material in the mapping of materials
+    reluctivity: Floats  # (nelements,) in m/H; of nonlinear material that at B = 0
+    remanence: Floats  # (2, nelements) in T
+    coercivity: Floats  # (2, nelements) in A/m: what of H does not depend on B, with its sign changed
+    current_density: Floats  # (nelements,) in A/m^2
+    pieces: tuple[Piece, ...] = ()  # the nonlinear materials
 
     @property
     def flux(self) -> Floats:
@@ -182,17 +166,12 @@ def material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> ND
             other = list(materials)[number[taken[0]]]
             raise ValueError(f"element {taken[0]} has two materials, {other!r} and {name!r}; give it exactly one.")
         number[elements] = index
-    _check_filled(mesh, number)
-    return number
-
-
-def _check_filled(mesh: MeshTri, number: NDArray[np.int64]) -> None:
     empty = np.flatnonzero(number < 0)
-    if not empty.size:
-        return
-    inside = [name for name, elements in named_sets(mesh.subdomains).items() if empty[0] in elements]
-    where = f"in subdomain {listed(inside)}" if inside else "in no subdomain"
-    raise ValueError(
-        f"every element needs a material; {empty.size} of {number.size} have none, "
-        f"first element {empty[0]} ({where}). Add a material for their subdomain."
-    )
+    if empty.size:
+        inside = [name for name, elements in named_sets(mesh.subdomains).items() if empty[0] in elements]
+        where = f"in subdomain {listed(inside)}" if inside else "in no subdomain"
+        raise ValueError(
+            f"every element needs a material; {empty.size} of {number.size} have none, "
+            f"first element {empty[0]} ({where}). Add a material for their subdomain."
+        )
+    return number

@@ -1,5 +1,6 @@
 """Give H for B of isotropic material by analytic laws, continued to any B."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 from typing import Any, Protocol, runtime_checkable
@@ -49,6 +50,10 @@ class Continued:
     """
 
     end: float
+    # Up to the end: H, dH/dB and int H dB of B.
+    _strength: Callable[[Floats], Floats]
+    _slope: Callable[[Floats], Floats]
+    _energy: Callable[[Floats], Floats]
 
     def field_strength(self, b: Floats) -> Floats:
         """H(B) in A/m, for B >= 0 in T."""
@@ -64,15 +69,6 @@ class Continued:
         inside = np.minimum(b, self.end)
         beyond = b - inside
         return self._energy(inside) + beyond * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * beyond)
-
-    def _strength(self, b: Floats) -> Floats:
-        raise NotImplementedError
-
-    def _slope(self, b: Floats) -> Floats:
-        raise NotImplementedError
-
-    def _energy(self, b: Floats) -> Floats:
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -105,8 +101,8 @@ class Brauer(Continued):
     k3: float
 
     def __post_init__(self) -> None:
-        for name in ("k2", "k3"):
-            _check_positive("Brauer", name, getattr(self, name))
+        _check_above(0.0, "k2 of Brauer", self.k2)
+        _check_above(0.0, "k3 of Brauer", self.k3)
         if not (is_number(self.k1) and 0.0 <= self.k1 < np.inf):
             raise ValueError(f"k1 of Brauer must be a finite number >= 0; got {self.k1!r}.")
         if self.k1 + self.k2 >= VACUUM_RELUCTIVITY:
@@ -156,8 +152,8 @@ class Froehlich(Continued):
     saturation: float
 
     def __post_init__(self) -> None:
-        _check_permeable("Froehlich", self.permeability)
-        _check_positive("Froehlich", "saturation", self.saturation)
+        _check_above(1.0, "permeability of Froehlich, relative and at B = 0,", self.permeability)
+        _check_above(0.0, "saturation of Froehlich", self.saturation)
         object.__setattr__(self, "end", self.saturation * (1.0 - self.permeability**-0.5))
 
     def _strength(self, b: Floats) -> Floats:
@@ -202,8 +198,8 @@ class Arctan:
     saturation: float
 
     def __post_init__(self) -> None:
-        _check_permeable("Arctan", self.permeability)
-        _check_positive("Arctan", "saturation", self.saturation)
+        _check_above(1.0, "permeability of Arctan, relative and at B = 0,", self.permeability)
+        _check_above(0.0, "saturation of Arctan", self.saturation)
 
     def field_strength(self, b: Floats) -> Floats:
         """H(B) in A/m, for B >= 0 in T, by Newton's method.
@@ -263,11 +259,6 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     return np.where(wanted > 0.0, high, 0.0)[place]
 
 
-def _check_positive(law: str, name: str, given: Any) -> None:
-    if not (is_number(given) and 0.0 < given < np.inf):
-        raise ValueError(f"{name} of {law} must be a finite number > 0; got {given!r}.")
-
-
-def _check_permeable(law: str, given: Any) -> None:
-    if not (is_number(given) and 1.0 < given < np.inf):
-        raise ValueError(f"permeability of {law}, relative and at B = 0, must be a finite number > 1; got {given!r}.")
+def _check_above(least: float, said: str, given: Any) -> None:
+    if not (is_number(given) and least < given < np.inf):
+        raise ValueError(f"{said} must be a finite number > {least:g}; got {given!r}.")

@@ -70,17 +70,14 @@ class Material:
             if isinstance(self.bh, type):
                 raise ValueError(f"bh must be a law with its parameters, or points; got the class {self.bh.__name__}.")
             object.__setattr__(self, "bh", self.bh if isinstance(self.bh, Law) else Table(self.bh))
-            self._check_alone()
+            if self.permeability != 1.0:
+                raise ValueError(
+                    f"a material has a bh curve or a permeability; got both, permeability {self.permeability:g}."
+                )
         if self.coercivity is not None:
             object.__setattr__(self, "coercivity", _vector("coercivity", self.coercivity))
             if self.remanence != (0.0, 0.0):
                 raise ValueError("a magnet has a remanence or a coercivity, each of which gives the other; got both.")
-
-    def _check_alone(self) -> None:
-        if self.permeability != 1.0:
-            raise ValueError(
-                f"a material has a bh curve or a permeability; got both, permeability {self.permeability:g}."
-            )
 
     @property
     def turns(self) -> bool:
@@ -137,11 +134,7 @@ def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Cal
     >>> radial(1.2)(np.array([[0.0], [0.5]])).round(9).tolist()
     [[0.0], [1.2]]
     """
-
-    def direction(x: Floats) -> Floats:
-        return magnitude * np.stack(_unit(np.arctan2(x[1] - centre[1], x[0] - centre[0])))
-
-    return direction
+    return halbach(magnitude, 0, centre=centre)
 
 
 def halbach(
@@ -153,17 +146,15 @@ def halbach(
 
     Parameters
     ----------
-    magnitude
-        In T or A/m.
+    magnitude, centre
+        As of `radial`.
     pole_pairs
-        Their number, with its sign.
-    centre
-        In metres.
+        Their number, with its sign; 0 is `radial`.
 
     Returns
     -------
     callable
-        Of x (2, n) in metres, giving (2, n).
+        As of `radial`.
 
     Examples
     --------
@@ -175,10 +166,7 @@ def halbach(
     """
 
     def direction(x: Floats) -> Floats:
-        return magnitude * np.stack(_unit((1 + pole_pairs) * np.arctan2(x[1] - centre[1], x[0] - centre[0])))
+        angle = (1 + pole_pairs) * np.arctan2(x[1] - centre[1], x[0] - centre[0])
+        return magnitude * np.stack((np.cos(angle), np.sin(angle)))
 
     return direction
-
-
-def _unit(angle: Floats) -> tuple[Floats, Floats]:
-    return np.cos(angle), np.sin(angle)

@@ -49,12 +49,8 @@ def air_elements(field: LocalField) -> Mask:
 
 
 def isolated_body(field: LocalField, names: Names) -> Mask:
-    """Which elements are in the body, (nelements,), where there is nothing but air around it.
-
-    Raises
-    ------
-    ValueError
-        If an element that shares a node with the body from outside is not air, or there is none at all.
+    """Which elements are in the body, (nelements,); refuse one where an element that shares a node with it from outside
+    is not air, or there is none at all.
     """
     mesh, inside = field.mesh, elements_in(field.mesh, names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
@@ -88,31 +84,15 @@ def _names_at(mesh: MeshTri, element: int) -> str:
 
 
 class Cut(NamedTuple):
-    """Facets of the outer boundary that are a cut, not an end, and what is known there.
+    """Facets of the outer boundary that are a cut, not an end, and what is known there."""
 
-    Attributes
-    ----------
-    facets
-        Numbers of the facets along the cut, of the body and of what lies beside it.
-    direction
-        Of a mirror plane, a unit vector (2,); None of a sector, and where nothing is cut.
-    twin
-        (nnodes,): of each node the one that it is an image of, else itself.
-    """
-
-    facets: Ints
-    direction: Floats | None
-    twin: Ints
+    facets: Ints  # along the cut, of the body and of what lies beside it
+    direction: Floats | None  # of a mirror plane, a unit vector (2,); None of a sector, and where nothing is cut
+    twin: Ints  # (nnodes,): of each node the one that it is an image of, else itself
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    """The lines of one direction along which the outer boundary cuts the body.
-
-    Raises
-    ------
-    ValueError
-        If they have several directions.
-    """
+    """The lines along which the outer boundary cuts the body; refused where they have several directions."""
     own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     if not own.size:
         return Cut(own, None, twin)
@@ -134,12 +114,8 @@ def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
 def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     """The two sides of a periodic sector about the centre, along which the outer boundary cuts the body.
 
-    On circles about the centre the body may end at the outer boundary: where A is constant they have no torque.
-
-    Raises
-    ------
-    ValueError
-        If the body lies on the outer boundary elsewhere, or the sides do not have the same nodes.
+    On circles about the centre the body may end at the outer boundary: where A is constant they have no torque. Refused
+    is a body that lies on the outer boundary elsewhere, and sides that do not have the same nodes.
     """
     own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     radial, near = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()

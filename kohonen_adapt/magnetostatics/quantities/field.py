@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.averaging import corner_averages, linear_between
+from kohonen_adapt.estimators.explicit import corner_averages, linear_between
 from kohonen_adapt.magnetostatics.equations.elements import Quadratic
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names

@@ -38,18 +38,10 @@ ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be fro
 
 
 class Component(NamedTuple):
-    """One component of an eggshell force, ``-int arm . T slope`` over the volume.
+    """One component of an eggshell force, ``-int arm . T slope`` over the volume."""
 
-    Attributes
-    ----------
-    slope
-        (2, nelements) in 1/m: gradient of the weight.
-    arm
-        (2, nelements): the direction of a force; of a torque (-y, x) in m, from the centre.
-    """
-
-    slope: Floats
-    arm: Floats
+    slope: Floats  # (2, nelements) in 1/m: gradient of the weight
+    arm: Floats  # (2, nelements): the direction of a force; of a torque (-y, x) in m, from the centre
 
 
 def force_component(field: LocalField, body: Names, direction: Floats) -> Component:
@@ -176,10 +168,8 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
 
     Parameters
     ----------
-    field
-        A planar field.
-    coil
-        As of `lorentz_force`.
+    field, coil
+        As of `lorentz_force`; the field must be planar.
     centre : (2,)
         In m.
 
@@ -194,7 +184,9 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
         If the field is axisymmetric, and as for `lorentz_force`.
     """
     _check_planar(field)
-    return _moment(field, _current_force(field, coil), checked_point("centre", centre))
+    force = _current_force(field, coil)
+    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - checked_point("centre", centre)[:, None]
+    return float(np.sum(x * force[1] - y * force[0]))
 
 
 def _pull(field: LocalField, slope: Floats) -> Floats:
@@ -225,12 +217,6 @@ def _along_axis(field: LocalField, force: Floats) -> Floats:
 def _check_planar(field: LocalField) -> None:
     if field.axisymmetric:
         raise ValueError("an axisymmetric field has no torque: it is the same at every angle.")
-
-
-def _moment(field: LocalField, force: Floats, centre: Floats) -> float:
-    """Sum of ``(x - centre) x force`` over forces in the middles of the elements."""
-    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - centre[:, None]
-    return float(np.sum(x * force[1] - y * force[0]))
 
 
 def _current_force(field: LocalField, coil: Names) -> Floats:

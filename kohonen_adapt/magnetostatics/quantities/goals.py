@@ -1,6 +1,6 @@
 """State goals, single numbers of a field, with the derivatives by which meshes are adapted to them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -37,14 +37,28 @@ class Goal(Protocol):
         """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element."""
 
 
+class _ComponentGoal:
+    """A component of a force or torque as a goal."""
+
+    _component: Callable[[Field], Component]
+
+    def __call__(self, field: Field) -> float:
+        """In N/m, of a torque in N m/m; with `depth`, and axisymmetric, in N or N m."""
+        return component_value(field, self._component(field))
+
+    def derivative(self, field: Field) -> tuple[Floats, Floats]:
+        """See `Goal`."""
+        return _of_flux_density(field, component_change(field, self._component(field)))
+
+
 @dataclass(frozen=True)
-class Force:
+class Force(_ComponentGoal):
     """Component of `Field.force` along a direction.
 
     Parameters
     ----------
     body
-        Name of a subdomain, or a sequence of names that count as one body.
+        As of `Field.force`.
     direction : (2,)
         Of any length but 0.
 
@@ -78,14 +92,6 @@ class Force:
             raise ValueError(f"direction of Force must not be zero; got {self.direction!r}.")
         object.__setattr__(self, "direction", tuple((along / np.hypot(*along)).tolist()))
 
-    def __call__(self, field: Field) -> float:
-        """In N/m; with `depth`, and axisymmetric, in N."""
-        return component_value(field, self._component(field))
-
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """See `Goal`."""
-        return _of_flux_density(field, component_change(field, self._component(field)))
-
     def _component(self, field: Field) -> Component:
         component = force_component(field, self.body, np.array(self.direction))
         if not component.arm.any():
@@ -97,15 +103,13 @@ class Force:
 
 
 @dataclass(frozen=True)
-class Torque:
+class Torque(_ComponentGoal):
     """`Field.torque` on a body about a centre.
 
     Parameters
     ----------
-    body
-        Name of a subdomain, or a sequence of names that count as one body.
-    centre : (2,)
-        In m.
+    body, centre
+        As of `Field.torque`.
 
     Raises
     ------
@@ -114,17 +118,8 @@ class Torque:
 
     Examples
     --------
-    >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
-    >>> def inside(x):
-    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
-    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
-    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> goal = Torque("coil", centre=(0.5, 0.5))
-    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
-    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
-    (512,)
+    >>> from kohonen_adapt.magnetostatics import Torque
+    >>> goal = Torque("coil", centre=(0.5, 0.5))  # for `Magnetostatics(goal=)`, as in `Force`
     """
 
     body: Names
@@ -133,13 +128,8 @@ class Torque:
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", tuple(checked_point("centre of Torque", self.centre).tolist()))
 
-    def __call__(self, field: Field) -> float:
-        """In N m/m; with `depth` in N m."""
-        return component_value(field, torque_component(field, self.body, self.centre))
-
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """See `Goal`."""
-        return _of_flux_density(field, component_change(field, torque_component(field, self.body, self.centre)))
+    def _component(self, field: Field) -> Component:
+        return torque_component(field, self.body, self.centre)
 
 
 @dataclass(frozen=True)
@@ -158,17 +148,8 @@ class FluxLinkage:
 
     Examples
     --------
-    >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-    >>> def inside(x):
-    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
-    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
-    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> goal = FluxLinkage({"coil": 100})
-    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
-    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
-    (512,)
+    >>> from kohonen_adapt.magnetostatics import FluxLinkage
+    >>> goal = FluxLinkage({"coil": 100, "return": -100})  # for `Magnetostatics(goal=)`, as in `Force`
     """
 
     circuit: Mapping[str, float]
@@ -203,17 +184,8 @@ class StoredEnergy:
 
     Examples
     --------
-    >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, StoredEnergy
-    >>> def inside(x):
-    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
-    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
-    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> goal = StoredEnergy("coil")
-    >>> problem = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}, goal=goal)
-    >>> problem.indicators(mesh, problem.solve(mesh)).shape  # of what the elements add to the goal's error
-    (512,)
+    >>> from kohonen_adapt.magnetostatics import StoredEnergy
+    >>> goal = StoredEnergy("coil")  # for `Magnetostatics(goal=)`, as in `Force`
     """
 
     part: Names

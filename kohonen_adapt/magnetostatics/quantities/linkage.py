@@ -48,13 +48,7 @@ def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
 
 
 def checked_circuit(circuit: Any) -> dict[str, float]:
-    """A circuit as a dict of its own.
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping from names to finite numbers other than 0.
-    """
+    """A circuit as a dict of its own, names to finite numbers other than 0."""
     if not isinstance(circuit, Mapping) or not circuit:
         raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
     return {name: _turns(name, turns) for name, turns in circuit.items()}
@@ -81,21 +75,10 @@ def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
     ValueError
         If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
         carry.
-
-    Examples
-    --------
-    >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, circuit_current
-    >>> def inside(x):
-    ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
-    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
-    >>> mesh = mesh.with_subdomains({"coil": inside, "air": lambda x: ~inside(x)})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 1.0}).solve(mesh)  # B = -1 T along y
-    >>> round(circuit_current(field, {"coil": 10}), 6)  # 250 A in ten turns
-    25.0
     """
-    currents = {name: _ampere_turns(field, name) / turns for name, turns in checked_circuit(circuit).items()}
+    total = area(field.mesh) * field.current_density
+    sides = checked_circuit(circuit).items()
+    currents = {name: float(np.sum(total[elements_in(field.mesh, name)])) / turns for name, turns in sides}
     values = np.array(list(currents.values()))
     mean = float(values.mean())
     if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
@@ -115,10 +98,8 @@ def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> floa
 
     Parameters
     ----------
-    field
-        A field.
-    circuit
-        Subdomain to turns; see `circuit_current`.
+    field, circuit
+        As of `circuit_current`.
 
     Returns
     -------
@@ -128,18 +109,20 @@ def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> floa
     Raises
     ------
     ValueError
-        See `circuit_current`.
+        As `circuit_current` does.
 
     Examples
     --------
     >>> import skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
+    >>> import kohonen_adapt.magnetostatics as km
     >>> mesh = skfem.MeshTri().refined(4).with_defaults()
     >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
-    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
-    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
+    >>> materials = {"coil": km.Material(current_density=1e3), "air": km.Material()}
+    >>> field = km.Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
+    >>> round(km.circuit_current(field, {"coil": 10}), 6)  # 500 A in ten turns
+    50.0
+    >>> inductance = km.apparent_inductance(field, {"coil": 10})  # in H/m
+    >>> abs(inductance / km.energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
     True
     """
     current = circuit_current(field, circuit)
@@ -154,32 +137,18 @@ def energy_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
 
     Parameters
     ----------
-    field
-        A field.
-    circuit
-        Subdomain to turns; see `circuit_current`.
+    field, circuit
+        As of `circuit_current`.
 
     Returns
     -------
     float
-        In H per metre of depth; with `depth`, and axisymmetric, in H.
+        As of `apparent_inductance`, whose example has both.
 
     Raises
     ------
     ValueError
-        See `circuit_current`.
-
-    Examples
-    --------
-    >>> import skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material, apparent_inductance, energy_inductance
-    >>> mesh = skfem.MeshTri().refined(4).with_defaults()
-    >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
-    >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-    >>> field = Magnetostatics(materials, potential={"left": 0.0, "right": 0.0}).solve(mesh)
-    >>> inductance = apparent_inductance(field, {"coil": 10})  # in H/m
-    >>> abs(inductance / energy_inductance(field, {"coil": 10}) - 1.0) < 1e-9
-    True
+        As `circuit_current` does.
     """
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 
@@ -187,11 +156,6 @@ def energy_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
 def turn_length(field: LocalField) -> float:
     """Of a turn, over r where it is a ring."""
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
-
-
-def _ampere_turns(field: LocalField, name: str) -> float:
-    inside = elements_in(field.mesh, name)
-    return float(np.sum((area(field.mesh) * field.current_density)[inside]))
 
 
 def _turns(coil: Names, turns: Any) -> float:

@@ -1,0 +1,247 @@
+"""Estimate errors from the discrete flux of a P1 solution: by its jumps across facets, or from its averages."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
+from kohonen_adapt.mesh.validity import check_mesh
+
+__all__ = [
+    "ENDS",
+    "OPPOSITE",
+    "DiscreteFlux",
+    "corner_averages",
+    "discrete_flux",
+    "linear_between",
+    "recovery",
+    "residual",
+]
+
+# scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
+ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
+
+
+@dataclass(frozen=True)
+class DiscreteFlux:
+    """The flux ``nu grad u - flux`` of a P1 solution, with what an estimator needs beside it, per element."""
+
+    area: Floats  # (nelements,)
+    hats: Floats  # (2, 3, nelements), gradients of the hat functions
+    reluctivity: Floats  # (nelements,)
+    source: Floats  # (nelements,)
+    prescribed: Floats  # (2, nelements), the argument `flux`
+    values: Floats  # (2, nelements), nu grad u - flux
+
+
+def discrete_flux(
+    mesh: MeshTri, potential: ArrayLike, reluctivity: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None
+) -> DiscreteFlux:
+    """Check the arguments of an estimator and evaluate the flux of the solution; what is None counts as zero."""
+    check_mesh(mesh)
+    number_facets(mesh)
+    nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
+    nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
+    material = finite_reals("reluctivity", reluctivity, {"nelements": nelements}, "element")
+    _check_positive(material)
+    load, prescribed = np.zeros(nelements), np.zeros((2, nelements))
+    if source is not None:
+        load = finite_reals("source", source, {"nelements": nelements}, "element")
+    if flux is not None:
+        prescribed = finite_reals("flux", flux, {"2": 2, "nelements": nelements}, "element")
+    hats = hat_gradients(mesh)
+    values = material * gradient(mesh, nodal, hats) - prescribed
+    return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
+
+
+def _check_positive(reluctivity: Floats) -> None:
+    bad = np.flatnonzero(reluctivity <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"reluctivity must be positive; it is not in {bad.size} of {reluctivity.size} elements, "
+            f"first {bad[0]} ({reluctivity[bad[0]]:g})."
+        )
+
+
+def residual(
+    mesh: MeshTri,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    *,
+    source: ArrayLike | None = None,
+    flux: ArrayLike | None = None,
+    joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
+) -> Floats:
+    """Residual indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
+
+    ``eta_K^2 = h_K^2 ||source||_K^2 / nu_K + 1/2 sum_F h_F ||[(nu grad u - flux) . n]||_F^2 / max(nu)`` over the
+    interior facets F of K, with the larger reluctivity of the two elements at F; facets of the boundary add nothing.
+    h_K is the square root of the area of K, h_F the length of F. With this weight the effectivity does not depend on
+    the ratio of the materials (Bernardi and Verfuerth, Numer. Math. 85, 2000); with each element's own nu the estimate
+    sends all nodes into the iron. In magnetostatics the jump is that of the tangential field strength H_t.
+
+    Parameters
+    ----------
+    mesh
+        A plain triangular mesh.
+    potential : (nnodes,)
+        Nodal values of the solution u.
+    reluctivity : (nelements,)
+        The coefficient nu > 0.
+    source : (nelements,), optional
+        Right-hand side; None is zero.
+    flux : (2, nelements), optional
+        Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero.
+    joined : (k,), (k,), (k,), optional
+        Facets of the boundary, those that a periodic mesh goes on with beyond them, and the sign that u changes by, 1
+        or -1: across these there is a jump, too.
+
+    Returns
+    -------
+    ndarray (nelements,)
+        Indicators of the energy norm ``sqrt(int nu |grad e|^2)``, unsquared, in its unit. The root of their sum of
+        squares is 3.4 to 4.4 times the error.
+
+    Raises
+    ------
+    ValueError
+        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
+        `MeshTri`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> eta = ka.estimators.residual(mesh, u, np.ones(8), source=np.ones(8))
+    >>> eta.shape
+    (8,)
+    >>> bool(ka.estimators.residual(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
+    True
+    """
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
+    load = discrete.area**2 * discrete.source**2 / discrete.reluctivity
+    return np.sqrt(load + _jumps(mesh, discrete, joined))
+
+
+def _jumps(mesh: MeshTri, discrete: DiscreteFlux, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None) -> Floats:
+    """The facet part of eta_K^2; h_F ||jump||_F^2 is the square of the jump integrated over F, so no length appears."""
+    nfacets = mesh.facets.shape[1]
+    side = mesh.t2f.ravel()
+    outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats[:, OPPOSITE])
+    jump = np.bincount(side, outflow.ravel(), nfacets)
+    outer = np.where(np.bincount(side, minlength=nfacets) < 2, jump, 0.0)
+    jump -= outer
+    largest = np.zeros(nfacets)
+    np.maximum.at(largest, side, np.tile(discrete.reluctivity, 3))
+    if joined is not None:
+        one, other, sign = (np.asarray(each) for each in joined)
+        jump[one] = outer[one] + sign * outer[other]
+        jump[other] = sign * jump[one]
+        largest[one] = largest[other] = np.maximum(largest[one], largest[other])
+    return 0.5 * np.sum((jump**2 / largest)[mesh.t2f], axis=0)
+
+
+def recovery(
+    mesh: MeshTri,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    *,
+    source: ArrayLike | None = None,
+    flux: ArrayLike | None = None,
+    region: ArrayLike | None = None,
+) -> Floats:
+    """Recovery indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
+
+    ``eta_K^2 = int_K |q* - q|^2 / nu_K`` with ``q = nu grad u - flux`` and q* the P1 field of its area-weighted
+    averages at the nodes (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987), taken separately over each region:
+    connected elements of equal reluctivity and flux. Averages across materials would smear the true jump at the
+    interface and overrate the error there, without bound as the ratio of the materials grows.
+
+    Parameters
+    ----------
+    mesh, potential, reluctivity, source, flux
+        As of `residual`; the source is checked, though the averages do not need it.
+    region : (nelements,) of integers, optional
+        What regions are told by, in place of reluctivity and flux: the number of the material, where these change
+        inside one (saturated iron, radial magnets).
+
+    Returns
+    -------
+    ndarray (nelements,)
+        As of `residual`. Zero in a region of a single element, which has nothing to be compared with.
+
+    Raises
+    ------
+    ValueError
+        As `residual` does.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> eta = ka.estimators.recovery(mesh, u, np.ones(8), source=np.ones(8))
+    >>> eta.shape
+    (8,)
+    >>> bool(ka.estimators.recovery(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
+    True
+    """
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    averages = corner_averages(mesh, discrete.values, _regions(mesh, _data(discrete, region)))
+    squared = np.zeros(mesh.t.shape[1])
+    for average, component in zip(averages, discrete.values, strict=True):
+        difference = average - component
+        squared += np.sum(difference**2, axis=0) + np.sum(difference, axis=0) ** 2
+    return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
+
+
+def corner_averages(mesh: MeshTri, values: Floats, region: Ints) -> Floats:
+    """Area-weighted averages of values per element (k, nelements) at the corners of the elements, (k, 3, nelements).
+
+    A corner takes the elements around its node that are of its own region, so that jumps between regions stay jumps.
+    """
+    pair = region * mesh.p.shape[1] + mesh.t
+    corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
+    weight = np.bincount(corner.ravel(), np.tile(size, 3))
+    totals = [np.bincount(corner.ravel(), np.tile(size * component, 3)) for component in values]
+    return np.stack([(total / weight)[corner] for total in totals])
+
+
+def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Ints) -> Floats:
+    """Values at points x (2, n) of these elements, linear between corner values (k, 3, nelements)."""
+    offset = x - mesh.p[:, mesh.t[:, element]].mean(axis=1)
+    share = 1.0 / 3.0 + np.einsum("cin,cn->in", hat_gradients(mesh)[:, :, element], offset)
+    return np.einsum("kin,in->kn", corners[:, :, element], share)
+
+
+def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
+    """Data that are equal inside a region, a column for each element."""
+    if region is None:
+        return np.vstack((discrete.reluctivity, discrete.prescribed))
+    number = np.asarray(region)
+    if number.shape != discrete.area.shape or number.dtype.kind not in "iu":
+        raise ValueError(
+            f"region must be integers of shape (nelements,) = {discrete.area.shape}; "
+            f"got {number.dtype} of shape {number.shape}."
+        )
+    return number[None]
+
+
+def _regions(mesh: MeshTri, data: NDArray[Any]) -> Ints:
+    """Number of the region of every element: connected across facets, of equal data."""
+    nelements = mesh.t.shape[1]
+    one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
+    same = np.all(data[:, one] == data[:, other], axis=0)
+    ones = np.ones(np.count_nonzero(same), dtype=np.int8)
+    graph = coo_array((ones, (one[same], other[same])), shape=(nelements, nelements))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
