@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.animation import PillowWriter
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from skfem import MeshTri
@@ -76,8 +75,8 @@ def animate_map(
 
     Parameters
     ----------
-    path
-        The file, by custom ``*.gif``; it is whole or not there.
+    path, unit, seconds
+        As for `animate_passes`.
     som
         The map; it is trained.
     points, weights
@@ -87,10 +86,6 @@ def animate_map(
         ends near to that of ``som.train``, not on it.
     seed
         Of the first epoch; the next has the next.
-    unit
-        Unit of the axes, "m", "mm" or "".
-    seconds
-        How long a frame stays.
 
     Returns
     -------
@@ -139,12 +134,8 @@ def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> No
     if not seconds > 0.0:
         raise ValueError(f"seconds must be above zero; got {seconds!r}.")
     with whole_file(path) as draft:
-        draft.write_bytes(_film(_at_most(frames), unit, seconds))
-
-
-def _at_most(frames: Sequence[Frame]) -> list[Frame]:
-    wanted = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
-    return [frames[k] for k in wanted.tolist()]
+        chosen = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
+        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], unit, seconds))
 
 
 def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
@@ -155,7 +146,9 @@ def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
         film = Path(folder) / "film.gif"
         writer.setup(figure, film, DOTS)
         for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
-            _draw(axes, mesh, title, unit)
+            axes.clear()
+            draw_mesh(axes, mesh, unit=unit)
+            axes.set_title(title, fontsize="medium")
             writer.grab_frame()
         writer.finish()
         return film.read_bytes()
@@ -165,9 +158,3 @@ def _page(size: Floats) -> tuple[float, float]:
     """Inches across and up, for a mesh of this size with a title."""
     width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
     return float(width) + 0.6, float(height) + 0.6
-
-
-def _draw(axes: Axes, mesh: MeshTri, title: str, unit: str) -> None:
-    axes.clear()
-    draw_mesh(axes, mesh, unit=unit)
-    axes.set_title(title, fontsize="medium")

@@ -27,6 +27,9 @@ BLUE, VERMILION = COLOURS[:2]
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """One for each of the colours, for a grey print."""
 
+ERROR = {True: "energy error (% of the energy norm)", False: "energy error"}
+"""Label of an axis, in per cent or not."""
+
 SPREAD = 6.0
 """The factor in nodes that the axis spans at least."""
 
@@ -53,19 +56,16 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     errors
         The exact error of every pass, in the same norm.
     """
-    norms = [step.energy_norm for step in history]
-    percent = all(norms)
-    scale = np.array([100.0 / norm if percent and norm else 1.0 for norm in norms])
-    number = [step.number for step in history]
-    axes.plot(number, scale * [step.estimate for step in history], "o-", color=BLUE, label="estimate")
+    percent = all(step.energy_norm for step in history)
+    number, norms = [step.number for step in history], _norms(history, percent)
+    axes.plot(number, [step.estimate for step in history] / norms, "o-", color=BLUE, label="estimate")
     if errors is not None:
-        exact = scale * as_reals("errors", errors, {"passes": len(history)})
-        axes.plot(number, exact, "s--", color=VERMILION, label="exact error")
+        exact = as_reals("errors", errors, {"passes": len(history)})
+        axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.p.shape[1] for step in history})
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
-    axes.set_ylabel("energy error (% of the energy norm)" if percent else "energy error")
-    axes.set_ylim(bottom=0.0)
+    axes.set(ylabel=ERROR[percent], ylim=(0.0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     _rule(axes)
 
@@ -105,8 +105,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     needed = _draw_slopes(axes, *drawn[0], slope)
     axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
     axes.set(xlim=_span_of(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
-    axes.set(xlabel="nodes N", ylabel="energy error (% of the energy norm)" if percent else "energy error")
-    axes.set_title("Estimate over nodes")
+    axes.set(xlabel="nodes N", ylabel=ERROR[percent], title="Estimate over nodes")
     _number_axes(axes)
     _rule(axes)
     axes.legend(loc="upper right", fontsize="small")
@@ -125,9 +124,13 @@ def _number_axes(axes: Axes) -> None:
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
     """Nodes and estimates of passes, the estimates positive: zero has no logarithm."""
     nodes = np.array([step.mesh.p.shape[1] for step in history], dtype=float)
-    norms = [0.01 * (step.energy_norm or 1.0) if percent else 1.0 for step in history]
-    errors = np.array([step.estimate for step in history]) / norms
+    errors = [step.estimate for step in history] / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
+
+
+def _norms(history: Sequence[Pass], percent: bool) -> Floats:
+    """What errors are divided by: a hundredth of the energy norm, or nothing."""
+    return np.array([0.01 * (step.energy_norm or 1.0) if percent else 1.0 for step in history])
 
 
 def _span_of(nodes: Floats) -> tuple[float, float]:

@@ -55,7 +55,6 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), outlined_facets(mesh))
     _draw_facets(axes, mesh, inner, unit, "0.4", width)
     _draw_outline(axes, mesh, unit, "black")
-    set_axes(axes, mesh, unit)
 
 
 def draw_indicators(
@@ -65,16 +64,12 @@ def draw_indicators(
 
     Parameters
     ----------
-    axes
-        Where to.
-    mesh
-        The mesh.
+    axes, mesh, unit
+        As for `draw_mesh`.
     indicators
         (nelements,), unsquared.
     norm
         The scale, for several pictures on one; by default that of these indicators.
-    unit
-        Unit of the axes, "m", "mm" or "".
 
     Returns
     -------
@@ -96,7 +91,6 @@ def draw_indicators(
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
     _draw_outline(axes, mesh, unit, "white")
-    set_axes(axes, mesh, unit)
     return shades
 
 
@@ -107,18 +101,14 @@ def draw_field_lines(
 
     Parameters
     ----------
-    axes
-        Where to.
-    mesh
-        The mesh.
+    axes, mesh, unit
+        As for `draw_mesh`.
     potential
         (nnodes,); between neighbouring lines it changes by the same amount.
     magnitude
         (nelements,); the colours end where 1 % of the area has more.
     lines
         How many contours.
-    unit
-        Unit of the axes, "m", "mm" or "".
 
     Returns
     -------
@@ -145,7 +135,6 @@ def draw_field_lines(
         levels = np.linspace(low, high, lines + 2)[1:-1]
         axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
     _draw_outline(axes, mesh, unit, "black")
-    set_axes(axes, mesh, unit)
     return colours
 
 
@@ -194,3 +183,4 @@ def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str
 
 def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
     _draw_facets(axes, mesh, outlined_facets(mesh), unit, colour, OUTLINE)
+    set_axes(axes, mesh, unit)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
@@ -84,13 +84,8 @@ def plot_outlines(
     _draw_constraints(axes, outline, triangulation.position, unit)
     sagitta = in_unit(unit) * outline.sagitta(triangulation)
     if sagitta > 0.0:
-        axes.plot(
-            [],
-            [],
-            color="0.8",
-            linewidth=0.5,
-            label=f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves",
-        )
+        label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
+        axes.plot([], [], color="0.8", linewidth=0.5, label=label)
     set_axes(axes, mesh, unit)
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
     return axes
@@ -129,13 +124,11 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
     plain = ~chains.paired & ~given
     recognised = outline.on_circles & plain
     lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
+    with np.errstate(divide="ignore"):  # of straight ones
+        radii = in_unit(unit) / np.abs(chains.curvature)
     for mask, style, label in (
         (plain & ~recognised, "solid", "straight"),
-        (
-            recognised,
-            (0, (4.0, 1.5)),
-            f"recognised as arc or circle{_radii(outline, recognised, unit)}",
-        ),
+        (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
         (given & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),
     ):
@@ -143,7 +136,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
             some = [lines[c] for c in np.flatnonzero(mask)]
             axes.add_collection(LineCollection(some, colors=colours[mask], linewidths=1.8, linestyles=style))
             axes.plot([], [], color="black", linestyle=style, label=f"{counted(len(some), 'chain')} {label}")
-    labels = _labels(outline, recognised, unit)
+    labels = _labels(outline, {c: radii[c] for c in np.flatnonzero(recognised).tolist()}, unit)
     low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
     middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
     extent = np.max(high - low, axis=1)
@@ -166,26 +159,20 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     return np.split(outline.points_on(chain, share * chains.length[chain]), stop[:-1])
 
 
-def _radii(outline: Outline, recognised: Mask, unit: str) -> str:
+def _in_words(radii: Floats, unit: str) -> str:
     """The radii of recognised circles, or from which to which they are."""
-    if not recognised.any():
-        return ""
-    radii = np.sort(in_unit(unit) / np.abs(outline.constraints.chains.curvature[recognised]))
-    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in radii))
+    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if len(texts) > 4:
         return f",\nradii from {texts[0]} to {texts[-1]} {unit}".rstrip()
-    return f",\nradius {', '.join(texts)} {unit}".rstrip()
+    return f",\nradius {', '.join(texts)} {unit}".rstrip() if texts else ""
 
 
-def _labels(outline: Outline, recognised: Mask, unit: str) -> dict[int, str]:
+def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int, str]:
     """Texts to be written at chains: the names they carry, and the radius that was recognised."""
+    named = [(c, name) for name, manner in outline.names.items() for c in np.flatnonzero(manner).tolist()]
     found: dict[int, list[str]] = defaultdict(list)
-    for name, manner in outline.names.items():
-        for c in np.flatnonzero(manner).tolist():
-            found[c].append(name)
-    for c in np.flatnonzero(recognised).tolist():
-        radius = in_unit(unit) / abs(outline.constraints.chains.curvature[c])
-        found[c].append(f"r = {radius:.4g} {unit}".rstrip())
+    for c, text in [*named, *((c, f"r = {radius:.4g} {unit}".rstrip()) for c, radius in radii.items())]:
+        found[c].append(text)
     return {c: ", ".join(texts) for c, texts in found.items()}
 
 
