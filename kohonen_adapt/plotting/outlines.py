@@ -12,8 +12,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.facets import outline_facets
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules
@@ -78,7 +78,8 @@ def plot_outlines(
     movable = MovableMesh.of(mesh, Rules(pinned=pinned, curves=curves, periodic=periodic))
     triangulation, outline = movable.triangulation, movable.outline
     axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
-    ends, chain = _facets_of_chains(triangulation)
+    facets = outline_facets(triangulation)
+    ends, chain = facets.nodes, triangulation.elements.chain[facets.element, facets.corner]
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.given)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
@@ -91,24 +92,15 @@ def plot_outlines(
     return axes
 
 
-def _facets_of_chains(triangulation: Triangulation) -> tuple[Ints, Ints]:
-    """End nodes (f, 2) of all outline facets, each once, and their chains (f,)."""
-    elements = triangulation.elements
-    across = elements.neighbour
-    e, k = np.nonzero((elements.chain >= 0) & ((across < 0) | (across > np.arange(len(across))[:, None])))
-    ends = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
-    return ends, elements.chain[e, k]
-
-
 def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
     """A colour for every chain that no chain it meets has, as far as colours go; from one to the next they change."""
-    pairs = np.unique(np.column_stack([ends.ravel(), np.repeat(chain, 2)]), axis=0)
-    _, first, number = np.unique(pairs[:, 0], return_index=True, return_counts=True)
+    at: dict[int, set[int]] = defaultdict(set)
+    for node, c in zip(ends.ravel().tolist(), np.repeat(chain, 2).tolist(), strict=True):
+        at[node].add(c)
     meetings: dict[int, set[int]] = defaultdict(set)
-    for begin, many in zip(first[number > 1].tolist(), number[number > 1].tolist(), strict=True):
-        here = pairs[begin : begin + many, 1].tolist()
-        for each in here:
-            meetings[each].update(here)
+    for here in at.values():
+        for c in here if len(here) > 1 else ():
+            meetings[c] |= here
     found = np.full(count, -1)
     for c in range(count):
         taken = {int(found[other]) for other in meetings[c]}
