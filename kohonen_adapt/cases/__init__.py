@@ -1,6 +1,7 @@
 """Read and write cases: the TOML that tells the command `run` what to do."""
 
-from kohonen_adapt.cases.settings import Case, case_of, read_case
+from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 
-__all__ = ["Case", "case_of", "case_text", "read_case"]
+__all__ = ["Case", "case_of", "case_text", "fitting_mesh", "read_case"]

@@ -1,18 +1,24 @@
-"""Read the tables of a case that stand for materials, outputs and curves."""
+"""Hold what a case says, and read its tables that stand for materials, outputs and curves."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from kohonen_adapt.cases.kinds import NUMBER, Reader, called, list_of, made, made_by_name, tuple_of
-from kohonen_adapt.magnetostatics import Arctan, Brauer, Field, Froehlich, Law, Material, Table, read_bh
+from kohonen_adapt.io import Groups, read_groups
+from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
+from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
+from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["LAWS", "QUANTITIES", "SHAPES", "Quantity", "material_in", "quantity", "shape"]
+__all__ = ["LAWS", "QUANTITIES", "SHAPES", "Case", "Quantity", "material_in", "quantity", "shape"]
 
 Point = tuple[float, float]
 
@@ -80,14 +86,6 @@ def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
     return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
 
 
-def _energy() -> Quantity:
-    return Quantity(lambda field: field.energy, "J")
-
-
-def _coenergy() -> Quantity:
-    return Quantity(lambda field: field.coenergy, "J")
-
-
 def _names(given: str | list[str]) -> tuple[str, ...]:
     if not given:
         raise ValueError("a body or a coil must be at least one subdomain; got an empty list.")
@@ -98,8 +96,8 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
     "force": _force,
     "torque": _torque,
     "flux_linkage": _flux_linkage,
-    "energy": _energy,
-    "coenergy": _coenergy,
+    "energy": lambda: Quantity(lambda field: field.energy, "J"),
+    "coenergy": lambda: Quantity(lambda field: field.coenergy, "J"),
 }
 
 
@@ -118,3 +116,58 @@ SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Lin
 def shape(given: Any, place: str) -> Arc | Line | Spline:
     """Read a table under ``adapt.curves``: a curve in metres."""
     return made_by_name(SHAPES, "curve", given, place)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Checked settings.
+
+    Attributes
+    ----------
+    mesh
+        The mesh file.
+    scale
+        Metres per unit of it.
+    problem
+        What is to be solved.
+    adapt
+        Arguments of `kohonen_adapt.adapt` by name.
+    outputs
+        Name to a function of the field.
+    file, text
+        The name of the file it was read from, and what that says; empty for a case from elsewhere.
+    """
+
+    mesh: Path
+    scale: float
+    problem: Magnetostatics
+    adapt: dict[str, Any]
+    outputs: dict[str, Quantity]
+    file: str = ""
+    text: str = ""
+
+    @cached_property
+    def groups(self) -> Groups:
+        """The physical groups of the mesh file, in its unit; read once, so that the file may go after the mesh is read.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        OSError
+            If it cannot be read.
+        """
+        return read_groups(self.mesh)
+
+    @property
+    def labelled_outputs(self) -> dict[str, Quantity]:
+        """The outputs by name and unit, as ``pull (N/m)``: per metre unless there is a depth or an axis."""
+        totals = self.problem.axisymmetric or self.problem.depth is not None
+        per_metre = "" if totals else "/m"
+        return {f"{name} ({each.unit}{per_metre})": each for name, each in self.outputs.items()}
+
+    @property
+    def pinned(self) -> list[int | str]:
+        """Names and numbers of what is to stay where it is."""
+        given = self.adapt.get("pinned", [])
+        return [given] if isinstance(given, str) else given

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from kohonen_adapt import __version__
 from kohonen_adapt.outline.rules import TOPOLOGIES, Rules
 
 __all__ = ["command_parser", "writable_folder"]
@@ -16,13 +15,13 @@ EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-a
 Handler = Callable[..., int]
 
 
-def command_parser(description: str | None, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
+def command_parser(description: str | None, version: str, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
     """The arguments of the command and of its subcommands.
 
     Parameters
     ----------
-    description
-        What the command is for.
+    description, version
+        What the command is for, and which it is.
     run
         Name of a subcommand to what does it: parsed arguments have it as ``run``, and the name as ``command``.
 
@@ -32,7 +31,7 @@ def command_parser(description: str | None, run: Mapping[str, Handler]) -> argpa
         It ends the process at arguments it does not know; without any, ``command`` is None.
     """
     parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
-    parser.add_argument("--version", action="version", version=f"kohonen-adapt {__version__}")
+    parser.add_argument("--version", action="version", version=f"kohonen-adapt {version}")
     commands = parser.add_subparsers(metavar="COMMAND", dest="command")
     demo = commands.add_parser(
         "demo",

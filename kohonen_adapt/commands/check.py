@@ -1,6 +1,7 @@
 """Describe a mesh in words, and say what would go wrong with it: units, names, seams, bad elements, thin parts."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,11 +27,22 @@ LISTED = 6  # radii; of more than that the least and the greatest are told
 def described(mesh: MeshTri) -> list[str]:
     """Lines about the size, the groups, the coverage and the quality of a mesh."""
     width, height = np.ptp(mesh.p, axis=1)
+    areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
+    worst = int(np.argmin(value))
     return [
         f"size: {width:.4g} x {height:.4g} m, {mesh.p.shape[1]} nodes, {mesh.t.shape[1]} triangles",
-        *_groups(mesh),
-        _coverage(mesh),
-        *_quality(mesh),
+        *(
+            f"subdomain '{name}': {counted(len(rows), 'triangle')}, {areas[rows].sum():.4g} m^2"
+            for name, rows in sorted(named_sets(mesh.subdomains).items())
+        ),
+        *(
+            f"boundary '{name}': {counted(len(rows), 'facet')}"
+            for name, rows in sorted(named_sets(mesh.boundaries).items())
+        ),
+        f"coverage: {np.sum(count == 1)} triangles in one subdomain, {np.sum(count == 0)} in none, "
+        f"{np.sum(count > 1)} in two or more",
+        f"quality: worst {value[worst]:.3g} (triangle {worst} near {_middle(mesh, worst)} m), mean {value.mean():.3g}",
+        f"angles: from {_smallest_angle(mesh):.3g} degrees on",
     ]
 
 
@@ -40,6 +52,21 @@ def _memberships(mesh: MeshTri) -> Ints:
     for rows in named_sets(mesh.subdomains).values():
         count[rows] += 1
     return count
+
+
+def _middle(mesh: MeshTri, element: int | np.signedinteger[Any]) -> str:
+    return _place(mesh.p[:, mesh.t[:, element]].mean(axis=1))
+
+
+def _place(point: Floats) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g})"
+
+
+def _smallest_angle(mesh: MeshTri) -> float:
+    corners = mesh.p[:, mesh.t]
+    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
+    return float(np.degrees(np.arctan2(np.abs(across), along).min()))
 
 
 def outlines_described(movable: MovableMesh) -> list[str]:
@@ -55,44 +82,6 @@ def outlines_described(movable: MovableMesh) -> list[str]:
     ]
 
 
-def _groups(mesh: MeshTri) -> list[str]:
-    areas = area(mesh)
-    return [
-        *(
-            f"subdomain '{name}': {counted(len(rows), 'triangle')}, {areas[rows].sum():.4g} m^2"
-            for name, rows in sorted(named_sets(mesh.subdomains).items())
-        ),
-        *(
-            f"boundary '{name}': {counted(len(rows), 'facet')}"
-            for name, rows in sorted(named_sets(mesh.boundaries).items())
-        ),
-    ]
-
-
-def _coverage(mesh: MeshTri) -> str:
-    count = _memberships(mesh)
-    return f"coverage: {np.sum(count == 1)} triangles in one subdomain, {np.sum(count == 0)} in none, " + (
-        f"{np.sum(count > 1)} in two or more"
-    )
-
-
-def _quality(mesh: MeshTri) -> list[str]:
-    value = quality(mesh)
-    worst = int(np.argmin(value))
-    x, y = mesh.p[:, mesh.t[:, worst]].mean(axis=1)
-    return [
-        f"quality: worst {value[worst]:.3g} (triangle {worst} near ({x:.6g}, {y:.6g}) m), mean {value.mean():.3g}",
-        f"angles: from {_smallest_angle(mesh):.3g} degrees on",
-    ]
-
-
-def _smallest_angle(mesh: MeshTri) -> float:
-    corners = mesh.p[:, mesh.t]
-    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
-    return float(np.degrees(np.arctan2(np.abs(across), along).min()))
-
-
 def _radii(radii: Floats) -> str:
     texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if not texts:
@@ -106,22 +95,18 @@ def faults(mesh: MeshTri) -> Iterator[str]:
     yield from unit_doubts(mesh)
     yield from _names(mesh)
     rim = mesh.boundary_facets()
-    if len(nodes := _on_others(mesh, rim)):
+    for find, called, remedy in NODES:
+        nodes = find(mesh, rim)
+        if len(nodes):
+            places = ", ".join(map(_place, mesh.p[:, nodes[:SHOWN]].T))
+            yield f"{counted(len(nodes), called)}, at {places}{', ...' if len(nodes) > SHOWN else ''}{remedy}"
+    value = quality(mesh)
+    if bad := np.sum(value < MIN_QUALITY):
         yield (
-            f"{_said(mesh, nodes, 'coincident rim node')}: the parts on both sides are not connected "
-            "there. If that is no slit, merge them (Gmsh: Coherence, or BooleanFragments)."
+            f"{bad} triangles have a quality below {MIN_QUALITY}, the default of min_quality; the worst, "
+            f"{value.min():.3g}, is near {_middle(mesh, np.argmin(value))}. They get no worse, and hardly move where "
+            "all are so."
         )
-    if len(nodes := _hanging(mesh, rim)):
-        yield (
-            f"{_said(mesh, nodes, 'hanging node')}, inside an edge of another triangle, so the "
-            "field has a gap there. Mesh both sides together."
-        )
-    if len(nodes := _pinched(mesh, rim)):
-        yield (
-            f"{_said(mesh, nodes, 'pinched node')}: parts of the mesh touch in a point only; such a node "
-            "stays where it is."
-        )
-    yield from _bad_elements(mesh)
 
 
 def thin_parts(movable: MovableMesh) -> Iterator[str]:
@@ -154,28 +139,17 @@ def _names(mesh: MeshTri) -> Iterator[str]:
     count = _memberships(mesh)
     for which, said in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
         if which.any():
-            x, y = mesh.p[:, mesh.t[:, np.argmax(which)]].mean(axis=1)
             yield (
-                f"{np.sum(which)} triangles are in {said}, one near ({x:.6g}, {y:.6g}): a case needs exactly one "
-                "material for each. Give every surface one physical group, or name the materials so that they do not "
-                "overlap."
+                f"{np.sum(which)} triangles are in {said}, one near {_middle(mesh, np.argmax(which))}: a case needs "
+                "exactly one material for each. Give every surface one physical group, or name the materials so that "
+                "they do not overlap."
             )
     if not named_sets(mesh.boundaries):
         yield "no boundary has a name, so a case can fix no potential: give the rim a physical group of lines."
 
 
-def _bad_elements(mesh: MeshTri) -> Iterator[str]:
-    value = quality(mesh)
-    bad = np.flatnonzero(value < MIN_QUALITY)
-    if len(bad):
-        x, y = mesh.p[:, mesh.t[:, bad[np.argmin(value[bad])]]].mean(axis=1)
-        yield (
-            f"{len(bad)} triangles have a quality below {MIN_QUALITY}, the default of min_quality; the worst, "
-            f"{value.min():.3g}, is near ({x:.6g}, {y:.6g}). They get no worse, and hardly move where all are so."
-        )
-
-
-def _on_others(mesh: MeshTri, rim: Ints) -> Ints:
+def _coincident(mesh: MeshTri, rim: Ints) -> Ints:
+    """Rim nodes in the place of others."""
     nodes = np.unique(mesh.facets[:, rim])
     found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
     return nodes[np.unique(found)]
@@ -197,9 +171,26 @@ def _hanging(mesh: MeshTri, rim: Ints) -> Ints:
 
 
 def _pinched(mesh: MeshTri, rim: Ints) -> Ints:
+    """Rim nodes with more than two facets of the rim."""
     return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
 
 
-def _said(mesh: MeshTri, nodes: Ints, what: str) -> str:
-    places = ", ".join(f"({x:.6g}, {y:.6g})" for x, y in mesh.p[:, nodes[:SHOWN]].T)
-    return f"{counted(len(nodes), what)}, at {places}{', ...' if len(nodes) > SHOWN else ''}"
+NODES = (
+    (
+        _coincident,
+        "coincident rim node",
+        ": the parts on both sides are not connected there. If that is no slit, merge them (Gmsh: Coherence, or "
+        "BooleanFragments).",
+    ),
+    (
+        _hanging,
+        "hanging node",
+        ", inside an edge of another triangle, so the field has a gap there. Mesh both sides together.",
+    ),
+    (
+        _pinched,
+        "pinched node",
+        ": parts of the mesh touch in a point only; such a node stays where it is.",
+    ),
+)
+"""Faults of nodes: how they are found, what they are called, and what to say of them."""

@@ -14,13 +14,15 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt import __doc__ as description
-from kohonen_adapt.cases import Case, case_text, read_case
+from kohonen_adapt import __version__
 from kohonen_adapt.cases.kinds import about
+from kohonen_adapt.cases.settings import fitting_mesh, read_case
+from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
 from kohonen_adapt.commands.check import described, faults, outlines_described, thin_parts, unit_doubts
+from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
-from kohonen_adapt.commands.results import RESULTS, write_fields, write_overview, write_pictures
-from kohonen_adapt.commands.run import CaseRun
+from kohonen_adapt.commands.run import RESULTS, CaseRun, write_fields
 from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_mesh
@@ -69,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         let_signals_end_the_process()
     commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": relocate_file}
-    parser = command_parser(description, commands)
+    parser = command_parser(description, __version__, commands)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())
@@ -92,7 +94,7 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
     remove_drafts(folder, *(path.name for path in (mesh_file, fields, picture, report)))
     case = read_case(_example(f"{name}.toml"))
-    mesh, passes = case.fitting_mesh(), _Passes.of(case, terminal)
+    mesh, passes = fitting_mesh(case), _Passes(terminal, case.adapt.get("passes", PASSES))
     after = adapt(
         mesh, case.problem, outputs=case.labelled_outputs, interim=passes.report, progress=passes.show, **case.adapt
     )
@@ -111,16 +113,15 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
     terminal.show("read")
     with about(arguments.case):
-        mesh = case.fitting_mesh()
+        mesh = fitting_mesh(case)
     _doubt(mesh, terminal)
     if arguments.dry_run:
         terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
-    passes = _Passes.of(case, terminal)
+    passes = _Passes(terminal, case.adapt.get("passes", PASSES))
     run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
-    finished = run.go_on() if arguments.resume else run.start_anew()
-    if finished:
+    if finished := run.begin(resume=arguments.resume is not None):
         terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
     command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])
     terminal.say(f"The best pass so far is always in {folder}; if this is cut short, go on with: {command}")
@@ -143,10 +144,6 @@ class _Passes:
     passes: int
     known: str = ""
     before: AdaptResult | None = None
-
-    @classmethod
-    def of(cls, case: Case, terminal: Terminal) -> "_Passes":
-        return cls(terminal, case.adapt.get("passes", PASSES))
 
     def show(self, number: int, step: str) -> None:
         self.terminal.show(f"pass {number} of {self.passes}: {step}{self.known and f', {self.known}'}")

@@ -1,28 +1,36 @@
-"""Adapt a case in a folder: write what is best after every pass, and go on with a run that was cut short."""
+"""Adapt a case in a folder: write what is best after every pass, and go on with a run that was cut short.
 
+Files are whole or not there; an OSError says which could not be written.
+"""
+
+import csv
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from skfem import MeshTri
 
-from kohonen_adapt.cases import Case
-from kohonen_adapt.commands.results import write_history, write_results
+from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files
+from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.passes import Status
+from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.table import pass_figures
 
-__all__ = ["CaseRun"]
+__all__ = ["RESULTS", "CaseRun", "write_fields"]
 
+RESULTS = MESH, FIELDS, HISTORY = "adapted.msh", "adapted.vtu", "history.csv"
 PASSES = "passes"  # folder of the finished passes, below that of the results
 ENDED = "ended.txt"  # in it: says that the run came to its end, and how
 
 
+@dataclass
 class CaseRun:
     """One run of a case.
 
-    Parameters
+    Attributes
     ----------
     case, mesh
         The case and its mesh.
@@ -34,80 +42,55 @@ class CaseRun:
         Called after every pass with the result so far, when that is written.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        mesh: MeshTri,
-        folder: Path,
-        *,
-        progress: Callable[[int, str], Any],
-        told: Callable[[AdaptResult], Any],
-    ) -> None:
-        self._case, self._mesh, self._folder = case, mesh, folder
-        self._progress, self._told = progress, told
-        self._written: MeshTri | None = None
+    case: Case
+    mesh: MeshTri
+    folder: Path
+    progress: Callable[[int, str], Any]
+    told: Callable[[AdaptResult], Any]
+    _written: MeshTri | None = field(default=None, init=False)
 
     @property
     def passes(self) -> Path:
         """The folder of the finished passes."""
-        return self._folder / PASSES
+        return self.folder / PASSES
 
-    def start_anew(self) -> int:
-        """Make room for a run from the input on; passes of a run that has not ended are worth keeping.
-
-        Returns
-        -------
-        int
-            The number of finished passes: 0.
-
-        Raises
-        ------
-        FileExistsError
-            If there are such.
-        OSError
-            If files cannot be removed.
-        """
-        files = self._files()
-        if files and not (self.passes / ENDED).exists():
-            raise FileExistsError(
-                f"'{self._folder}' has passes of a run that has not ended: go on with --resume "
-                f"{self._folder}, or delete '{self.passes}' to start anew."
-            )
-        for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
-            file.unlink()
-        (self.passes / ENDED).unlink(missing_ok=True)
-        return self._open()
-
-    def go_on(self) -> int:
-        """Make ready for a run from the last finished pass on.
-
-        Returns
-        -------
-        int
-            The number of finished passes.
+    def begin(self, resume: bool) -> int:
+        """Make ready to begin anew, or to go on from the last finished pass; how many passes are finished.
 
         Raises
         ------
         FileNotFoundError
-            If nobody has begun one in the folder.
+            If there is no run to go on with.
+        FileExistsError
+            If there are passes of a run that has not ended, and it is not to go on: they are worth keeping.
         OSError
             If files cannot be removed.
         """
-        if not self.passes.is_dir():
+        if not resume:
+            self._remove_passes()
+        elif not self.passes.is_dir():
             raise FileNotFoundError(
-                f"--resume expected the folder of a run that was begun; '{self._folder}' has no '{PASSES}'. Begin with "
-                f"--out {self._folder}."
+                f"--resume expected the folder of a run that was begun; '{self.folder}' has no '{PASSES}'. Begin with "
+                f"--out {self.folder}."
             )
-        return self._open()
+        self.passes.mkdir(exist_ok=True)
+        for folder in (self.folder, self.passes):
+            remove_drafts(folder)  # of a process that was killed
+        return len(self._files())
 
     def _files(self) -> list[Path]:
         return sorted(self.passes.glob("pass-*.npz"))
 
-    def _open(self) -> int:
-        self.passes.mkdir(exist_ok=True)
-        for folder in (self._folder, self.passes):
-            remove_drafts(folder)  # of a process that was killed
-        return len(self._files())
+    def _remove_passes(self) -> None:
+        files, ended = self._files(), self.passes / ENDED
+        if files and not ended.exists():
+            raise FileExistsError(
+                f"'{self.folder}' has passes of a run that has not ended: go on with --resume {self.folder}, or "
+                f"delete '{self.passes}' to start anew."
+            )
+        for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
+            file.unlink()
+        ended.unlink(missing_ok=True)
 
     def result(self) -> AdaptResult:
         """Adapt, and write the mesh, the fields and the table of passes of the result; groups of points stay.
@@ -119,14 +102,14 @@ class CaseRun:
         OSError
             If a file cannot be written.
         """
-        case = self._case
-        held = case.groups.held(self._mesh.scaled(1.0 / case.scale))
+        case = self.case
+        held = case.groups.held(self.mesh.scaled(1.0 / case.scale))
         result = adapt(
-            self._mesh,
+            self.mesh,
             case.problem,
             outputs=case.labelled_outputs or None,
             interim=self._interim,
-            progress=self._progress,
+            progress=self.progress,
             checkpoint=self.passes,
             **{**case.adapt, "pinned": [*case.pinned, *held]},
         )
@@ -140,14 +123,43 @@ class CaseRun:
     def _interim(self, result: AdaptResult) -> None:
         (self.passes / ENDED).unlink(missing_ok=True)
         self._write(result)
-        self._told(result)
+        self.told(result)
 
     def _write(self, result: AdaptResult) -> None:
         """Write what is new: the best pass if it is another, and the history."""
-        self._progress(result.history[-1].number, "write")
+        self.progress(result.history[-1].number, "write")
         if self._written is result.mesh:
-            write_history(result.history, self._folder)
+            _write_history(result.history, self.folder)
             return
-        with whole_files(self._folder) as draft:
-            write_results(self._case, result, draft)
+        with whole_files(self.folder) as draft:
+            write_fields(self.case, result, draft / MESH, draft / FIELDS)
+            _write_history(result.history, draft)
         self._written = result.mesh
+
+
+def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
+    """Write the mesh for Gmsh, and in metres with the fields for ParaView.
+
+    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place.
+    """
+    field = result.solution
+    write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
+    write_mesh(
+        fields,
+        result.mesh,
+        point_data={"A (Wb per m)": field.potential},
+        cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
+    )
+
+
+def _write_history(history: tuple[Pass, ...], folder: Path) -> None:
+    """Write ``history.csv``, a row for every pass."""
+    rows = []
+    for step in history:
+        figures = pass_figures(step)
+        shape = {"pass": figures.pop("number"), "nodes": step.mesh.p.shape[1], "elements": step.mesh.t.shape[1]}
+        rows.append(shape | figures)
+    with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)

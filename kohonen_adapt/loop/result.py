@@ -60,5 +60,5 @@ class AdaptResult:
 
     def _repr_html_(self) -> str:
         """The table, for notebooks."""
-        bold = [step is self.best for step in self.history]
-        return f"{html_table(self.history, bold)}\n<p>{escape(self.message)}</p>"
+        bold = [' style="font-weight: bold"' * (step is self.best) for step in self.history]
+        return f"{html_table(self.history, bold)}\n<p>The result is the pass in bold. {escape(self.message)}</p>"

@@ -49,18 +49,17 @@ def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
     return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
 
 
-def html_table(history: tuple[Pass, ...], bold: Sequence[bool]) -> str:
-    """The table in HTML, some rows in bold; names are text in it, whatever they hold."""
+def html_table(history: tuple[Pass, ...], attributes: Sequence[str]) -> str:
+    """The table in HTML, its rows with these attributes; names are text in it, whatever they hold."""
     columns = list(chain.from_iterable(table_columns(history)))
-    titles = "".join(f"<th>{escape(title)}</th>" for title, _ in columns)
-    rows = zip(*(cells for _, cells in columns), strict=True)
-    lines = [_html_row(cells, ' style="font-weight: bold"' * mark) for cells, mark in zip(rows, bold, strict=True)]
-    caption = "<caption>The result is the pass in bold.</caption>"
-    return "\n".join([f"<table>{caption}<thead><tr>{titles}</tr></thead><tbody>", *lines, "</tbody></table>"])
+    titles = _html_row("", "th", [title for title, _ in columns])
+    rows = zip(attributes, *(cells for _, cells in columns), strict=True)
+    lines = [_html_row(given, "td", cells) for given, *cells in rows]
+    return "\n".join([f"<table><thead>{titles}</thead><tbody>", *lines, "</tbody></table>"])
 
 
-def _html_row(cells: Sequence[str], style: str) -> str:
-    return f"<tr{style}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
+    return f"<tr{attributes}>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells) + "</tr>"
 
 
 def _solved(history: tuple[Pass, ...]) -> Columns:

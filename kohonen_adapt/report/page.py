@@ -10,7 +10,7 @@ from string import Template
 from typing import Any
 
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import table_columns
+from kohonen_adapt.loop.table import html_table
 
 __all__ = ["filled_page"]
 
@@ -21,7 +21,6 @@ SIGNATURES = {b"\x89PNG\r\n\x1a\n": "png", b"GIF8": "gif"}
 def filled_page(
     *,
     title: str,
-    generator: str,
     summary: Iterable[str],
     figures: Iterable[tuple[str, str]],
     result: AdaptResult,
@@ -34,8 +33,8 @@ def filled_page(
 
     Parameters
     ----------
-    title, generator
-        Of the page, and what made it.
+    title
+        Of the page.
     summary, figures
         Sentences, and names with values to look at first.
     result
@@ -53,15 +52,19 @@ def filled_page(
         If a picture is neither PNG nor GIF.
     """
     style, script = _part("style.css"), "\n".join(_part(name) for name in SCRIPTS)
+    sources = [(caption, _source(caption, content)) for caption, content in pictures.items()]
     filled = Template(_part("page.html")).substitute(
         policy=_policy(style, script),
         title=escape(title),
-        generator=escape(generator),
+        generator=escape(f"kohonen_adapt {versions.get('kohonen_adapt', '')}"),
         style=style,
-        summary=_paragraphs(summary) + _figures(figures),
-        passes=_table(result),
-        pictures=_gallery(pictures),
-        settings=_settings(settings) + _versions(versions),
+        summary=_each("<p>{}</p>", ((sentence,) for sentence in summary)),
+        figures=_each("<div><dt>{}</dt><dd>{}</dd></div>", figures),
+        passes=html_table(result.history, [' class="result"' * (step is result.best) for step in result.history]),
+        pictures=_each('<figure><img src="{1}" alt="{0}"><figcaption>{0}</figcaption></figure>', sources),
+        without_pictures="" if pictures else " hidden",
+        settings=_each("<h3>{}</h3>\n<pre>{}</pre>", settings.items()),
+        versions=_each("<dt>{}</dt><dd>{}</dd>", versions.items()),
         data=_json(data),
         script=script,
     )
@@ -70,6 +73,11 @@ def filled_page(
 
 def _part(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _each(form: str, rows: Iterable[tuple[str, ...]]) -> str:
+    """The form once for every row, with the texts of the row in its places, escaped."""
+    return "\n".join(form.format(*map(escape, row)) for row in rows)
 
 
 def _policy(style: str, script: str) -> str:
@@ -87,57 +95,9 @@ def _json(data: Mapping[str, Any]) -> str:
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _paragraphs(sentences: Iterable[str]) -> str:
-    return "\n".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
-
-
-def _figures(figures: Iterable[tuple[str, str]]) -> str:
-    pairs = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in figures)
-    return f'\n<dl class="figures">{pairs}</dl>'
-
-
-def _table(result: AdaptResult) -> str:
-    """All columns that printing shows, side by side."""
-    columns = [column for group in table_columns(result.history) for column in group]
-    head = "".join(f'<th scope="col">{escape(title)}</th>' for title, _ in columns)
-    rows = [_row([cells[k] for _, cells in columns], step is result.best) for k, step in enumerate(result.history)]
-    body = "\n".join(rows)
-    return (
-        '<div class="wide" tabindex="0" role="region" aria-labelledby="passes-title">\n'
-        f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>\n</div>\n"
-        '<p class="note">The marked row is the result; pass 0 is the mesh that came in.</p>'
-    )
-
-
-def _row(cells: Iterable[str], marked: bool) -> str:
-    filled = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-    return f'<tr class="result">{filled}</tr>' if marked else f"<tr>{filled}</tr>"
-
-
-def _gallery(pictures: Mapping[str, bytes]) -> str:
-    if not pictures:
-        return ""
-    shown = "\n".join(_picture(caption, content) for caption, content in pictures.items())
-    return (
-        '<section aria-labelledby="pictures-title" id="pictures">\n<h2 id="pictures-title">Pictures</h2>\n'
-        f'<div class="gallery">\n{shown}\n</div>\n</section>'
-    )
-
-
-def _picture(caption: str, content: bytes) -> str:
+def _source(caption: str, content: bytes) -> str:
+    """A picture as an address that holds all of it."""
     kind = next((kind for start, kind in SIGNATURES.items() if content.startswith(start)), None)
     if kind is None:
         raise ValueError(f"pictures must be PNG or GIF files; '{caption}' begins with {content[:8]!r}.")
-    source = f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
-    text = escape(caption)
-    image = f'<img src="{source}" alt="{text}">'
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
-
-
-def _settings(settings: Mapping[str, str]) -> str:
-    return "".join(f"<h3>{escape(name)}</h3>\n<pre>{escape(text)}</pre>\n" for name, text in settings.items())
-
-
-def _versions(versions: Mapping[str, str]) -> str:
-    pairs = "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in versions.items())
-    return f'<h3>Versions</h3>\n<dl class="versions">{pairs}</dl>'
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"

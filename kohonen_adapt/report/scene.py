@@ -52,12 +52,8 @@ def view_data(
     ----------
     results
         Word to result: what is left and right of the divider.
-    point_data, cell_data
-        Label to a function of a solution that gives values per node and per element.
-    indicator_label
-        What the indicators are called, with their unit.
-    unit
-        Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
+    point_data, cell_data, indicator_label, unit
+        As in `write_report`.
 
     Raises
     ------
@@ -107,28 +103,25 @@ def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
     values = [as_reals(label, function(each.solution), {"nelements": each.mesh.t.shape[1]}) for each in results]
     ends = [_middle_ends(each, result.mesh) for each, result in zip(values, results, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    return _linear(label, "element", values, 0.0 if low >= 0.0 else low, high)
+    return _scaled(label, "element", values, 0.0 if low >= 0.0 else low, high)
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
     values = [as_reals(label, function(each.solution), {"nnodes": each.mesh.p.shape[1]}) for each in results]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
-    return _linear(label, "node", values, *((finite.min(), finite.max()) if finite.size else (0.0, 1.0)))
-
-
-def _linear(label: str, at: str, values: Sequence[Floats], low: float, high: float) -> Shown:
-    return _scaled(label, at, values, "linear", float(low), float(high))
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    return _scaled(label, "node", values, low, high)
 
 
 def _indicators(label: str, results: Results) -> Shown:
     values = [as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}) for each in results]
     largest = max((float(each[np.isfinite(each)].max(initial=0.0)) for each in values), default=0.0)
     if largest == 0.0:
-        return _scaled(label, "element", values, "linear", 0.0, 1.0)
-    return _scaled(label, "element", values, "log", 10.0**-DECADES * largest, largest)
+        return _scaled(label, "element", values, 0.0, 1.0)
+    return _scaled(label, "element", values, 10.0**-DECADES * largest, largest, "log")
 
 
-def _scaled(label: str, at: str, values: Sequence[Floats], scale: str, low: float, high: float) -> Shown:
+def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: float, scale: str = "linear") -> Shown:
     about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
     about["below"] = any(bool(np.any(each < low)) for each in values)
     about["above"] = any(bool(np.any(each > high)) for each in values)

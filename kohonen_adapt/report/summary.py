@@ -4,7 +4,6 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt import __version__
 from kohonen_adapt.display import counted
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass
@@ -13,7 +12,7 @@ from kohonen_adapt.loop.table import energy_error
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 
-PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
+PACKAGES = ("kohonen_adapt", "numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
 
 QUOTED = re.compile(r"""(["'])(?:~|[A-Za-z]:)?[\\/](?:[^"'\n]*[\\/])?""")
 BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)+[\\/]""")
@@ -74,9 +73,8 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
 def versions() -> dict[str, str]:
     """Name to version of everything that decides the numbers, the kind of processor and the number of threads."""
     return {
-        "kohonen_adapt": __version__,
-        "Python": platform.python_version(),
         **{name: found for name in PACKAGES if (found := _version_of(name))},
+        "Python": platform.python_version(),
         "processor": platform.machine(),
         "threads": str(number_of_threads()),
     }
@@ -93,8 +91,9 @@ def without_folders(text: str) -> str:
     return BARE.sub("", QUOTED.sub(r"\1", text))
 
 
-def _version_of(package: str) -> str | None:
+def _version_of(package: str) -> str:
+    """The version that is installed; empty where there is none."""
     try:
         return version(package)
     except PackageNotFoundError:
-        return None
+        return ""

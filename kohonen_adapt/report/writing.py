@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
-from kohonen_adapt import __version__
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.report.page import filled_page
@@ -83,7 +82,6 @@ def write_report(
     )
     content = filled_page(
         title=title,
-        generator=f"kohonen_adapt {__version__}",
         summary=[*([asked] if asked else []), *sentences(result)],
         figures=key_figures(result),
         result=result,

@@ -12,7 +12,7 @@ from helpers.meshes import disk
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kohonen_adapt.cases import case_of, read_case
+from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
 from kohonen_adapt.outline.curves import Arc, Line
@@ -163,9 +163,9 @@ def test_a_curve_that_is_not_that_of_the_mesh_is_refused_before_the_run(tmp_path
     write_mesh(tmp_path / "m.msh", mesh)
     text = 'mesh = "m.msh"\n[materials.all]\n[potential]\nrim = 0.0\n[adapt.curves]\nrim = {curve = "arc", '
     right, wrong_one = (case(text + f"centre = [0, 0], radius = {radius}}}", tmp_path) for radius in (0.25, 0.4))
-    assert right.fitting_mesh().p.shape == mesh.p.shape
+    assert fitting_mesh(right).p.shape == mesh.p.shape
     with pytest.raises(ValueError, match=r"adapt: .*curve"):
-        wrong_one.fitting_mesh()
+        fitting_mesh(wrong_one)
 
 
 def whole_disk(radius):
@@ -340,7 +340,7 @@ def test_a_wrong_case_names_file_and_key(text, said, tmp_path):
 )
 def test_what_adapt_would_refuse_is_refused_before_the_run(old, new, said):
     with pytest.raises(ValueError) as refusal:
-        case(changed(old, new), EXAMPLES).fitting_mesh()
+        fitting_mesh(case(changed(old, new), EXAMPLES))
     assert said in str(refusal.value)
 
 

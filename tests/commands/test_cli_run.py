@@ -128,9 +128,9 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("[materials.iron]", "[materials.irn]", "materials: "),
-        ("[materials.air]", "", "materials: "),
-        ("outer = 0.0", "outr = 0.0", "boundary conditions: "),
+        ("[materials.iron]", "[materials.irn]", "subdomain 'irn' is not in the mesh; it has 'air', 'iron', 'magnet'."),
+        ("[materials.air]", "", "every element needs a material; "),
+        ("outer = 0.0", "outr = 0.0", "boundary 'outr' is not in the mesh; it has 'outer'."),
         (
             "passes = 2",
             'pinned = ["core"]',

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
-from kohonen_adapt.cases import read_case
+from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.io.fields import read_field
 from kohonen_adapt.magnetostatics import read_bh
 
@@ -162,7 +162,7 @@ def test_a_case_opens_no_other_kind_of_file_as_a_mesh(path, tmp_path):
     with pytest.raises(
         ValueError, match=r"mesh: read_mesh expected a file name that ends in|mesh must name a mesh file"
     ):
-        read_case(tmp_path / "case.toml").fitting_mesh()
+        fitting_mesh(read_case(tmp_path / "case.toml"))
 
 
 LAUGHS = '<!DOCTYPE VTKFile [<!ENTITY a "ha">{}]>'.format(

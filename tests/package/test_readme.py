@@ -10,7 +10,7 @@ import pytest
 
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
-from kohonen_adapt.cases import case_of
+from kohonen_adapt.cases import case_of, fitting_mesh
 from kohonen_adapt.cases.contents import LAWS, QUANTITIES, SHAPES
 from kohonen_adapt.cases.kinds import kinds_of
 from kohonen_adapt.cases.settings import ADAPT, PROBLEM
@@ -28,7 +28,7 @@ CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"`
 @pytest.mark.parametrize(("page", "case"), CASES)
 def test_every_case_fits_its_mesh(page, case):
     given = tomllib.loads(case)
-    mesh = case_of(given, (ROOT / page).parent).fitting_mesh()
+    mesh = fitting_mesh(case_of(given, (ROOT / page).parent))
     assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692}[Path(given["mesh"]).name]
 
 

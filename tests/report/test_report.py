@@ -112,8 +112,8 @@ def test_any_text_leaves_the_page_as_it_was_built(text):
 
 def html_with(text, result):
     return filled_page(
-        title=text, generator="g", summary=[text], figures=[(text, text)], result=result, pictures={text: PNG},
-        settings={text: text}, versions={"x": text}, data={"name": text},
+        title=text, summary=[text], figures=[(text, text)], result=result, pictures={text: PNG},
+        settings={text: text}, versions={"kohonen_adapt": text}, data={"name": text},
     ).decode()  # fmt: skip
 
 

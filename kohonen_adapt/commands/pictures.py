@@ -1,6 +1,8 @@
-"""Write the files of a run: mesh, fields, table of passes, pictures and report, each whole or not at all."""
+"""Draw the pictures of a run, and write the report that shows them, each whole or not at all.
 
-import csv
+An OSError says which could not be written, a ModuleNotFoundError that there is no matplotlib.
+"""
+
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,21 +11,18 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases import Case
+from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.files import whole_file
-from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import PASSES
-from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import pass_figures
-from kohonen_adapt.report import FieldOf, write_report
+from kohonen_adapt.report.scene import FieldOf
+from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
 
-__all__ = ["RESULTS", "write_fields", "write_history", "write_overview", "write_pictures", "write_results"]
+__all__ = ["write_overview", "write_pictures"]
 
-MESH, FIELDS, HISTORY, REPORT = "adapted.msh", "adapted.vtu", "history.csv", "report.html"
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
-OUTLINES, ANIMATION = "outlines.png", "passes.gif"
+OUTLINES, ANIMATION, REPORT = "outlines.png", "passes.gif", "report.html"
 
 CAPTIONS = {
     PICTURE: "Meshes, error indicators before and after on one scale, flux lines over |B|, estimate over the passes",
@@ -35,78 +34,13 @@ CAPTIONS = {
 }
 """Of the pictures in a report, in its order."""
 
-RESULTS = (MESH, FIELDS, HISTORY)
-
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 
-def write_results(case: Case, result: AdaptResult, folder: Path) -> None:
-    """Write ``adapted.msh``, ``adapted.vtu`` and ``history.csv``.
-
-    Raises
-    ------
-    OSError
-        If one cannot be written.
-    """
-    write_fields(case, result, folder / MESH, folder / FIELDS)
-    write_history(result.history, folder)
-
-
-def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
-    """Write the mesh for Gmsh, and in metres with the fields for ParaView.
-
-    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place.
-
-    Raises
-    ------
-    OSError
-        If one cannot be written.
-    """
-    field = result.solution
-    write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
-    write_mesh(
-        fields,
-        result.mesh,
-        point_data={"A (Wb per m)": field.potential},
-        cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
-    )
-
-
-def write_history(history: tuple[Pass, ...], folder: Path) -> None:
-    """Write ``history.csv``, a row for every pass.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    """
-    rows = [_row(step) for step in history]
-    with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def _row(step: Pass) -> dict[str, object]:
-    figures = pass_figures(step)
-    shape = {"pass": figures.pop("number"), "nodes": step.mesh.p.shape[1], "elements": step.mesh.t.shape[1]}
-    return shape | figures
-
-
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    """Draw the pictures and write the report that shows them; without matplotlib a report without them.
+    """Draw the pictures and write the report that shows them, and name the files.
 
-    Returns
-    -------
-    list of str
-        The names of the files.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Without matplotlib, when the report is written.
-    OSError
-        If one cannot be written.
+    Without matplotlib there is a report without pictures before the error.
     """
     command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", "--out", folder.name or "."])
     try:
@@ -122,15 +56,7 @@ def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: 
 def write_overview(
     case: Case, before: AdaptResult, after: AdaptResult, picture: Path, report: Path, command: str
 ) -> None:
-    """Draw the first of the pictures, and write the report that shows it and names a command.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Without matplotlib.
-    OSError
-        If one cannot be written.
-    """
+    """Draw the first of the pictures, and write the report that shows it and names a command."""
     _save(picture, _overview(case, before, after))
     _write_report(report, case, before, after, {CAPTIONS[PICTURE]: picture}, command)
 
