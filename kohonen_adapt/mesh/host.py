@@ -15,17 +15,7 @@ Names = Mapping[str, Ints] | None
 
 
 def remade(mesh: MeshTri, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
-    """A mesh of the same kind with other nodes, elements and names.
-
-    Parameters
-    ----------
-    mesh
-        What it is like.
-    p, t
-        (2, nnodes) and (3, nelements); they are not copied.
-    boundaries, subdomains
-        Name to facets and to elements, or None.
-    """
+    """A mesh of the same kind with other nodes (2, nnodes), elements (3, nelements), neither copied, and names."""
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
@@ -35,16 +25,11 @@ def set_boundaries(mesh: MeshTri, boundaries: Names) -> None:
 
 
 def number_facets(mesh: MeshTri) -> None:
-    """Give a mesh its `facets`, `t2f` and `f2t`, unless it has worked them out already.
+    """Give a mesh, whose elements have nodes that exist, its `facets`, `t2f` and `f2t`, unless it has them already.
 
     scikit-fem sorts pairs of nodes; sorting one whole number for each pair gives the same arrays in a fraction of the
     time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere one day, it would
     work them out itself.
-
-    Parameters
-    ----------
-    mesh
-        A triangular mesh whose elements have nodes that exist; only its cache is written.
     """
     if hasattr(mesh, "_facets"):
         return

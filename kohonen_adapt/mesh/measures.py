@@ -65,17 +65,8 @@ def hat_gradients(mesh: MeshTri) -> Floats:
     """Gradients of the three hat functions of every element, constant on it.
 
     ``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)`` with i, j, k in the order of ``mesh.t`` and the area signed, so
-    the orientation of an element does not matter.
-
-    Parameters
-    ----------
-    mesh
-        A triangular mesh without elements of zero area.
-
-    Returns
-    -------
-    ndarray (2, 3, nelements)
-        Per mesh unit. Component, local node, element.
+    the orientation of an element does not matter; no area may be zero. (2, 3, nelements), per mesh unit: component,
+    local node, element.
     """
     x, y = mesh.p[:, mesh.t]
     along_x = x[[2, 0, 1]] - x[[1, 2, 0]]
@@ -85,21 +76,9 @@ def hat_gradients(mesh: MeshTri) -> Floats:
 
 
 def gradient(mesh: MeshTri, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    """Gradient of the P1 function with the given nodal values.
+    """Gradient of the P1 function with the given nodal values (nnodes,), (2, nelements), in their unit per mesh unit.
 
-    Parameters
-    ----------
-    mesh
-        A triangular mesh without elements of zero area.
-    values : (nnodes,)
-        Nodal values.
-    hats : (2, 3, nelements), optional
-        What :func:`hat_gradients` returns for this mesh, where it is at hand.
-
-    Returns
-    -------
-    ndarray (2, nelements)
-        In units of `values` per mesh unit.
+    `hats` is what `hat_gradients` returns for this mesh, where it is at hand.
     """
     hats = hat_gradients(mesh) if hats is None else hats
     return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)

@@ -22,13 +22,7 @@ def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
-    """The set of that name.
-
-    Raises
-    ------
-    ValueError
-        If there is none; it lists the names there are, and calls them by `kind`, "subdomain" or "boundary".
-    """
+    """The set of that name; refused with the names there are, called by `kind`: "subdomain" or "boundary"."""
     if sets is None or name not in sets:
         raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(named_sets(sets))}.")
     return sets[name]
@@ -37,17 +31,9 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
 def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDArray[np.uint64]:
     """One number for the set of names that each of `count` things carries, 0 for none.
 
-    Parameters
-    ----------
-    members
-        Per name the things that carry it, and how (a small number for each or for all).
-    count
-        How many things there are.
-
-    Notes
-    -----
-    A random number is drawn per name and manner; their sum identifies the set. Two different sets would have to share a
-    sum of 64-bit numbers to be confused.
+    `members` has per name the things that carry it, and how (a small number for each or for all). A random number is
+    drawn per name and manner; their sum identifies the set: two sets would have to share a sum of 64-bit numbers to be
+    confused.
     """
     codes = np.zeros(count, dtype=np.uint64)
     rng = np.random.default_rng(20260101)
@@ -59,21 +45,10 @@ def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDA
 
 
 def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
-    """Number the distinct combinations of sets that items are in.
+    """Number the distinct combinations of sets that `count` items are in; a set has no item twice.
 
-    Parameters
-    ----------
-    sets
-        Items of every set, without repetition.
-    count
-        How many items there are.
-
-    Returns
-    -------
-    ndarray (count,)
-        Number of the combination of every item, from 0, in the order of the sets; no set at all comes first.
-    list of ndarray
-        Which sets make every combination.
+    Returns the number of the combination of every item, (count,), from 0, in the order of the sets, where no set at all
+    comes first; and which sets make every combination.
     """
     codes = codes_of_names([(items, 0) for items in sets], count)
     _, example, combination = np.unique(codes, return_index=True, return_inverse=True)

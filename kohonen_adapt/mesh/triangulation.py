@@ -24,10 +24,8 @@ class Triangulation:
     ----------
     position
         (n, 2): the one truth of where a node is.
-    elements
-        (m, 3) arrays of counter-clockwise nodes, neighbours and chains of edges, (m,) regions, and what layers ask for.
-    star
-        The elements around every node.
+    elements, star
+        As `kernels/arrays.py` describes them.
     mesh
         The mesh it came from: names, and connectivity that scikit-fem has worked out already.
     region_of_input
@@ -42,13 +40,7 @@ class Triangulation:
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
-        """Check a mesh and take it apart.
-
-        Raises
-        ------
-        ValueError
-            If it is not a valid, connected-by-nodes mesh of straight triangles; see `check_mesh`.
-        """
+        """Take a mesh apart; refused unless valid, as `check_mesh` has it, and with no two elements on one another."""
         check_mesh(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = counter_clockwise(position, mesh.t)

@@ -13,11 +13,8 @@ __all__ = ["check_mesh"]
 def check_mesh(mesh: MeshTri) -> None:
     """Refuse what is not a mesh of straight, connected, non-degenerate triangles.
 
-    Raises
-    ------
-    ValueError
-        If `mesh` is not exactly a `skfem.MeshTri` (the message names the remedy), is empty, or has isolated nodes,
-        coordinates that are not finite, elements without area, or names for elements or facets that do not exist.
+    It must be exactly a `skfem.MeshTri` (the message names the remedy), not empty, without isolated nodes, coordinates
+    that are not finite, elements without area, or names for elements or facets that do not exist.
     """
     if type(mesh) is not MeshTri1:
         raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")

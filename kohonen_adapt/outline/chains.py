@@ -7,16 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import (
-    AT,
-    AT_X,
-    AT_Y,
-    RATE_X,
-    RATE_Y,
-    ROUND,
-    TABLED,
-    Chains,
-)
+from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, TABLED, Chains
 from kohonen_adapt.kernels.triangle.trace import lengths_and_angles
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.facets import Facets
@@ -35,13 +26,7 @@ FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more s
 
 
 def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
-    """Which of the given curves every facet is on, -1 for none, (f,).
-
-    Raises
-    ------
-    ValueError
-        If a facet is on two of them.
-    """
+    """Which of the given curves every facet is on, -1 for none, (f,); two are refused."""
     found, names = np.full(len(facets.element), -1), list(curves)
     for number, name in enumerate(names):
         on = facets.sides[name] > 0
@@ -109,9 +94,8 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     table.curvature[is_round] = sense / radius
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
-    coarse = np.clip(
-        ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi
-    )  # what is given need not be recognised again
+    coarse = np.clip(ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi)
+    # what is given need not be recognised again
     widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))

@@ -145,13 +145,7 @@ def _checked_point(point: ArrayLike, what: str) -> tuple[float, float]:
 
 
 def checked_points(points: ArrayLike, what: str) -> Floats:
-    """A copy of points (2, n) as floats; `what` they are is for messages.
-
-    Raises
-    ------
-    ValueError
-        If they have another shape, or one is not finite.
-    """
+    """A copy of points as floats, refused unless finite and (2, n); `what` they are is for messages."""
     array = np.array(points, dtype=np.float64)
     if array.ndim != 2 or len(array) != 2:
         raise ValueError(f"{what} must have shape (2, n); got {array.shape}.")

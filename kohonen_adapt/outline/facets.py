@@ -51,7 +51,7 @@ def outline_facets(triangulation: Triangulation) -> Facets:
         marked |= named[facet]
     e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
     nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
-    sides = {} if facet is None else {n: sides_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
+    sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
     return Facets(e, k, nodes, labels(elements.region[e], other[e, k], list(sides.values())), sides)
 
 
@@ -65,7 +65,7 @@ def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
     return facet
 
 
-def sides_of(mesh: MeshTri, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
+def manners_of(mesh: MeshTri, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
     """How the given facets, seen from the given elements, carry a boundary of these rows."""
     manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
     manner[np.asarray(rows)] = UNORIENTED

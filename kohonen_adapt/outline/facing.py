@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints
-from kohonen_adapt.kernels.triangle.across import Views, look_across
+from kohonen_adapt.kernels.triangle.locate import Views, look_across
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["facing_sides", "joined"]

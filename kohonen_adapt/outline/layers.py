@@ -7,13 +7,13 @@ level; what would make an edge against them is refused.
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints, Elements
-from kohonen_adapt.kernels.triangle.across import lower_to_steps
+from kohonen_adapt.kernels.triangle.connectivity import lower_to_steps
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facing import facing_sides, joined
 from kohonen_adapt.outline.rules import checked_layers
@@ -21,34 +21,20 @@ from kohonen_adapt.outline.rules import checked_layers
 __all__ = ["lay"]
 
 
-@dataclass(frozen=True)
-class Band:
-    """Two sides of a subdomain that face each other.
+class Band(NamedTuple):
+    """Two sides of a subdomain that face each other."""
 
-    Attributes
-    ----------
-    name, number
-        The subdomain, and how many layers it is to have.
-    pairs
-        (k, 2): the nodes of the edges of its part.
-    sides
-        The nodes on either side.
-    """
-
-    name: str
-    number: int
-    pairs: Ints
-    sides: tuple[Ints, Ints]
+    name: str  # of the subdomain
+    number: int  # of layers that it is to have
+    pairs: Ints  # (k, 2): the nodes of the edges of its part
+    sides: tuple[Ints, Ints]  # the nodes on either side
 
 
 def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
     """Give the nodes of subdomains the levels that keep so many layers of elements across each, by name.
 
-    Raises
-    ------
-    ValueError
-        If `layers` is no mapping from names of subdomains to integers >= 1, a subdomain has no two sides or fewer
-        layers than that, or subdomains touch so that no levels fit all.
+    Refuses what `checked_layers` does, subdomains without two sides or with fewer layers, and those that touch so that
+    no levels fit all.
     """
     wanted = checked_layers(triangulation.mesh, layers)
     bands: list[Band] = []
@@ -80,13 +66,7 @@ def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
 def bands_of(
     triangulation: Triangulation, constraints: Constraints, name: str, number: int, inside: Mask
 ) -> list[Band]:
-    """The bands of one part of a subdomain; most have one.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """The bands of one part of a subdomain; most have one, none is refused."""
     sides = list(facing_sides(triangulation, constraints, inside))
     if not sides:
         raise ValueError(
@@ -113,13 +93,7 @@ def check_number(position: Floats, band: Band) -> None:
 
 
 def levels_of(bands: list[Band], count: int) -> Ints:
-    """Levels of the nodes: those of the sides, and between them as near to the middle as steps of 1 allow, (count,).
-
-    Raises
-    ------
-    ValueError
-        If bands touch so that no levels fit all.
-    """
+    """Levels of the nodes: those of the sides, and between them as near to the middle as steps of 1 allow, (count,)."""
     level, known = levels_of_sides(bands, count)
     pairs = np.concatenate([band.pairs for band in bands])
     top = int(np.max(np.abs(level)))

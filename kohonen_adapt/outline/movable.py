@@ -70,13 +70,7 @@ class MovableMesh:
 
     @classmethod
     def of(cls, mesh: MeshTri, rules: Rules) -> "MovableMesh":
-        """Take a mesh apart; it is not modified.
-
-        Raises
-        ------
-        ValueError
-            If the mesh is not valid, or lacks what the rules name.
-        """
+        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name."""
         triangulation = Triangulation.of(mesh)
         outline = Outline.of(triangulation, rules)
         lay(triangulation, outline.constraints, rules.layers)
@@ -120,10 +114,7 @@ class MovableMesh:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
 
-        Raises
-        ------
-        ValueError
-            If it cannot be the state of such a mesh; then nothing is changed.
+        What cannot be the state of such a mesh is refused, and nothing changed.
         """
         self._check_state(state)
         own = {name: state[name].copy() for name in STATE_NAMES}

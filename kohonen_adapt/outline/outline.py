@@ -65,13 +65,8 @@ class Outline:
     def of(cls, triangulation: Triangulation, rules: Rules) -> "Outline":
         """Find the chains of a triangulation, and mark their facets in it.
 
-        Nodes may leave junctions of three chains where edges may flip: elements then change sides for that.
-
-        Raises
-        ------
-        ValueError
-            If a curve is given for what is no boundary, or the nodes there are not on it; if periodic boundaries do not
-            match.
+        Nodes may leave junctions of three chains where edges may flip: elements then change sides for that. Refuses
+        curves of what is no boundary or has nodes that are not on it, and periodic boundaries that do not match.
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = checked_curves(triangulation.mesh, rules.curves)

@@ -1,7 +1,7 @@
 """Periodic pairs: boundaries that are one another's image, the motions between them, and nodes that are one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,38 +18,20 @@ __all__ = ["Pairs", "find_pairs", "image_nodes"]
 MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Which nodes and outline facets belong together, and how the mesh goes on beyond them.
+class Pairs(NamedTuple):
+    """Which nodes and outline facets belong together, and how the mesh goes on beyond them; see `Twins`."""
 
-    Attributes
-    ----------
-    partner
-        (n,): the node that is one with this one, -1 for most.
-    motion
-        (n,): the number of the motion that carries a node to its partner, -1 likewise.
-    motions
-        (k, 2, 3): x -> A x + b as rows [A | b], those there and back one after the other.
-    facet
-        (f,): the outline facet that is one with this one, -1 for most.
-    facet_motion
-        (f,): the motion that carries a facet there, -1 likewise.
-    """
-
-    partner: NDArray[np.int32]
-    motion: NDArray[np.int32]
-    motions: Floats
-    facet: Ints
-    facet_motion: Ints
+    partner: NDArray[np.int32]  # (n,)
+    motion: NDArray[np.int32]  # (n,)
+    motions: Floats  # (k, 2, 3), those there and back one after the other
+    facet: Ints  # (f,) the outline facet that is one with this one, -1 for most
+    facet_motion: Ints  # (f,) the motion that carries a facet there, -1 likewise
 
 
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[tuple[str, str]]) -> Pairs:
     """Find the translation or rotation that carries the first boundary of every pair onto the second.
 
-    Raises
-    ------
-    ValueError
-        If `periodic` is no sequence of pairs of names of boundaries, or the nodes of a pair do not match.
+    Refuses what `checked_pairs` does, and pairs whose nodes do not match.
     """
     mesh, n = triangulation.mesh, triangulation.nnodes
     partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
@@ -71,10 +53,7 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
 def image_nodes(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[Ints, Ints]]:
     """For every pair of boundaries the nodes of the first, (k,), and those of the second that they are one with, (k,).
 
-    Raises
-    ------
-    ValueError
-        As `find_pairs`.
+    Refuses what `find_pairs` does.
     """
     triangulation = Triangulation.of(mesh)
     facets, found = outline_facets(triangulation), []

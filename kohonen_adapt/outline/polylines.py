@@ -1,7 +1,6 @@
 """Join segments to runs from corner to corner or round a loop, and cut those into straight pieces and arcs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,23 +33,12 @@ class Runs(NamedTuple):
     closed: Mask  # (r,)
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """What the runs were cut into, a row for each piece.
+class Pieces(NamedTuple):
+    """What the runs were cut into, a row for each piece."""
 
-    Attributes
-    ----------
-    rows
-        (p, 4): slots of the first and the last node, whether it is round, whether it is closed.
-    circle
-        (p, 3): centre and radius of round ones.
-    curve
-        (p,): which of the given curves it is on, -1 for none.
-    """
-
-    rows: Ints
-    circle: Floats
-    curve: Ints
+    rows: Ints  # (p, 4): slots of the first and the last node, whether it is round, whether it is closed
+    circle: Floats  # (p, 3): centre and radius of round ones
+    curve: Ints  # (p,): which of the given curves it is on, -1 for none
 
     @property
     def first(self) -> Ints:
@@ -92,18 +80,9 @@ class Pieces:
 def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
     """Join segments that meet two by two, cut where they turn by 35 degrees or more.
 
-    Parameters
-    ----------
-    segments
-        (m, 2) nodes at the ends, at least one segment and none twice; or (m, 3) with a node of the segment between
-        them. The turn where two such segments meet is that of the parabolas through their nodes.
-    position
-        (2, n): where the nodes are.
-
-    Returns
-    -------
-    list of Polyline
-        Loops without a corner are closed. A loop with one corner starts and ends there.
+    `segments` are the nodes at the ends, (m, 2), at least one segment and none twice; or (m, 3) with a node of the
+    segment between them, and the turn is that of the parabolas through these. `position` (2, n) is where nodes are.
+    Loops without a corner are closed. A loop with one corner starts and ends there.
     """
     end = segments[:, [0, -1]]
     node, segment, start, closed = traced(end, _smooth(segments, position))
@@ -130,10 +109,7 @@ def traced(ends: Ints, through: Ints) -> Runs:
 def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
     """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
 
-    Raises
-    ------
-    ValueError
-        If the nodes of a boundary are not near the curve given for it.
+    Nodes that are not near the curve given for their boundary are refused.
     """
     node, facet = runs.node.copy(), runs.facet.copy()
     of_run = curve[facet[runs.start[:-1]]]

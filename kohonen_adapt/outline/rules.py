@@ -83,13 +83,7 @@ class Rules:
         return self.topology != "fixed"
 
     def guarded(self) -> "Rules":
-        """These rules, refused where they have no quality to keep.
-
-        Raises
-        ------
-        ValueError
-            If `min_quality` is None.
-        """
+        """These rules, refused where they have no quality to keep: `min_quality` is None."""
         if self.min_quality is None:
             raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
         return self
@@ -98,11 +92,7 @@ class Rules:
 def pinned_nodes(mesh: MeshTri, pinned: Pinned) -> Mask:
     """Mask (nodes,) of the nodes meant by node numbers and names of boundaries and subdomains.
 
-    Raises
-    ------
-    ValueError
-        If a name is unknown or both a boundary and a subdomain, a number is out of range, or an entry is neither an
-        integer nor a name.
+    Refuses unknown names and those of both a boundary and a subdomain, numbers out of range, and whatever is neither.
     """
     mask = np.zeros(mesh.p.shape[1], dtype=bool)
     for entry in [pinned] if isinstance(pinned, str) else pinned:
@@ -131,13 +121,7 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
 
 
 def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
-    """The curves that were given for boundaries of a mesh.
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping, a name is not that of a boundary, or a curve has no method `project`.
-    """
+    """The curves given for boundaries of a mesh; refused without a mapping, a boundary or a method `project`."""
     if curves is None:
         return {}
     if not isinstance(curves, Mapping):
@@ -153,13 +137,7 @@ def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[st
 
 
 def checked_pairs(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Pairs of names of boundaries, each in no more than one pair.
-
-    Raises
-    ------
-    ValueError
-        If an entry is no pair, or a name is not that of a boundary or comes twice.
-    """
+    """Pairs of names of boundaries; refused where one is no pair, or a name that of no boundary or there twice."""
     seen = set[str]()
     for pair in periodic:
         if not isinstance(pair, tuple | list) or len(pair) != 2:
@@ -173,13 +151,7 @@ def checked_pairs(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tu
 
 
 def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str, int]:
-    """How many layers each subdomain is to have.
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping, a name is not that of a subdomain, or a number is no integer >= 1.
-    """
+    """How many layers each subdomain is to have; refused without a mapping, a subdomain or an integer >= 1."""
     if layers is None:
         return {}
     if not isinstance(layers, Mapping):

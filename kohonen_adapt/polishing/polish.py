@@ -9,10 +9,9 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.arrays import Constraints, Trial
-from kohonen_adapt.kernels.ordering import mark_deep
+from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh

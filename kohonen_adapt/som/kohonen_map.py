@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, as_rows
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules

@@ -14,13 +14,12 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import SearchScratch
-from kohonen_adapt.kernels.ordering import mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.ordering import along_curve, mark_deep, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
 from kohonen_adapt.kernels.triangle.search import STRETCH, find_winners
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.kernels.triangle.train import learn
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.schedule import Schedule, Stage

@@ -9,18 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.kernels.arrays import Elements
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.density import (
+from kohonen_adapt.kernels.triangle.smooth import (
     Sites,
     average_at_sites,
     count_sites,
-    draw_points,
     fill_sites,
     multiply_factors,
     update_factors,
 )
+from kohonen_adapt.kernels.triangle.train import draw_points
 from kohonen_adapt.mesh.locate import Locator
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element
 

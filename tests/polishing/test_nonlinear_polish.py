@@ -15,9 +15,15 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
 from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip
+from kohonen_adapt.kernels.triangle.descend import (
+    LEAST_CURVATURE,
+    OVERSTEP,
+    derivatives,
+    gain_of_flip,
+    parabola,
+    stored,
+)
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.nonlinear import parabola, stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules

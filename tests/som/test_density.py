@@ -7,8 +7,8 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.training_points import density_of
 

@@ -26,6 +26,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.kernels.arrays import FREE, HELD
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
     find_directions,
@@ -35,7 +36,6 @@ from kohonen_adapt.kernels.triangle.transport import (
     slow_down,
     smooth_moves,
 )
-from kohonen_adapt.mesh.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.training import Trainer

@@ -107,8 +107,7 @@ def parameter_of(position, constraints, c, v):
 def distance_to_chain(chains, c, x, y, near):
     """Squared distance from (x, y) to the chain's nearest point, and the parameter of that point."""
     parameter = nearest_parameter(chains, c, x, y, near)
-    px, py = point_at(chains, c, parameter)
-    return (x - px) * (x - px) + (y - py) * (y - py), parameter
+    return squared_to_parameter(chains, c, parameter, x, y), parameter
 
 
 @inner_kernel

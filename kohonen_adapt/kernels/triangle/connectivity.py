@@ -1,4 +1,4 @@
-"""Link elements to their nodes and neighbours, and find corners and edges in them."""
+"""Link elements to their nodes and neighbours, find corners and edges in them, and go from one to the next."""
 
 import numpy as np
 
@@ -122,3 +122,17 @@ def spread_starts(elements, start, queue):
                 start[across] = start[e]
                 queue[last] = across
                 last += 1
+
+
+@kernel
+def lower_to_steps(edges, value):
+    """Lower values (n,) until those of joined nodes differ by at most 1: to the least of value plus steps to there."""
+    changed = True
+    while changed:
+        changed = False
+        for i in range(edges.shape[0]):
+            a, b = edges[i, 0], edges[i, 1]
+            if value[a] > value[b] + 1:
+                value[a], changed = value[b] + 1, True
+            elif value[b] > value[a] + 1:
+                value[b], changed = value[a] + 1, True

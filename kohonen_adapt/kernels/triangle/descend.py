@@ -6,7 +6,8 @@ The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), co
 
 where J turns by a right angle, grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2 / D is
 jointly convex in both: Newton's method fits, and only the source f can make a Hessian indefinite. Nonlinear material
-has an energy density W in place of c/2 |grad u|^2; moves are proposed by the same derivatives and judged by W itself.
+has an energy density W(|grad u|^2) in place of c/2 |grad u|^2, an energy D W / 2 convex in the values, and the rate W',
+half of the secant coefficient, in place of a constant; moves are proposed by the same derivatives and judged by W.
 """
 
 import math
@@ -14,6 +15,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import (
+    DENSITY,
     DIRECTION_X,
     DIRECTION_Y,
     FREE,
@@ -22,6 +24,7 @@ from kohonen_adapt.kernels.arrays import (
     HALF_FLUX_Y,
     HELD,
     OWN,
+    RATE,
     SIXTH_SOURCE,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
@@ -29,11 +32,13 @@ from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.nonlinear import improve_value, least_parabola, stored, stored_in
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation; 8 sweeps do the work of 16
+STEPS = 2048  # of a table of W in every octave of |grad u|^2
+TRIES = 4  # of a Newton step of a value, each half of the one before
+LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
 LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count as curved as that, or steps are too wild
 
 
@@ -49,11 +54,8 @@ def descend_nodes(position, star, constraints, trial, order, floor):
         v = np.int64(node)
         kind, fixed = constraints.kind[v], trial.fixed[v]
         if kind == HELD:
-            if not fixed and trial.bent[v]:
+            if not fixed:
                 improve_value(position, star, trial, v)
-            elif not fixed:
-                _, r, k = quadratic(position, star, trial, v, position[v, 0], position[v, 1])
-                trial.value[v] -= r / k
             continue
         slope = derivatives(position, star, trial, v)
         if kind == FREE:
@@ -118,26 +120,6 @@ def derivatives(position, star, trial, v):
     return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
 
 
-@kernel
-def quadratic(position, star, trial, v, x, y):
-    """The functional of the star with v at (x, y), as c + r w + k w^2 / 2 in the change w of v's value: (c, r, k)."""
-    own = trial.value[v]
-    c, r, k = 0.0, 0.0, 0.0
-    for j in range(star.start[v], star.start[v + 1]):
-        e, a, b = star.element[j], star.ahead[j], star.behind[j]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        alpha, beta = trial.value[a] - own, trial.value[b] - own
-        ex, ey = bx - ax, by - ay
-        doubled = ax * by - ay * bx
-        weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
-        c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
-        r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
-        k += weight * (ex * ex + ey * ey)
-    return c, r, k
-
-
 @inner_kernel
 def move_free(position, star, trial, v, slope, floor):
     """Move a free node by a step with its value eliminated, or half as far until it is a gain; returns the gain."""
@@ -149,11 +131,8 @@ def move_free(position, star, trial, v, slope, floor):
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
             if may_move(position, star, v, x, y, floor):
-                if trial.bent[v]:
-                    w = -(by_w + xw * step_x + yw * step_y) / ww
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
-                else:
-                    c, r, k = quadratic(position, star, trial, v, x, y)
+                w = -(by_w + xw * step_x + yw * step_y) / ww
+                c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
                 gain = now - c + 0.5 * r * r / k
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
@@ -203,10 +182,7 @@ def move_on_chain(position, star, constraints, trial, v, slope, floor):
                 w = rate * change - by_w / ww
                 if given:
                     w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
-                if trial.bent[v]:
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
-                else:
-                    c, r, k = quadratic(position, star, trial, v, x, y)
+                c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
                 if not given:
                     w = -r / k
                 gain = now - c - (r + 0.5 * k * w) * w
@@ -275,3 +251,99 @@ def dirichlet(ax, ay, u, bx, by, v):
     """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
+
+
+@kernel
+def stored(laws, law, s):
+    """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
+    table = laws.table
+    last = table.shape[1] - 1
+    begin = math.ldexp(0.5, laws.first)
+    end = math.ldexp(begin, last // STEPS)
+    if not s > begin:
+        rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
+        bend = (rate - chord) / begin
+        return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
+    if s >= end:  # of a flat triangle without bound
+        return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
+    mantissa, exponent = math.frexp(s)
+    place = (2.0 * mantissa - 1.0) * STEPS
+    step = np.int64(place)
+    i = (np.int64(exponent) - laws.first) * STEPS + step
+    width, t = math.ldexp(0.5 / STEPS, exponent), place - step
+    low, low_rate = table[law, i, DENSITY], table[law, i, RATE]
+    high, high_rate = table[law, i + 1, DENSITY], table[law, i + 1, RATE]
+    chord = (high - low) / width
+    second, third = 3.0 * chord - 2.0 * low_rate - high_rate, low_rate + high_rate - 2.0 * chord
+    rate = low_rate + t * (2.0 * second + 3.0 * t * third)
+    bend = max((high_rate - low_rate) / width, LEAST_BEND * rate / s)
+    return low + width * t * (low_rate + t * (second + t * third)), rate, bend
+
+
+@kernel
+def parabola(position, star, trial, v, x, y, w):
+    """The functional of the star with v at (x, y) and its value changed by w, and its two derivatives by w: (c, r, k).
+
+    The value is relative to v's own, as of `derivatives`.
+    """
+    own = trial.value[v]
+    c, r, k = 0.0, 0.0, 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = star.element[j], star.ahead[j], star.behind[j]
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        alpha, beta = trial.value[a] - own, trial.value[b] - own
+        ex, ey = bx - ax, by - ay
+        doubled = ax * by - ay * bx
+        load = doubled * trial.data[e, SIXTH_SOURCE]
+        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+        nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
+        along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
+        weight = trial.data[e, HALF_COEFFICIENT] / doubled
+        energy = 0.5 * weight * square
+        if law >= 0:
+            density, rate, bend = stored(trial.laws, law, square / (doubled * doubled))
+            energy, weight = 0.5 * doubled * density, rate / doubled
+            k += 2.0 * bend * along * along / (doubled * doubled * doubled)
+        c += energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
+        r += weight * along - load - flux_y * ex + flux_x * ey
+        k += weight * (ex * ex + ey * ey)
+    return c, r, k
+
+
+@inner_kernel
+def improve_value(position, star, trial, v):
+    """Change the value of v by Newton's step, or beside nonlinear material half as far until the functional falls."""
+    x, y = position[v, 0], position[v, 1]
+    c, r, k = parabola(position, star, trial, v, x, y, 0.0)
+    w = -r / k
+    for _ in range(TRIES):
+        if not trial.bent[v] or parabola(position, star, trial, v, x, y, w)[0] <= c:
+            trial.value[v] += w
+            return
+        w *= 0.5
+
+
+@inner_kernel
+def least_parabola(position, star, trial, v, x, y, w, given):
+    """A parabola c + r w + k w^2 / 2 with the least value that is found from w for v at (x, y), and at its place.
+
+    It is the better one of w and of one step of Newton's method from there; where the value is given that of w; and
+    without nonlinear material the functional itself, whatever w.
+    """
+    if not trial.bent[v]:
+        return parabola(position, star, trial, v, x, y, 0.0)
+    c, r, k = parabola(position, star, trial, v, x, y, w)
+    if given:
+        return c, 0.0, 0.0
+    further = w - r / k
+    value = parabola(position, star, trial, v, x, y, further)[0]
+    if value < c:
+        c, w = value, further
+    return c + 0.5 * k * w * w, -k * w, k
+
+
+@inner_kernel
+def stored_in(laws, law, ax, ay, u, bx, by, v):
+    """int W over the triangle (0, a, b) for the values 0, u, v."""
+    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
+    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

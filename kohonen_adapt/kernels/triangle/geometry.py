@@ -118,23 +118,31 @@ def may_move(position, star, v, x, y, floor):
 
 
 @inner_kernel
-def slide_pair(position, elements, star, constraints, v, parameter, floor):
-    """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
-    w, chains = np.int64(constraints.twins.partner[v]), constraints.chains
-    onto, mate = np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[w, OWN])
-    x, y = point_at(chains, onto, parameter)
-    if not within_reach(position, elements, star, chains, onto, v, x, y):
+def slide(position, elements, star, constraints, v, parameter, floor):
+    """Move a node along its chain to a parameter, if guard and reach allow it; returns whether."""
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+    x, y = point_at(chains, chain, parameter)
+    if not within_reach(position, elements, star, chains, chain, v, x, y):
         return False
     if not may_move(position, star, v, x, y, floor):
         return False
+    position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
+    return True
+
+
+@inner_kernel
+def slide_pair(position, elements, star, constraints, v, parameter, floor):
+    """Move a node and its partner along their chains to a parameter, if both guards agree; returns whether."""
+    w, before = np.int64(constraints.twins.partner[v]), constraints.parameter[v]
     before_x, before_y = position[v, 0], position[v, 1]
-    position[v, 0], position[v, 1] = x, y  # where the mesh is one element wide the partner's star has moved, too
-    x, y = point_at(chains, mate, parameter)
-    if not may_move(position, star, w, x, y, floor):
-        position[v, 0], position[v, 1] = before_x, before_y
+    # where the mesh is one element wide the partner's star moves with the node
+    if not slide(position, elements, star, constraints, v, parameter, floor):
         return False
-    position[w, 0], position[w, 1] = x, y
-    constraints.parameter[v] = constraints.parameter[w] = parameter
+    x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
+    if not may_move(position, star, w, x, y, floor):
+        position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
+        return False
+    position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter
     return True
 
 

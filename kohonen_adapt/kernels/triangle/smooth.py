@@ -1,18 +1,137 @@
-"""Smooth a mesh by sweeps that are weighted with a density.
+"""Weigh elements with the density where nodes are now, and smooth a mesh by sweeps with these weights.
 
 Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh optimization
 schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, point_at, way_along, within_reach
-from kohonen_adapt.kernels.triangle.geometry import may_move, slide_pair
+from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, way_along
+from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
+from kohonen_adapt.kernels.triangle.locate import depth_in_element, side_of_edge, walk
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+
+
+class Sites(NamedTuple):
+    """A node has one site for every region it touches: the density may differ from region to region."""
+
+    start: np.ndarray  # (n + 1,) int32: the sites of node v stand in rows start[v] to start[v + 1]
+    region: np.ndarray  # (s,) int32
+    element: np.ndarray  # (s,) int32: the element of the density's own mesh that holds the node, in that region
+    factor: np.ndarray  # (s,) density^(2/3), so that the product over an element's corners is its density squared
+
+
+@kernel
+def count_sites(elements, star, start):
+    """Sum up the number of regions that every node touches to row starts."""
+    start[0] = 0
+    for v in range(star.start.shape[0] - 1):
+        count = 0
+        for k in range(star.start[v], star.start[v + 1]):
+            if first_of_region(elements, star, v, k):
+                count += 1
+        start[v + 1] = start[v] + count
+
+
+@inner_kernel
+def first_of_region(elements, star, v, k):
+    """Whether row k is the first of the star of v with its region."""
+    region = elements.region[star.element[k]]
+    for j in range(star.start[v], k):
+        if elements.region[star.element[j]] == region:
+            return False
+    return True
+
+
+@kernel
+def fill_sites(elements, star, sites):
+    """List the regions of every node, each with an element to start a search from."""
+    for v in range(star.start.shape[0] - 1):
+        s = sites.start[v]
+        for k in range(star.start[v], star.start[v + 1]):
+            if first_of_region(elements, star, v, k):
+                sites.region[s] = elements.region[star.element[k]]
+                sites.element[s] = star.element[k]
+                s += 1
+
+
+@kernel
+def average_at_sites(area, density, elements, star, log_density):
+    """Average densities at the corners of elements, by area and per region; gives their logarithm."""
+    for e in range(elements.node.shape[0]):
+        region = elements.region[e]
+        for corner in range(3):
+            v = elements.node[e, corner]
+            mass, total = 0.0, 0.0
+            for k in range(star.start[v], star.start[v + 1]):
+                other = star.element[k]
+                if elements.region[other] == region:
+                    mass += area[other] * density[other]
+                    total += area[other]
+            log_density[e, corner] = np.log(mass / total)
+
+
+@inner_kernel
+def factor_in_region(sites, v, region):
+    """Factor of node v as seen from one of its regions."""
+    first = sites.start[v]
+    for s in range(first + 1, sites.start[v + 1]):
+        if sites.region[s] == region:
+            return sites.factor[s]
+    return sites.factor[first]
+
+
+@kernel
+def update_factors(position, first, last, sites, base_position, base, log_density):
+    """Look the density up at the sites of some nodes in the mesh it belongs to: linear in its logarithm, by region."""
+    for v in range(first, last):
+        for s in range(sites.start[v], sites.start[v + 1]):
+            x, y = position[v, 0], position[v, 1]
+            e = nearest_element(base_position, base, sites.element[s], x, y)
+            sites.element[s] = e
+            total, value = 0.0, 0.0
+            for k in range(3):
+                share = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
+                total += share
+                value += share * log_density[e, k]
+            sites.factor[s] = np.exp(2.0 / 3.0 * value / total)
+
+
+@kernel
+def multiply_factors(elements, sites, weight):
+    """Compute the square of the geometric mean of the densities at the corners of every element."""
+    for e in range(elements.node.shape[0]):
+        weight[e] = 1.0
+        for k in range(3):
+            weight[e] *= factor_in_region(sites, elements.node[e, k], elements.region[e])
+
+
+@inner_kernel
+def nearest_element(position, elements, e, x, y):
+    """The element of e's region that holds (x, y); where a concave outline blocks the walk, the best that it came by.
+
+    From there the walk goes on through whichever neighbour holds the point deepest.
+    """
+    e, inside = walk(position, elements, e, x, y)
+    depth = depth_in_element(position, elements.node, e, x, y)
+    while not inside:
+        onward = e
+        for k in range(3):
+            across = elements.neighbour[e, k]
+            if across >= 0 and elements.region[across] == elements.region[e]:
+                other = depth_in_element(position, elements.node, across, x, y)
+                if other > depth:
+                    onward, depth = across, other
+        if onward == e:
+            break
+        e = onward
+    return e
 
 
 @kernel
@@ -33,54 +152,54 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
         way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
-        if not chains.flags[chain, PAIRED]:
-            slide_along_chain(position, elements, star, constraints, v, RELAXATION * way, floor)
-            continue
-        w = np.int64(constraints.twins.partner[v])
-        if w > v:  # each pair once
+        if chains.flags[chain, PAIRED]:
+            w = np.int64(constraints.twins.partner[v])
+            if w < v:  # each pair once
+                continue
             chain = np.int64(constraints.chain[w, OWN])
             x, y, mass_there = centre_mean(position, star, weight, circumcentres, w)
             way_there = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
             way = (mass * way + mass_there * way_there) / (mass + mass_there)
-            slide_both_along_chains(position, elements, star, constraints, v, RELAXATION * way, floor)
+        slide_along_chain(position, elements, star, constraints, v, RELAXATION * way, floor)
 
 
 @inner_kernel
 def centre_mean(position, star, weight, circumcentres, v):
-    """Weighted mean of the circumcentres or else of the barycentres of the star of v, and the sum of the weights."""
-    if circumcentres:
-        return circumcentre_mean(position, star, weight, v)
-    return barycentre_mean(position, star, weight, v)
+    """Weighted mean of the circumcentres or else of the barycentres of the star of v, and the sum of the weights.
 
-
-@inner_kernel
-def circumcentre_mean(position, star, weight, v):
-    """Weighted mean of the circumcentres of the star of v; |K| c_K needs no division, so flat elements do no harm."""
+    |K| c_K needs no division, so flat elements do no harm.
+    """
     x, y = position[v, 0], position[v, 1]
     total, mean_x, mean_y = 0.0, 0.0, 0.0
     for k in range(star.start[v], star.start[v + 1]):
         a, b, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        aa, bb = ax * ax + ay * ay, bx * bx + by * by
-        total += w * 2.0 * (ax * by - ay * bx)
-        mean_x += w * (by * aa - ay * bb)
-        mean_y += w * (ax * bb - bx * aa)
+        doubled = ax * by - ay * bx
+        if circumcentres:
+            aa, bb = ax * ax + ay * ay, bx * bx + by * by
+            total += w * 2.0 * doubled
+            mean_x += w * (by * aa - ay * bb)
+            mean_y += w * (ax * bb - bx * aa)
+        else:
+            total += w * doubled
+            mean_x += w * doubled * (ax + bx) / 3.0
+            mean_y += w * doubled * (ay + by) / 3.0
     return x + mean_x / total, y + mean_y / total, total
 
 
 @inner_kernel
-def barycentre_mean(position, star, weight, v):
-    """Weighted mean of the barycentres of the star of v."""
-    x, y = position[v, 0], position[v, 1]
-    total, mean_x, mean_y = 0.0, 0.0, 0.0
-    for k in range(star.start[v], star.start[v + 1]):
-        a, b = star.ahead[k], star.behind[k]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        w = weight[star.element[k]] * (ax * by - ay * bx)
-        total += w
-        mean_x += w * (ax + bx) / 3.0
-        mean_y += w * (ay + by) / 3.0
-    return x + mean_x / total, y + mean_y / total, total
+def slide_along_chain(position, elements, star, constraints, v, way, floor):
+    """Move a node and any partner that far along their chains, or half as far until their guards agree."""
+    chains, chain, moved = constraints.chains, np.int64(constraints.chain[v, OWN]), False
+    for _ in range(HALVINGS + 1):
+        parameter = gone_along(chains, chain, constraints.parameter[v], way)
+        if chains.flags[chain, PAIRED]:
+            moved = slide_pair(position, elements, star, constraints, v, parameter, floor)
+        else:
+            moved = slide(position, elements, star, constraints, v, parameter, floor)
+        if moved:
+            return
+        way *= 0.5
 
 
 @inner_kernel
@@ -93,27 +212,3 @@ def step_towards(position, star, v, x, y, floor):
             position[v, 1] += dy
             return
         dx, dy = 0.5 * dx, 0.5 * dy
-
-
-@inner_kernel
-def slide_along_chain(position, elements, star, constraints, v, way, floor):
-    """Move a node that far along its chain, or half as far until the guard agrees."""
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
-    for _ in range(HALVINGS + 1):
-        parameter = gone_along(chains, chain, constraints.parameter[v], way)
-        x, y = point_at(chains, chain, parameter)
-        if within_reach(position, elements, star, chains, chain, v, x, y) and may_move(position, star, v, x, y, floor):
-            constraints.parameter[v] = parameter
-            position[v, 0], position[v, 1] = x, y
-            return
-        way *= 0.5
-
-
-@inner_kernel
-def slide_both_along_chains(position, elements, star, constraints, v, way, floor):
-    """Move a node and its partner that far along their chains, or half as far until both guards agree."""
-    for _ in range(HALVINGS + 1):
-        parameter = gone_along(constraints.chains, constraints.chain[v, OWN], constraints.parameter[v], way)
-        if slide_pair(position, elements, star, constraints, v, parameter, floor):
-            return
-        way *= 0.5

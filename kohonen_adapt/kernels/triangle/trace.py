@@ -86,12 +86,8 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
 @inner_kernel
 def enter_piece(pieces, p, first, last, is_round, closed):
     """Write the row of a piece."""
-    pieces[p, FIRST], pieces[p, LAST], pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = (
-        first,
-        last,
-        int(is_round),
-        int(closed),
-    )
+    pieces[p, FIRST], pieces[p, LAST] = first, last
+    pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = int(is_round), int(closed)
 
 
 @inner_kernel

@@ -1,17 +1,112 @@
-"""Move the nodes around the winner of every training point towards it, each step guarded.
+"""Draw training points, and move the nodes around the winner of each towards it, each step guarded.
 
 Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
-Kohonen Maps" (sections II and III).
+Kohonen Maps" (sections II and III): corners of outlines go from one node to its neighbour, so that nodes travel from
+chain to chain (Fig. 3).
 """
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import FREE, JUNCTION, OTHER, OWN, PAIRED, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, point_at, way_along, within_reach
-from kohonen_adapt.kernels.triangle.geometry import may_move, slide_pair, star_tolerable
-from kohonen_adapt.kernels.triangle.jump import jump, jump_at_junction
+from kohonen_adapt.kernels.triangle.chains import (
+    distance_to_chain,
+    gone_along,
+    nearest_parameter,
+    parameter_of,
+    point_at,
+    way_along,
+    within_reach,
+)
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.geometry import (
+    allowed,
+    may_move,
+    slide,
+    slide_pair,
+    star_tolerable,
+    worst_in_star,
+)
 from kohonen_adapt.kernels.triangle.search import next_stamp
+
+
+@kernel
+def draw_points(position, node, order, cumulated, random, points, element):
+    """Draw a random point in each of as many stretches of equal mass, in the elements in the given order.
+
+    `cumulated` sums the masses up in that order; `random` (k, 3) has numbers from 0 to 1 for the place in the stretch
+    and in the element, which is filled evenly.
+    """
+    number, at = points.shape[0], 0
+    share = cumulated[-1] / number
+    for t in range(number):
+        level = (t + random[t, 0]) * share
+        while at < order.shape[0] - 1 and cumulated[at] < level:
+            at += 1
+        e, u, v = order[at], random[t, 1], random[t, 2]
+        if u + v > 1.0:
+            u, v = 1.0 - u, 1.0 - v
+        a, b, c = node[e, 0], node[e, 1], node[e, 2]
+        for k in range(points.shape[1]):
+            points[t, k] = (
+                position[a, k] + u * (position[b, k] - position[a, k]) + v * (position[c, k] - position[a, k])
+            )
+        element[t] = e
+
+
+@kernel
+def learn(
+    position, elements, star, constraints, points, region, weights, winners, rate, strength, floor, sound, scratch
+):
+    """Present training points whose winners are known.
+
+    `strength[ring]` is the neighbourhood function, its length the radius plus one. Learning rate times weight is capped
+    at 1. Stars marked `sound` need not look back. Neurons are moved here and not in a function of their own: its call
+    would take longer than its work.
+    """
+    kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
+    queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
+    periodic, rings = constraints.twins.motions.shape[0] > 0, np.zeros(strength.shape[0] + 1, dtype=np.int64)
+    for t in range(points.shape[0]):
+        x = points[t]
+        stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
+        queue[0], stamps[winners[t]] = winners[t], stamp
+        first, last = np.int64(0), np.int64(1)
+        for ring in range(radius + 1):
+            if ring > 0:
+                end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
+                first, last = last, end
+            step, rings[ring + 1] = rate_of_point * strength[ring], last
+            for i in range(first, last):
+                v = np.int64(queue[i])
+                if kind[v] == FREE:
+                    new_x = position[v, 0] + step * (x[0] - position[v, 0])
+                    new_y = position[v, 1] + step * (x[1] - position[v, 1])
+                elif kind[v] == SLIDING:
+                    chain = np.int64(constraints.chain[v, OWN])
+                    parameter = towards(constraints, chain, v, x[0], x[1], step)
+                    if chains.flags[chain, PAIRED]:
+                        slide_pair(position, elements, star, constraints, v, parameter, floor)
+                        continue
+                    new_x, new_y = point_at(chains, chain, parameter)
+                    if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
+                        continue
+                else:
+                    if constraints.chain[v, OTHER] >= 0:
+                        jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
+                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # drawn along by others it would wander
+                        jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
+                    continue
+                if star_tolerable(position, star, v, new_x, new_y, floor) or (
+                    not sound[v] and may_move(position, star, v, new_x, new_y, floor)
+                ):
+                    position[v, 0], position[v, 1] = new_x, new_y
+                    if kind[v] == SLIDING:
+                        constraints.parameter[v] = parameter
+        if periodic:
+            reach_beyond(
+                position, elements, star, constraints, x, region[t], rate_of_point, strength, rings, floor, scratch
+            )
 
 
 @inner_kernel
@@ -63,17 +158,8 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
                 end = gather_ring(elements, star, constraints.inner, there, queue, first, last, stamps, stamp)
                 first, last = last, end
                 for i in range(first, last):
-                    follow_image(
-                        position,
-                        elements,
-                        star,
-                        constraints,
-                        np.int64(queue[i]),
-                        image_x,
-                        image_y,
-                        rate * strength[ring],
-                        floor,
-                    )
+                    v, step = np.int64(queue[i]), rate * strength[ring]
+                    follow_image(position, elements, star, constraints, v, image_x, image_y, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
                 if twins.motion[v] == m and stamps[twins.partner[v]] != stamp:
@@ -91,67 +177,160 @@ def follow_image(position, elements, star, constraints, v, x, y, step, floor):
         if may_move(position, star, v, new_x, new_y, floor):
             position[v, 0], position[v, 1] = new_x, new_y
     elif constraints.kind[v] == SLIDING and not chains.flags[chain, PAIRED]:
-        parameter = constraints.parameter[v]
-        target = nearest_parameter(chains, chain, x, y, parameter)
-        parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
-        new_x, new_y = point_at(chains, chain, parameter)
-        if within_reach(position, elements, star, chains, chain, v, new_x, new_y) and may_move(
-            position, star, v, new_x, new_y, floor
-        ):
-            position[v, 0], position[v, 1], constraints.parameter[v] = new_x, new_y, parameter
+        slide(position, elements, star, constraints, v, towards(constraints, chain, v, x, y, step), floor)
 
 
-@kernel
-def learn(
-    position, elements, star, constraints, points, region, weights, winners, rate, strength, floor, sound, scratch
-):
-    """Present training points whose winners are known.
+@inner_kernel
+def towards(constraints, chain, v, x, y, step):
+    """The parameter of a sliding node after a step towards (x, y) along its chain."""
+    chains, parameter = constraints.chains, constraints.parameter[v]
+    way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+    return gone_along(chains, chain, parameter, step * way)
 
-    `strength[ring]` is the neighbourhood function, its length the radius plus one. Learning rate times weight is capped
-    at 1. Stars marked `sound` need not look back. Neurons are moved here and not in a function of their own: its call
-    would take longer than its work.
+
+@inner_kernel
+def follower(elements, star, constraints, corner, chain):
+    """The sliding node next to a corner on a chain, or -1; -1 as well where the corner would leave a flat ear."""
+    found = np.int64(-1)
+    for k in range(star.start[corner], star.start[corner + 1]):
+        e, outlines = star.element[k], 0
+        for j in range(3):
+            if elements.node[e, j] == corner:
+                continue
+            if elements.chain[e, j] >= 0:
+                outlines += 1
+            if elements.chain[e, j] == chain:
+                found = star.ahead[k] + star.behind[k] - elements.node[e, j]
+        if outlines == 2:
+            return -1
+    if found >= 0 and constraints.kind[found] == SLIDING and constraints.chain[found, OWN] == chain:
+        return found
+    return -1
+
+
+@inner_kernel
+def relabel_edge(elements, star, a, b, chain):
+    """Hand the edge ab to another chain, in the elements on both sides of it."""
+    for k in range(star.start[a], star.start[a + 1]):
+        e = star.element[k]
+        if star.ahead[k] != b and star.behind[k] != b:
+            continue
+        for j in range(3):
+            if elements.node[e, j] != a and elements.node[e, j] != b:
+                elements.chain[e, j] = chain
+
+
+@inner_kernel
+def jump(position, elements, star, constraints, v, x, y, step, floor):
+    """Let v leave a corner for the nearer chain, and its follower take over (the paper's Fig. 3)."""
+    chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
+    corner_x, corner_y = position[v, 0], position[v, 1]
+    corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
+    distance, target = distance_to_chain(chains, onto, x, y, corner)
+    distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
+    if distance_away < distance:
+        onto, away, corner, target = away, onto, corner_away, target_away
+    next_node = follower(elements, star, constraints, v, away)
+    parameter = corner + step * (target - corner)
+    if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
+        return
+    if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
+        return
+    if not swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+        return
+    hand_over(constraints, v, next_node, onto, away, parameter)
+    relabel_edge(elements, star, v, next_node, onto)
+
+
+@inner_kernel
+def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor):
+    """Let v leave a junction of three chains along one; its neighbour on another takes over, and the third's end.
+
+    That it can where one element is all that lies between the neighbour's chain and the third: its edge from v to the
+    third chain's next node becomes free, that from the neighbour becomes the chain's end, and the element changes
+    sides.
     """
-    kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
-    queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
-    periodic, rings = constraints.twins.motions.shape[0] > 0, np.zeros(strength.shape[0] + 1, dtype=np.int64)
-    for t in range(points.shape[0]):
-        x = points[t]
-        stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
-        queue[0], stamps[winners[t]] = winners[t], stamp
-        first, last = np.int64(0), np.int64(1)
-        for ring in range(radius + 1):
-            if ring > 0:
-                end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
-                first, last = last, end
-            step, rings[ring + 1] = rate_of_point * strength[ring], last
-            for i in range(first, last):
-                v = np.int64(queue[i])
-                if kind[v] == FREE:
-                    new_x = position[v, 0] + step * (x[0] - position[v, 0])
-                    new_y = position[v, 1] + step * (x[1] - position[v, 1])
-                elif kind[v] == SLIDING:
-                    chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
-                    target = nearest_parameter(chains, chain, x[0], x[1], parameter)
-                    parameter = gone_along(chains, chain, parameter, step * way_along(chains, chain, parameter, target))
-                    if chains.flags[chain, PAIRED]:
-                        slide_pair(position, elements, star, constraints, v, parameter, floor)
-                        continue
-                    new_x, new_y = point_at(chains, chain, parameter)
-                    if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
-                        continue
-                else:
-                    if constraints.chain[v, OTHER] >= 0:
-                        jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
-                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # drawn along by others it would wander
-                        jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
-                    continue
-                if star_tolerable(position, star, v, new_x, new_y, floor) or (
-                    not sound[v] and may_move(position, star, v, new_x, new_y, floor)
-                ):
-                    position[v, 0], position[v, 1] = new_x, new_y
-                    if kind[v] == SLIDING:
-                        constraints.parameter[v] = parameter
-        if periodic:
-            reach_beyond(
-                position, elements, star, constraints, x, region[t], rate_of_point, strength, rings, floor, scratch
-            )
+    chains, onto, least, target = constraints.chains, np.int64(-1), np.inf, 0.0
+    for k in range(star.start[v], star.start[v + 1]):
+        for j in range(3):
+            c = np.int64(elements.chain[star.element[k], j])
+            if c < 0 or elements.node[star.element[k], j] == v:
+                continue
+            distance, parameter = distance_to_chain(chains, c, x, y, parameter_of(position, constraints, c, v))
+            if distance < least:
+                onto, least, target = c, distance, parameter
+    corner = parameter_of(position, constraints, onto, v)
+    parameter = corner + step * (target - corner)
+    if parameter == corner:
+        return
+    for k in range(star.start[v], star.start[v + 1]):
+        e = star.element[k]
+        ahead, behind = np.int64(star.ahead[k]), np.int64(star.behind[k])
+        for next_node, other in ((ahead, behind), (behind, ahead)):
+            if not may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
+                continue
+            if swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+                third = np.int64(chain_of_edge(elements, e, next_node))
+                hand_over(constraints, v, next_node, np.int64(JUNCTION), np.int64(-1), parameter)
+                constraints.chain[v, OWN] = onto
+                elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements.node, e, next_node)]]
+                relabel_edge(elements, star, v, next_node, onto)
+                relabel_edge(elements, star, v, other, np.int64(-1))
+                relabel_edge(elements, star, next_node, other, third)
+                return
+
+
+@inner_kernel
+def may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
+    """Whether e, with v at a junction, lies between the chains of its two other nodes, and the next may take over."""
+    chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
+    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba knows no such in)
+        return False
+    if chain_of_edge(elements, e, v) >= 0:
+        return False
+    if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, OWN] != away:
+        return False
+    if elements.level[next_node] != elements.level[v]:
+        return False
+    if elements.neighbour[e, corner_of(elements.node, e, next_node)] < 0:
+        return False
+    return within_reach(position, elements, star, chains, away, next_node, position[v, 0], position[v, 1])
+
+
+@inner_kernel
+def chain_of_edge(elements, e, v):
+    """Chain of the edge of e opposite to its node v, -1 for none."""
+    return elements.chain[e, corner_of(elements.node, e, v)]
+
+
+@inner_kernel
+def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+    """Move v to a parameter of a chain and its follower into the corner; returns whether the quality rule allows it."""
+    before = worst_of_two(position, star, v, next_node)
+    corner_x, corner_y = position[v, 0], position[v, 1]
+    next_x, next_y = position[next_node, 0], position[next_node, 1]
+    position[v, 0], position[v, 1] = point_at(constraints.chains, onto, parameter)
+    position[next_node, 0], position[next_node, 1] = corner_x, corner_y
+    if allowed(worst_of_two(position, star, v, next_node), before, floor):
+        return True
+    position[v, 0], position[v, 1] = corner_x, corner_y
+    position[next_node, 0], position[next_node, 1] = next_x, next_y
+    return False
+
+
+@inner_kernel
+def worst_of_two(position, star, v, w):
+    """Worst signed quality of the stars of two nodes."""
+    return min(
+        worst_in_star(position, star, v, position[v, 0], position[v, 1]),
+        worst_in_star(position, star, w, position[w, 0], position[w, 1]),
+    )
+
+
+@inner_kernel
+def hand_over(constraints, v, next_node, onto, away, parameter):
+    """Give the corner's constraint to the follower; v slides from now on."""
+    constraints.kind[next_node], constraints.kind[v] = HELD, SLIDING
+    constraints.chain[next_node, OWN], constraints.chain[next_node, OTHER] = onto, away
+    constraints.chain[v, OWN], constraints.chain[v, OTHER] = onto, -1
+    constraints.parameter[v] = parameter
