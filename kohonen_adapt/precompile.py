@@ -33,7 +33,9 @@ def warmup() -> None:
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("flip", "fixed", "recycle"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
-    relocate(MeshTri().refined(3), lambda x: 1.0 + x[0])
+    relocate(MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0]))  # far around a corner: steps are mended
+    disc = MeshTri.init_circle(2)  # a circle is recognised, and nodes are put on it
+    relocate(disc, np.ones(disc.nelements), schedule=brief)
     relocate(
         mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
     )

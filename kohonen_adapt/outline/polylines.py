@@ -101,7 +101,7 @@ def traced(ends: Ints, through: Ints) -> Runs:
     count = len(ends)
     node, facet = (np.empty(2 * count, dtype=np.int32) for _ in range(2))
     start, closed = np.zeros(count + 1, dtype=np.int32), np.zeros(count, dtype=np.bool_)
-    runs = trace_runs(ends.astype(np.int32), through, node, facet, start, closed)
+    runs = trace_runs(ends.astype(np.int32, order="C"), through, node, facet, start, closed)
     slots = start[runs]
     return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
 

@@ -122,16 +122,18 @@ class Surgery:
 
     def run(self, floor: float, missing: int, ratio: float) -> tuple[int, int]:
         """Rounds of splits and collapses; returns how many of each."""
-        longest, shortest, room = (*heaps_for(self.elements), room_for(self.state["position"], self.elements))
-        position = self.state["position"]
-        arrays = position, self.elements, self.constraints, self.pool, self.origins, longest, shortest
+        position, rows = self.state["position"], len(self.elements.node)
+        # all edges more than twice: a mesh has three edges for two elements, and outlines
+        heaps = Heap.of(4 * rows + 8), Heap.of(4 * rows + 8)
+        scratch = SurgeryScratch.of(len(position), rows)
+        arrays = position, self.elements, self.constraints, self.pool, self.origins, *heaps
         splits = collapses = 0
         for _ in range(ROUNDS):
-            fill_heaps(position, self.elements, self.origins, longest, shortest)
+            fill_heaps(position, self.elements, self.origins, *heaps)
             at_first, finished = splits, False
             self.origins.young[:] = False
             while not finished:
-                more, fewer, finished = recycle(*arrays, max(0, missing - splits), ratio, floor, SPLITS, room)
+                more, fewer, finished = recycle(*arrays, max(0, missing - splits), ratio, floor, SPLITS, scratch)
                 splits, collapses = splits + more, collapses + fewer
             if splits - at_first <= SETTLED * len(position):
                 break
@@ -173,17 +175,6 @@ def outer_edges(elements: Elements) -> Ints:
     """The nodes of the edges on the outer boundary, (k, 2)."""
     e, k = np.nonzero(elements.neighbour < 0)
     return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
-
-
-def heaps_for(elements: Elements) -> tuple[Heap, Heap]:
-    """Two heaps with room for all edges more than twice: a mesh has three edges for two elements, and outlines."""
-    size = 4 * len(elements.node) + 8
-    return Heap.of(size), Heap.of(size)
-
-
-def room_for(position: Floats, elements: Elements) -> SurgeryScratch:
-    """Scratch of the kernel."""
-    return SurgeryScratch.of(len(position), len(elements.node))
 
 
 def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:

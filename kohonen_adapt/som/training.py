@@ -48,23 +48,23 @@ class Trainer:
         What is trained.
     order, rank
         Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
-    rooms
+    scratch
         Scratch arrays, one set per thread.
     """
 
     movable: MovableMesh
     order: Ints
     rank: Ints
-    rooms: list[SearchScratch]
+    scratch: list[SearchScratch]
 
     @classmethod
     def of(cls, movable: MovableMesh) -> "Trainer":
-        """Put the neurons in order along a curve, and make room for every thread."""
+        """Put the neurons in order along a curve, and make scratch arrays for every thread."""
         order = along_curve(movable.triangulation.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        rooms = [scratch_for(movable.triangulation) for _ in range(number_of_threads())]
-        return cls(movable, order, rank, rooms)
+        scratch = [scratch_for(movable.triangulation) for _ in range(number_of_threads())]
+        return cls(movable, order, rank, scratch)
 
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
@@ -196,7 +196,7 @@ class Trainer:
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
         paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
         part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
-        mark_deep(self.movable.triangulation.star, part, rings, deep, self.rooms[0].queue)
+        mark_deep(self.movable.triangulation.star, part, rings, deep, self.scratch[0].queue)
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
@@ -208,7 +208,7 @@ class Trainer:
             part = slice(first, last)
             find_winners(
                 tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
-                hints[part], found[part], distances[part], self.rooms[thread],
+                hints[part], found[part], distances[part], self.scratch[thread],
             )  # fmt: skip
 
         shared(task, even_cuts(len(hints), FEW, STRETCH))
@@ -233,7 +233,7 @@ class Trainer:
             part = slice(first, last)
             learn(
                 tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
-                batch.weights[part], winners[part], rate, strength, floor, sound, self.rooms[thread],
+                batch.weights[part], winners[part], rate, strength, floor, sound, self.scratch[thread],
             )  # fmt: skip
 
         shared(task, shares_of(cuts[:-1]))

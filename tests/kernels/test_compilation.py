@@ -84,3 +84,35 @@ def test_code_is_named_by_its_signature_and_old_code_is_removed(kernels):
     (kernels / "callee.py").write_text(CALLEE.format(factor=2))
     run(kernels, "(1, 1.0)")
     assert {path.name for path in cache.glob("caller.scaled*.nbc")} == first  # whichever came first
+
+
+FIRST_RUN = """
+import sys
+import numpy as np, skfem, kohonen_adapt as ka
+from numba.core.dispatcher import Dispatcher
+from own_problem import Poisson
+
+def compiled():
+    kernels = [module for name, module in sys.modules.items() if name.startswith("kohonen_adapt.kernels")]
+    found = {d for module in kernels for d in vars(module).values() if isinstance(d, Dispatcher)}
+    return {(d.py_func.__name__, signature) for d in found for signature in d.overloads}
+
+ka.warmup()
+before = compiled()
+corner = skfem.MeshTri.init_lshaped().refined(3)
+result = ka.adapt(corner, Poisson(), passes=2)
+ka.polish(result.mesh, Poisson())
+for mesh in (corner, skfem.MeshTri.init_circle(3), skfem.MeshTri().refined(4)):
+    for topology in ("fixed", "flip", "recycle"):
+        ka.relocate(mesh, lambda x: np.exp(5.0 * x[0]), topology=topology)
+    ka.KohonenMap(mesh).train(mesh.p[:, mesh.t].mean(axis=1))
+print(len(before), sorted(compiled() - before))
+"""
+
+
+def test_after_the_warm_up_a_first_run_compiles_nothing():
+    examples = Path(__file__).parents[2] / "examples"
+    done = subprocess.run([sys.executable, "-c", FIRST_RUN], cwd=examples, capture_output=True, text=True, check=True)
+    count, missing = done.stdout.split(maxsplit=1)
+    assert int(count) > 50
+    assert missing.strip() == "[]"
