@@ -83,7 +83,13 @@ class Rules:
         return self.topology != "fixed"
 
     def guarded(self) -> "Rules":
-        """These rules, refused where they have no quality to keep: `min_quality` is None."""
+        """These rules, refused where they have no quality to keep.
+
+        Raises
+        ------
+        ValueError
+            If `min_quality` is None.
+        """
         if self.min_quality is None:
             raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
         return self
