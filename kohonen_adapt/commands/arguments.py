@@ -16,19 +16,9 @@ Handler = Callable[..., int]
 
 
 def command_parser(description: str | None, version: str, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
-    """The arguments of the command and of its subcommands.
+    """The arguments of the command and of its subcommands; parsed ones hold the handler of theirs as ``run``.
 
-    Parameters
-    ----------
-    description, version
-        What the command is for, and which it is.
-    run
-        Name of a subcommand to what does it: parsed arguments have it as ``run``, and the name as ``command``.
-
-    Returns
-    -------
-    argparse.ArgumentParser
-        It ends the process at arguments it does not know; without any, ``command`` is None.
+    The parser ends the process at arguments it does not know; without any, ``command`` is None.
     """
     parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"kohonen-adapt {version}")

@@ -36,22 +36,7 @@ SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)"
 
 
 def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Read a mesh and a field on it, relocate, and write the mesh in the unit it came in, with the same groups.
-
-    Physical groups keep their numbers, and points in a group their place.
-
-    Returns
-    -------
-    int
-        The exit status, 0.
-
-    Raises
-    ------
-    ValueError
-        If a file is damaged, the field is not on the mesh, or `relocate` refuses what it is given.
-    OSError
-        If a file cannot be read or written.
-    """
+    """Read a mesh and a field on it, relocate, write the mesh with the same groups, and return the exit status."""
     out = arguments.out
     remove_drafts(writable_folder(out.parent), out.name)
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
