@@ -7,7 +7,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, shape_of
+from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, pairs_in, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import is_own_name, named_sets
@@ -125,28 +125,17 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     if len(rows.number) == 0 and not content.names:
         return None
     node = found_in(used, rows.nodes)
-    facet = np.where(np.all(node >= 0, axis=1), _facets(mesh, np.sort(node, axis=1)), -1)
+    facet = np.where(np.all(node >= 0, axis=1), pairs_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
         logger.warning("%d lines of '%s' are no side of a triangle: left out.", np.sum(facet < 0), path)
     return _by_name(rows.group[facet >= 0], facet[facet >= 0], LINE, content)
 
 
-def _facets(mesh: MeshTri, pairs: Ints) -> Ints:
-    """Number of the facet between two nodes, lower one first, (n, 2) -> (n,); -1 where there is none."""
-    keys = mesh.facets[0].astype(np.int64) * mesh.p.shape[1] + mesh.facets[1]
-    return found_in(keys, pairs[:, 0] * mesh.p.shape[1] + pairs[:, 1])
-
-
 def _report(mesh: MeshTri, content: Content, path: Path) -> None:
-    logger.info(
-        "read '%s': %d nodes, %d triangles, subdomains %s, boundaries %s; %d unused nodes dropped.",
-        path,
-        mesh.p.shape[1],
-        mesh.t.shape[1],
-        sorted(mesh.subdomains or ()),
-        sorted(mesh.boundaries or ()),
-        len(content.points) - mesh.p.shape[1],
-    )
+    sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
+    names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
+    said = "read '%s': %d nodes, %d triangles, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(said, path, *sizes, *names, unused)
     if mesh.subdomains:
         bare = np.ones(mesh.t.shape[1], dtype=bool)
         bare[np.concatenate(list(mesh.subdomains.values()))] = False
@@ -158,8 +147,7 @@ def _report(mesh: MeshTri, content: Content, path: Path) -> None:
         logger.warning(
             "'%s' has no triangles for surface %s of its geometry: the mesh has holes there. "
             "Put every surface into a physical group: where there are groups, Gmsh saves only what is in one.",
-            path,
-            surfaces,
+            *(path, surfaces),
         )
 
 
@@ -205,17 +193,16 @@ def _check_order(content: Content, path: Path) -> None:
 
 def _check_same(p: Floats, own: Floats, path: Path) -> None:
     if p.shape != own.shape:
-        raise ValueError(
-            f"read_curves expected the mesh that read_mesh('{path}') gives, with {own.shape[1]} nodes; got one with "
-            f"{p.shape[1]}. Read the curves before the mesh is changed."
-        )
+        raise _of_another_mesh(path, f", with {own.shape[1]} nodes; got one with {p.shape[1]}")
     off = np.max(np.abs(p - own))
     size = np.ptp(own, axis=1).max()
     if off > SAME * size + DIGITS * np.abs(own).max():
-        raise ValueError(
-            f"read_curves expected the mesh that read_mesh('{path}') gives at this scale; a node is "
-            f"{off / size:.3g} sizes of the mesh off its place. Read the curves before the mesh is changed."
-        )
+        raise _of_another_mesh(path, f" at this scale; a node is {off / size:.3g} sizes of the mesh off its place")
+
+
+def _of_another_mesh(path: Path, why: str) -> ValueError:
+    expected = f"read_curves expected the mesh that read_mesh('{path}') gives"
+    return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
 
 
 def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
@@ -223,18 +210,13 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
 
     The triangles have it for every facet, also where a name was given after reading and the file has no line.
     """
-    count = triangles.max(initial=0) + 1
-    wanted = np.min(ends, axis=1) * count + np.max(ends, axis=1)
     middle = np.full(len(ends), -1)
     for side, between in zip(SIDES, MIDDLES, strict=True):
-        pair = triangles[:, side]
-        facet = found_in(wanted, np.min(pair, axis=1) * count + np.max(pair, axis=1))
+        facet = pairs_in(ends, triangles[:, side])
         middle[facet[facet >= 0]] = triangles[facet >= 0, between]
     if np.any(middle < 0):
-        raise ValueError(
-            f"read_curves expected the mesh that read_mesh('{path}') gives; {np.sum(middle < 0)} facets in its "
-            "boundaries are no side of a triangle of the file. Read the curves before the mesh is changed."
-        )
+        count = np.sum(middle < 0)
+        raise _of_another_mesh(path, f"; {count} facets in its boundaries are no side of a triangle of the file")
     return middle
 
 

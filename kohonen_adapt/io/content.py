@@ -25,6 +25,7 @@ __all__ = [
     "check_finite",
     "found_in",
     "nodes_of",
+    "pairs_in",
     "parsed",
     "refusing",
     "shape_of",
@@ -167,6 +168,13 @@ def found_in(known: Ints, wanted: Ints) -> Ints:
     order = np.argsort(known, kind="stable")
     place = order[np.searchsorted(known, wanted, sorter=order).clip(max=len(known) - 1)]
     return np.where(known[place] == wanted, place, -1)
+
+
+def pairs_in(known: Ints, wanted: Ints) -> Ints:
+    """Look up the places of pairs of nodes (m, 2) in any order among known ones (k, 2), -1 for none."""
+    nodes = 1 + max(int(known.max(initial=0)), int(wanted.max(initial=0)))
+    keys = [nodes * np.min(pairs, axis=1).astype(np.int64) + np.max(pairs, axis=1) for pairs in (known, wanted)]
+    return found_in(*keys)
 
 
 def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:

@@ -112,22 +112,11 @@ def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
 
 
 def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple[int, str], int]:
-    """A number for every group by (dimension, name), no two of a dimension alike.
+    """A number for every group by (dimension, name), no two of a dimension alike; `sets` are the names by dimension.
 
     It is the one in `groups`, else the one in a name such as ``region_7``, else a new one. New ones differ from all
-    others, for readers that overlook the dimension of a group.
-
-    Parameters
-    ----------
-    sets
-        Names by dimension.
-    groups
-        The numbers that are known.
-
-    Raises
-    ------
-    ValueError
-        If a number of `groups` is no positive integer.
+    others, for readers that overlook the dimension of a group. A number in `groups` that is no positive integer is a
+    ValueError.
     """
     known = _known(groups)
     keys = [(dimension, name) for dimension, names in sets.items() for name in names]

@@ -89,20 +89,7 @@ def write_mesh(
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
-    """Named sets of elements or facets, sorted and without repetition; what scikit-fem calls ``gmsh:*`` is left out.
-
-    Parameters
-    ----------
-    sets
-        Indices by name, or None.
-    kind
-        "subdomain" or "boundary", for messages.
-
-    Raises
-    ------
-    ValueError
-        If a name cannot be stored.
-    """
+    """Elements or facets by name, sorted and without repetition; `kind` is "subdomain" or "boundary", for messages."""
     checked: dict[str, Ints] = {}
     for name, indices in named_sets(sets).items():
         _check_name(name, kind)
@@ -116,13 +103,7 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
 def _checked_fields(
     fields: Mapping[str, ArrayLike] | None, count: int, kind: str, *, vectors: bool
 ) -> dict[str, Floats]:
-    """Fields by name as float arrays (count,), or (2, count) where `vectors` allows it.
-
-    Raises
-    ------
-    ValueError
-        If a name cannot be stored, a shape is another, or a value is not finite.
-    """
+    """Finite fields by name as float arrays (count,), or (2, count) where `vectors` allows it."""
     expected = f"({count},) or (2, {count})" if vectors else f"({count},)"
     checked = {}
     for name, values in (fields or {}).items():
