@@ -51,24 +51,19 @@ def discrete_flux(
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
     material = finite_reals("reluctivity", reluctivity, {"nelements": nelements}, "element")
-    _check_positive(material)
-    load, prescribed = np.zeros(nelements), np.zeros((2, nelements))
-    if source is not None:
-        load = finite_reals("source", source, {"nelements": nelements}, "element")
-    if flux is not None:
-        prescribed = finite_reals("flux", flux, {"2": 2, "nelements": nelements}, "element")
+    bad = np.flatnonzero(material <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"reluctivity must be positive; it is not in {bad.size} of {nelements} elements, "
+            f"first {bad[0]} ({material[bad[0]]:g})."
+        )
+    source = np.zeros(nelements) if source is None else source
+    flux = np.zeros((2, nelements)) if flux is None else flux
+    load = finite_reals("source", source, {"nelements": nelements}, "element")
+    prescribed = finite_reals("flux", flux, {"2": 2, "nelements": nelements}, "element")
     hats = hat_gradients(mesh)
     values = material * gradient(mesh, nodal, hats) - prescribed
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
-
-
-def _check_positive(reluctivity: Floats) -> None:
-    bad = np.flatnonzero(reluctivity <= 0.0)
-    if bad.size:
-        raise ValueError(
-            f"reluctivity must be positive; it is not in {bad.size} of {reluctivity.size} elements, "
-            f"first {bad[0]} ({reluctivity[bad[0]]:g})."
-        )
 
 
 def residual(

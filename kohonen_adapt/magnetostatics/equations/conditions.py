@@ -95,11 +95,8 @@ class Conditions:
 def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> Conditions:
     """The conditions on the unknowns of the elements.
 
-    Raises
-    ------
-    ValueError
-        For names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
-        that is no circle, and connected parts of the mesh where nothing fixes the potential.
+    Refused are names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
+    that is no circle, and connected parts of the mesh where nothing fixes the potential.
     """
     fixed, values = fixed_values(elements, given.potential)
     values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)

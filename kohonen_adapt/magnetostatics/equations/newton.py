@@ -21,7 +21,6 @@ TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # share of the descent that the slope promises, which a step must bring (Armijo)
 SHORTEST = 2.0**-40  # of a step
 
-
 logger = logging.getLogger("kohonen_adapt")
 
 
@@ -149,9 +148,7 @@ class Newton:
     solver: Solver = field(default_factory=Solver)
 
     def whole_step(self, energy: EnergyFunctional, u: Floats, pull: Floats) -> Floats:
-        """The whole step from u where the gradient is `pull`: to the minimum, where the functional is quadratic;
-        LinAlgError if it is not finite.
-        """
+        """The whole step from u, of gradient `pull`: to the minimum of a quadratic functional, or LinAlgError."""
         whole, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             matrix, right = conditions.reduced(energy.hessian(u), -pull)

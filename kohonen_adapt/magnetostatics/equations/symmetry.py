@@ -20,7 +20,7 @@ class Planar:
         return potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        """The potential of u at points; on an axis 0, and there at all places of unknowns."""
+        """The potential of u at all places of unknowns; 0 on an axis."""
         return unknown
 
     def on_axis(self, x: Floats) -> Mask:

@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.quantities.forces import (
     force_component,
     torque_component,
 )
-from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, linkage_density
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, turn_length, turns_density
 
 __all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
 
@@ -163,7 +163,7 @@ class FluxLinkage:
 
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
-        source = linkage_density(field, self.circuit)
+        source = turn_length(field) * turns_density(field, self.circuit)
         return source, np.zeros((2, source.size))
 
 

@@ -17,7 +17,6 @@ __all__ = [
     "circuit_current",
     "coil_linkage",
     "energy_inductance",
-    "linkage_density",
     "turn_length",
     "turns_density",
 ]
@@ -33,13 +32,11 @@ def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
     return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
-def linkage_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
-    """The density w whose ``int w u`` over the plane, of ``u = field.unknown``, is the linkage of a circuit."""
-    return turn_length(field) * turns_density(field, circuit)
-
-
 def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
-    """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit."""
+    """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit.
+
+    Times `turn_length` it is the density w whose ``int w field.unknown`` over the plane is the linkage.
+    """
     density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
     for name, turns in circuit.items():
         inside = elements_in(field.mesh, name)
