@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = [
+    "EXACT",
     "LARGEST_TAG",
     "LINE",
     "MSH_VERSION",
@@ -36,6 +37,7 @@ MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Suffix to version of MSH; Gmsh itself takes `.msh2` for 2.2."""
 
 LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh has them as int
+EXACT = 2.0**53  # below it, every whole number is a float, as texts of numbers are parsed
 SHOWN = 160  # characters of what went wrong: a file may put anything there
 
 POINT, LINE, TRIANGLE = "point", "line", "triangle"

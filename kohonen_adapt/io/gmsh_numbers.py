@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import nodes_of, parsed
+from kohonen_adapt.io.content import EXACT, nodes_of, parsed
 
 __all__ = ["INT", "SIZE", "Numbers"]
 
 INT, SIZE, REAL = "i4", "u8", "f8"
 """Types of Gmsh's numbers in binary files, in the byte order of this machine."""
-
-LARGEST = 2.0**53  # of whole numbers in a text, which are parsed as floats
 
 
 class Numbers:
@@ -149,7 +147,7 @@ def _need(there: bool) -> None:
 
 
 def _whole(values: NDArray[Any]) -> Ints:
-    if not np.all(np.abs(values) < LARGEST):
+    if not np.all(np.abs(values) < EXACT):
         raise ValueError("a number that counts is too large, or none")
     whole = values.astype(np.int64)
     if np.any(whole != values):

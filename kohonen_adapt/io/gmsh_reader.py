@@ -193,10 +193,9 @@ def read_views(path: Path) -> Sampled:
         data = path.read_bytes()
     if data[:80].lstrip()[:4] == b"View":
         return _listed(data, path)
-    binary = _header_of(data, path)[1]
-    content = read_msh(path)
+    version, binary = _header_of(data, path)
     with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
-        return _views(data, binary, content)
+        return _views(data, binary, _content(data, version, binary))
 
 
 def _listed(data: bytes, path: Path) -> Sampled:

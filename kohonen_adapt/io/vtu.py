@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import Content, Field, Rows, Sampled
+from kohonen_adapt.io.content import EXACT, Content, Field, Rows, Sampled
 from kohonen_adapt.io.vtu_reader import read_grid
 from kohonen_adapt.mesh.names import combinations
 
@@ -29,7 +29,6 @@ SOLID = (10, 11, 12, 13, 14, 15, 16, 24, 25, 26, 27, 28, 29, 31, 32, 33, 42, 71,
 QUADRILATERAL, TETRAHEDRON = 3, 4
 """Gmsh's types that stand for all that is refused anyhow."""
 
-LARGEST = 2.0**53
 SIDES = ([0, 1], [1, 2], [0, 2])
 """Corners of the sides of an element, numbered as in `MeshTri.t2f`."""
 
@@ -48,7 +47,7 @@ def write_vtu(
         If a field of the caller has one of these names.
     """
     names: dict[str, Ints] = {REGION: combinations(list(subdomains.values()), mesh.t.shape[1])[0]}
-    names |= {SUBDOMAIN + name: _mark(items, mesh.t.shape[1]) for name, items in subdomains.items()}
+    names |= {SUBDOMAIN + name: np.bincount(items, minlength=mesh.t.shape[1]) for name, items in subdomains.items()}
     names |= {BOUNDARY + name: _mark_sides(mesh, items) for name, items in boundaries.items()}
     taken = names.keys() & cell_data.keys()
     if taken:
@@ -59,12 +58,6 @@ def write_vtu(
     points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
     content = meshio.Mesh(points, [("triangle", mesh.t.T)], point_data=nodal, cell_data=cells)
     meshio.vtu.write(str(path), content)
-
-
-def _mark(items: Ints, count: int) -> Ints:
-    mark = np.zeros(count, dtype=np.int64)
-    mark[items] = 1
-    return mark
 
 
 def _mark_sides(mesh: MeshTri, facets: Ints) -> Ints:
@@ -116,7 +109,7 @@ def _named_rows(
     # The sides are numbered by the sorted corners.
     corners = np.sort(triangles, axis=1)
     for key, values in data.items():
-        if key.startswith((SUBDOMAIN, BOUNDARY)) and not (values.ndim == 1 and np.all(np.abs(values) < LARGEST)):
+        if key.startswith((SUBDOMAIN, BOUNDARY)) and not (values.ndim == 1 and np.all(np.abs(values) < EXACT)):
             raise ValueError(f"read_mesh expected whole numbers, one for each cell, in '{key}' of '{path}'.")
         if key.startswith(SUBDOMAIN):
             names[2, len(surfaces)] = key.removeprefix(SUBDOMAIN)
