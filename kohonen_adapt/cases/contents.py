@@ -31,7 +31,7 @@ def material_in(folder: Path) -> Reader:
     """A reader of tables under ``materials``; files of curves are sought from the folder."""
 
     def read(given: Any, place: str) -> Material:
-        return made(Material, given, place, bh=lambda curve, where: _law(curve, where, folder))
+        return made(Material, given, place, {"bh": lambda curve, where: _law(curve, where, folder)})
 
     return read
 

@@ -109,9 +109,11 @@ def kind_of(annotation: Any) -> Kind | None:
     return table_of(kinds[1]) if origin is Mapping and len(kinds) == 2 else None
 
 
-def kinds_of(make: Callable[..., Any], **special: Reader) -> dict[str, Reader]:
+def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = None) -> dict[str, Reader]:
     """How to read those arguments of a class or a function that TOML can write, by annotations but for special ones."""
-    readers = {name: special.get(name) or kind_of(each.annotation) for name, each in signature(make).parameters.items()}
+    readers = {
+        name: (special or {}).get(name) or kind_of(each.annotation) for name, each in signature(make).parameters.items()
+    }
     return {name: reader for name, reader in readers.items() if reader}
 
 
@@ -133,10 +135,10 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
     return {key: readers[key](value, _below(place, key)) for key, value in entries.items()}
 
 
-def made(make: Callable[..., Any], given: Any, place: str, **special: Reader) -> Any:
+def made(make: Callable[..., Any], given: Any, place: str, special: Mapping[str, Reader] | None = None) -> Any:
     """Call a class or a function with the values of a table as its arguments."""
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
-    return called(make, read_table(given, kinds_of(make, **special), place, required), place)
+    return called(make, read_table(given, kinds_of(make, special), place, required), place)
 
 
 def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:

@@ -22,7 +22,7 @@ __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 PROBLEM = kinds_of(Magnetostatics)
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-ADAPT = {name: kind for name, kind in kinds_of(adapt, curves=table_of(shape)).items() if name != "checkpoint"}
+ADAPT = {name: kind for name, kind in kinds_of(adapt, {"curves": table_of(shape)}).items() if name != "checkpoint"}
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
 LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
