@@ -7,7 +7,16 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
 
-__all__ = ["as_reals", "check_count", "check_hook", "finite_reals", "is_count", "is_number", "listed"]
+__all__ = [
+    "as_reals",
+    "check_count",
+    "check_hook",
+    "check_tolerance",
+    "finite_reals",
+    "is_count",
+    "is_number",
+    "listed",
+]
 
 
 def is_count(value: object) -> bool:
@@ -30,6 +39,18 @@ def check_count(name: str, value: object) -> None:
     """
     if not is_count(value):
         raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+
+
+def check_tolerance(name: str, value: object) -> None:
+    """Refuse what is neither a finite number of at least 0 nor None.
+
+    Raises
+    ------
+    ValueError
+        With the name of the argument and what came.
+    """
+    if value is not None and not (is_number(value) and 0.0 <= value < np.inf):  # type: ignore[operator]
+        raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
 
 
 def check_hook(name: str, hook: object, told: str) -> None:

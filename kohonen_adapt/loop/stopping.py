@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.checks import check_count, check_hook, is_number
+from kohonen_adapt.checks import check_count, check_hook, check_tolerance
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import StepFailed
@@ -61,10 +61,8 @@ class StopTest:
     def __post_init__(self) -> None:
         check_count("passes", self.passes)
         check_hook("callback", self.callback, "the pass")
-        for name in ("rtol", "atol"):
-            value = getattr(self, name)
-            if value is not None and not (is_number(value) and 0.0 <= value < np.inf):
-                raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
+        check_tolerance("rtol", self.rtol)
+        check_tolerance("atol", self.atol)
 
     def __call__(self, passes: Passes, best: Pass, growing: bool) -> Ending | None:
         """The ending after the last of the passes, or None to go on. The callback hears of every pass, the last too.

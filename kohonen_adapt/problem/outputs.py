@@ -1,15 +1,15 @@
-"""What a user wants to know of every solution: functions by name, their values checked, and when those have settled."""
+"""Evaluate what a user wants to know of every solution: functions by name, checked, and whether they have settled."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from kohonen_adapt.checks import check_tolerance
+
 __all__ = ["Output", "check_outputs", "have_settled", "output_value"]
 
 Output = Callable[[Any], float]
-
-_NUMBERS = (int, float, np.integer, np.floating)
 
 
 def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
@@ -27,7 +27,9 @@ def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
             raise ValueError(f"the names of outputs must be strings; got {name!r}.")
         if not callable(function):
             raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
-    _check_tolerance(output_rtol, bool(outputs))
+    check_tolerance("output_rtol", output_rtol)
+    if output_rtol is not None and not outputs:
+        raise ValueError("output_rtol needs outputs whose changes it limits; give outputs={name: function}.")
     return dict(outputs or {})
 
 
@@ -55,13 +57,3 @@ def output_value(name: str, function: Output, solution: Any) -> float:
 def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
     """Whether no output has changed by more than that fraction of what it was."""
     return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())
-
-
-def _check_tolerance(output_rtol: Any, outputs: bool) -> None:
-    if output_rtol is None:
-        return
-    number = isinstance(output_rtol, _NUMBERS) and not isinstance(output_rtol, bool)
-    if not (number and 0.0 <= output_rtol < np.inf):
-        raise ValueError(f"output_rtol must be a finite number >= 0, or None; got {output_rtol!r}.")
-    if not outputs:
-        raise ValueError("output_rtol needs outputs whose changes it limits; give outputs={name: function}.")

@@ -20,13 +20,12 @@ from kohonen_adapt.kernels.triangle.geometry import mark_sound
 from kohonen_adapt.kernels.triangle.search import STRETCH, find_winners
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.kernels.triangle.train import learn
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density, Draw
 from kohonen_adapt.som.transport import POINTS, Transport
 
-__all__ = ["Trainer", "scratch_for"]
+__all__ = ["Trainer"]
 
 PULL = 0.4  # share of its way that a neuron may go towards the points of one batch: the next one balances it
 LEAST = 1_000  # neurons in a part: fewer are not worth a thread
@@ -63,7 +62,8 @@ class Trainer:
         order = along_curve(movable.triangulation.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        scratch = [scratch_for(movable.triangulation) for _ in range(number_of_threads())]
+        elements = len(movable.triangulation.elements.node)
+        scratch = [SearchScratch.of(movable.nnodes, elements) for _ in range(number_of_threads())]
         return cls(movable, order, rank, scratch)
 
     def learn(
@@ -273,8 +273,3 @@ def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
     ring = np.arange(stage.radius + 1)
     pull = points / neurons * rate * float(np.maximum(1, 6 * ring) @ stage.strength()) / PULL
     return max(1, ceil(pull), ceil(points / UPDATES * disc(stage.radius)))
-
-
-def scratch_for(triangulation: Triangulation) -> SearchScratch:
-    """Room for one thread to work in."""
-    return SearchScratch.of(triangulation.nnodes, len(triangulation.elements.node))

@@ -1,4 +1,4 @@
-"""From a density of nodes to training points, and densities looked up where nodes have gone."""
+"""Draw training points from a density of nodes, and look the density up where nodes have gone."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -51,20 +51,36 @@ class Draw(NamedTuple):
         return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 
 
-class ElementDensity:
+class OfElements:
+    """The mesh of a density as it is now, for the map goes on to change its own; and the mass of every element."""
+
+    masses: Floats
+
+    def __init__(self, triangulation: Triangulation) -> None:
+        self.position, self.elements = triangulation.position.copy(), triangulation.elements
+        own = {name: getattr(self.elements, name).copy() for name in ("node", "neighbour", "region")}
+        self.elements = self.elements._replace(**own)
+        self.areas = triangulation.areas()
+        self._order = along_curve(triangulation.centroids()).astype(np.int32)
+
+    def at_nodes(self) -> Floats:
+        """The mean over the elements around every node, (n,); each counts the same, as small ones know better."""
+        node, values = self.elements.node.ravel(), self.masses / self.areas
+        return np.bincount(node, weights=np.repeat(values, 3)) / np.bincount(node)
+
+
+class ElementDensity(OfElements):
     """A density that is constant on every element of the mesh it was estimated on."""
 
     lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
 
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
-        self.position, self.elements = snapshot(triangulation)
+        super().__init__(triangulation)
         self.values = without_zeros(values, values.max())
-        self.areas = triangulation.areas()
         self.masses = self.areas * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
         average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
         self._sites = sites_of(triangulation)
-        self._order = along_curve(triangulation.centroids()).astype(np.int32)
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
@@ -74,10 +90,6 @@ class ElementDensity:
             self.position, self.elements.node, self._order, self._cumulated, rng.random((number, 3)), points, element
         )
         return Draw(points, element, self.elements.region[element], np.ones(number))
-
-    def at_nodes(self) -> Floats:
-        """The mean over the elements around every node of the density's mesh, (n,)."""
-        return means_at_nodes(self.elements.node, self.masses / self.areas)
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
@@ -93,23 +105,21 @@ class ElementDensity:
         return squares
 
     def refit(self, triangulation: Triangulation, locator: Locator) -> None:
-        """Take notice that the triangulation has other nodes and elements now; the locator is the density's mesh's."""
+        """Find the nodes of a recycled triangulation in the density's own mesh, which the locator searches."""
         self._sites = sites_of(triangulation)
         middle = triangulation.position[triangulation.elements.node[self._sites.element]].mean(axis=1)
         self._sites.element[:] = np.maximum(0, locator.find(middle))
 
 
-class CallableDensity:
+class CallableDensity(OfElements):
     """A density given as a function of position, sampled wherever it is needed."""
 
     lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
 
     def __init__(self, triangulation: Triangulation, function: Callable[[Floats], ArrayLike]) -> None:
-        self.position, self.elements = snapshot(triangulation)
+        super().__init__(triangulation)
         self.function = function
-        self.areas = triangulation.areas()
         self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
-        self._order = along_curve(triangulation.centroids()).astype(np.int32)
         values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
         if not self.largest > 0:
@@ -148,10 +158,6 @@ class CallableDensity:
         element = self._order[chosen // self.share]
         return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
 
-    def at_nodes(self) -> Floats:
-        """The mean over the elements around every node of the density's mesh, (n,)."""
-        return means_at_nodes(self.elements.node, self.masses / self.areas)
-
     def refit(self, triangulation: Triangulation, locator: Locator) -> None:
         """Nothing: the function is asked anew wherever nodes are."""
 
@@ -188,19 +194,6 @@ def without_zeros(values: Floats, largest: float) -> Floats:
     Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
     """
     return np.where(values == 0.0, ZERO, values / largest)
-
-
-def means_at_nodes(node: NDArray[np.int32], values: Floats) -> Floats:
-    """Mean over the elements around every node; each counts the same, as small ones know better than large ones."""
-    return np.bincount(node.ravel(), weights=np.repeat(values, 3)) / np.bincount(node.ravel())
-
-
-def snapshot(triangulation: Triangulation) -> tuple[Floats, Elements]:
-    """The triangulation as it is now: the map goes on to change its own."""
-    elements = triangulation.elements
-    return triangulation.position.copy(), elements._replace(
-        node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=elements.region.copy()
-    )
 
 
 def sites_of(triangulation: Triangulation) -> Sites:
