@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, parabola
+from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -113,11 +113,11 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build):
         if constraints.kind[v] == SLIDING:
             way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = functional(*at.arrays)
-        c0, r0, _ = parabola(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v], 0.0)
+        c0, r0, _ = quadratic(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v])
         slope = derivatives(at.tri.position, at.tri.star, at.trial, v)
         assert (c0, r0) == pytest.approx((slope[1], slope[4]), rel=1e-10, abs=1e-12 * slope[0])
         at.tri.position[v] += way
-        c, r, k = parabola(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v], 0.0)
+        c, r, k = quadratic(at.tri.position, at.tri.star, at.trial, v, *at.tri.position[v])
         w = rng.normal()
         at.values[v] += w
         assert functional(*at.arrays) - before == pytest.approx(c + r * w + k * w * w / 2 - c0, rel=1e-9, abs=1e-9)

@@ -120,6 +120,29 @@ def derivatives(position, star, trial, v):
     return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
 
 
+@kernel
+def quadratic(position, star, trial, v, x, y):
+    """The functional of the star with v at (x, y), as c + r w + k w^2 / 2 in the change w of v's value: (c, r, k).
+
+    That is `parabola` without laws; were it asked for instead, a polish would take a seventh longer.
+    """
+    own = trial.value[v]
+    c, r, k = 0.0, 0.0, 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = star.element[j], star.ahead[j], star.behind[j]
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        alpha, beta = trial.value[a] - own, trial.value[b] - own
+        ex, ey = bx - ax, by - ay
+        doubled = ax * by - ay * bx
+        weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
+        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
+        c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
+        r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
+        k += weight * (ex * ex + ey * ey)
+    return c, r, k
+
+
 @inner_kernel
 def move_free(position, star, trial, v, slope, floor):
     """Move a free node by a step with its value eliminated, or half as far until it is a gain; returns the gain."""
@@ -131,8 +154,11 @@ def move_free(position, star, trial, v, slope, floor):
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
             if may_move(position, star, v, x, y, floor):
-                w = -(by_w + xw * step_x + yw * step_y) / ww
-                c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
+                if trial.bent[v]:
+                    w = -(by_w + xw * step_x + yw * step_y) / ww
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
                 gain = now - c + 0.5 * r * r / k
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
@@ -182,7 +208,10 @@ def move_on_chain(position, star, constraints, trial, v, slope, floor):
                 w = rate * change - by_w / ww
                 if given:
                     w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
-                c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
+                if trial.bent[v]:
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
+                else:
+                    c, r, k = quadratic(position, star, trial, v, x, y)
                 if not given:
                     w = -r / k
                 gain = now - c - (r + 0.5 * k * w) * w
@@ -327,11 +356,8 @@ def improve_value(position, star, trial, v):
 def least_parabola(position, star, trial, v, x, y, w, given):
     """A parabola c + r w + k w^2 / 2 with the least value that is found from w for v at (x, y), and at its place.
 
-    It is the better one of w and of one step of Newton's method from there; where the value is given that of w; and
-    without nonlinear material the functional itself, whatever w.
+    It is the better one of w and of one step of Newton's method from there; where the value is given that of w.
     """
-    if not trial.bent[v]:
-        return parabola(position, star, trial, v, x, y, 0.0)
     c, r, k = parabola(position, star, trial, v, x, y, w)
     if given:
         return c, 0.0, 0.0
