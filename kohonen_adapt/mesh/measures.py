@@ -10,20 +10,10 @@ __all__ = ["area", "gradient", "hat_gradients", "quality", "signed_area"]
 
 
 def signed_area(mesh: MeshTri) -> Floats:
-    """Signed area of every element, positive where its nodes run counter-clockwise.
+    """Signed area of every element, (nelements,) in mesh units squared, positive where its nodes run counter-clockwise.
 
     scikit-fem sorts the nodes of an element, so about half of a good mesh's signed areas are negative. An element is
     overturned when its sign differs from the one it had before its nodes moved.
-
-    Parameters
-    ----------
-    mesh
-        A triangular mesh.
-
-    Returns
-    -------
-    ndarray (nelements,)
-        Mesh units squared.
     """
     x, y = mesh.p[:, mesh.t]
     return 0.5 * ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
@@ -62,11 +52,10 @@ def quality(mesh: MeshTri) -> Floats:
 
 
 def hat_gradients(mesh: MeshTri) -> Floats:
-    """Gradients of the three hat functions of every element, constant on it.
+    """Gradients of the three hat functions of every element, constant on it, (2, 3, nelements), per mesh unit.
 
     ``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)`` with i, j, k in the order of ``mesh.t`` and the area signed, so
-    the orientation of an element does not matter; no area may be zero. (2, 3, nelements), per mesh unit: component,
-    local node, element.
+    the orientation of an element does not matter.
     """
     x, y = mesh.p[:, mesh.t]
     along_x = x[[2, 0, 1]] - x[[1, 2, 0]]
@@ -76,7 +65,7 @@ def hat_gradients(mesh: MeshTri) -> Floats:
 
 
 def gradient(mesh: MeshTri, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    """Gradient of the P1 function with the given nodal values (nnodes,), (2, nelements), in their unit per mesh unit.
+    """Gradient of the P1 function with these nodal values (nnodes,), (2, nelements), in their units per mesh unit.
 
     `hats` is what `hat_gradients` returns for this mesh, where it is at hand.
     """

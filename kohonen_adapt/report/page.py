@@ -29,27 +29,10 @@ def filled_page(
     versions: Mapping[str, str],
     data: Mapping[str, Any],
 ) -> bytes:
-    """The whole file.
+    """Fill in the whole file: summary and key figures first, then the view with its data, the table and the pictures.
 
-    Parameters
-    ----------
-    title
-        Of the page.
-    summary, figures
-        Sentences, and names with values to look at first.
-    result
-        Whose passes make the table.
-    pictures
-        Caption to a PNG or GIF file.
-    settings, versions
-        Name to a text of any length, and to a short one.
-    data
-        What the view shows, ready for JSON.
-
-    Raises
-    ------
-    ValueError
-        If a picture is neither PNG nor GIF.
+    `pictures` has captions and PNG or GIF files (others are a ValueError), `settings` texts of any length, `versions`
+    short ones; `data` is ready for JSON.
     """
     style, script = _part("style.css"), "\n".join(_part(name) for name in SCRIPTS)
     sources = [(caption, _source(caption, content)) for caption, content in pictures.items()]

@@ -46,14 +46,7 @@ def view_data(
     indicator_label: str,
     unit: str,
 ) -> dict[str, Any]:
-    """Everything the view needs, ready for JSON.
-
-    Parameters
-    ----------
-    results
-        Word to result: what is left and right of the divider.
-    point_data, cell_data, indicator_label, unit
-        As in `write_report`.
+    """Everything the view needs, ready for JSON; the words of `results` are what is left and right of the divider.
 
     Raises
     ------
@@ -167,24 +160,9 @@ def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
 def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
     """Arrays as short text for a page, which unpacks it to a typed array: planes of their bytes, deflated, in base64.
 
-    Parameters
-    ----------
-    values
-        Of any shape; they go row by row.
-    kind
-        ``"f4"``, ``"u4"`` or ``"u1"``: little-endian floats or integers.
-    coarse
-        Whether floats are rounded to 16 bits (1.5e-5 of each), for what is only looked at.
-
-    Returns
-    -------
-    dict
-        ``type`` and ``data``.
-
-    Notes
-    -----
-    Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then shrink to a third, and floats
-    by the bits that neighbours share.
+    `kind` is ``"f4"``, ``"u4"`` or ``"u1"``, little-endian; `coarse` floats are rounded to 16 bits (1.5e-5 of each), for
+    what is only looked at. Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then shrink to
+    a third, and floats by the bits that neighbours share.
     """
     with np.errstate(over="ignore"):  # what float32 does not hold is infinite, and drawn as the end of the scale
         flat = np.ascontiguousarray(values).ravel().astype(NUMBERS[kind])

@@ -69,24 +69,11 @@ class Trainer:
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
     ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh that they are drawn from are known.
+        """Train with points whose elements in the mesh that they are drawn from are known; returns the error of every epoch.
 
-        Parameters
-        ----------
-        draw
-            Called with a number of points and a generator.
-        schedule
-            Its sweeps are left to `smooth`.
-        rng
-            Decides the order of the points, too.
-        starts
-            A node for each element of the mesh that points are drawn from, near it and in its region; None if that is
-            the mesh as it is now.
-
-        Returns
-        -------
-        tuple of float
-            Quantisation error of every epoch: the mean distance of the points to their winners before the update.
+        That is the mean distance of the points to their winners before the update. Sweeps are left to `smooth`; the
+        generator decides the order of the points, too. `starts` has a node for each element of the mesh that points are drawn
+        from, near it and in its region; None if that is the mesh as it is now.
         """
         self.movable.flip()
         if not schedule.trains:
