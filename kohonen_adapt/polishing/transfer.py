@@ -14,11 +14,11 @@ __all__ = ["carried"]
 
 
 def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, hint: Ints) -> tuple[Floats, Mask]:
-    """Interpolate the solution of a functional onto what became of its mesh: values at nodes, and whether they are given.
+    """Interpolate the solution of a functional onto what became of its mesh: nodal values, and whether they are given.
 
     Nodes are known by where they are, not by their numbers: held ones by the old node in their place, sliding ones by
-    their chain, free ones by the old element that holds them. `before` is the mesh of the solution, which does not move;
-    `hint` (n,) is an element of it near every node, of a region that the node touches.
+    their chain, free ones by the old element that holds them. `before` is the mesh of the solution, which does not
+    move; `hint` (n,) is an element of it near every node, of a region that the node touches.
     """
     constraints = movable.constraints
     kind, chain = constraints.kind, constraints.own_chain

@@ -160,9 +160,9 @@ def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
 def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
     """Arrays as short text for a page, which unpacks it to a typed array: planes of their bytes, deflated, in base64.
 
-    `kind` is ``"f4"``, ``"u4"`` or ``"u1"``, little-endian; `coarse` floats are rounded to 16 bits (1.5e-5 of each), for
-    what is only looked at. Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then shrink to
-    a third, and floats by the bits that neighbours share.
+    `kind` is ``"f4"``, ``"u4"`` or ``"u1"``, little-endian; `coarse` floats are rounded to 16 bits (1.5e-5 of each),
+    for what is only looked at. Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then
+    shrink to a third, and floats by the bits that neighbours share.
     """
     with np.errstate(over="ignore"):  # what float32 does not hold is infinite, and drawn as the end of the scale
         flat = np.ascontiguousarray(values).ravel().astype(NUMBERS[kind])

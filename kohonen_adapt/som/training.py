@@ -69,11 +69,11 @@ class Trainer:
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
     ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh that they are drawn from are known; returns the error of every epoch.
+        """Train with points whose elements in the mesh they are drawn from are known; returns the error of every epoch.
 
         That is the mean distance of the points to their winners before the update. Sweeps are left to `smooth`; the
-        generator decides the order of the points, too. `starts` has a node for each element of the mesh that points are drawn
-        from, near it and in its region; None if that is the mesh as it is now.
+        generator decides the order of the points, too. `starts` has a node for each element of the mesh that points
+        are drawn from, near it and in its region; None if that is the mesh as it is now.
         """
         self.movable.flip()
         if not schedule.trains:
