@@ -107,19 +107,10 @@ class Numbers:
     def _alike(
         self, count: int, says: slice, row_of: Callable[..., tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
-        """Rows to the end of the section whose length depends on what they begin with, those of one beginning together.
+        """Rows to the end of the section whose length depends on what they begin with, those that begin alike together.
 
-        Runs of like rows are sought in steps that double, so that every row is looked at a bounded number of times,
-        however a file mixes them.
-
-        Parameters
-        ----------
-        count
-            How many items there are in all rows.
-        says
-            Where a row says what it is.
-        row_of
-            Words and items of a row that says so.
+        All rows have `count` items; `says` is where a row says what it is, `row_of` the words and items of such a row.
+        Runs of like rows are sought in steps that double: every row is looked at a bounded number of times.
         """
         words = self.take((len(self._data) - self._position) // (4 if self._binary else 1), INT)
         tables: dict[tuple[int, ...], list[NDArray[Any]]] = {}

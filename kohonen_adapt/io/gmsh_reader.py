@@ -176,18 +176,10 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
 
 
 def read_views(path: Path) -> Sampled:
-    """The triangles of a file and the fields on them.
+    """The triangles of a file and the fields on them; a ValueError if it is damaged or of another kind.
 
-    Parameters
-    ----------
-    path
-        MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
-        (``View "name" {ST(...){...}; };``).
-
-    Raises
-    ------
-    ValueError
-        If it is neither, or damaged.
+    It is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
+    (``View "name" {ST(...){...}; };``).
     """
     with refusing(path, f"read_field cannot read '{path}': {{}}."):
         data = path.read_bytes()

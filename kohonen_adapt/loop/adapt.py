@@ -19,7 +19,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
-from kohonen_adapt.som.relocate import move
+from kohonen_adapt.som.relocate import move, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PASSES", "adapt"]
@@ -169,6 +169,7 @@ def adapted(movable: MovableMesh, problem: Problem, settings: Settings, history:
                 moved = move(movable, density, settings.schedule, topology, rng, nodes)
             with steps("polish"):
                 gain = polish_moved(movable, moved, solved.functional)
+            report_curves(moved.before, movable)
             if moved.changed(movable) or history.growing:
                 solved = history.add(assess(problem, movable, settings, steps, solved, moved, gain), movable)
             else:

@@ -64,18 +64,9 @@ def unchanged(triangulation: Triangulation) -> Recycled:
 def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: bool) -> Recycled:
     """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
 
-    Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region.
-
-    Parameters
-    ----------
-    movable
-        Is changed.
-    density
-        (nnodes,): wanted nodes per area up to a factor.
-    target
-        Number of nodes in the end, at least that of now: more are made by splits alone.
-    pairs
-        Whether to go on with splits and collapses when there are as many.
+    Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region. `density`
+    (nnodes,) is wanted nodes per area up to a factor, `target` the number of nodes in the end, at least that of now:
+    more are made by splits alone. With `pairs` splits and collapses go on when there are as many.
     """
     movable.settle()
     before, missing = movable.triangulation.elements, target - movable.nnodes

@@ -21,12 +21,10 @@ from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["Moved", "move", "relocate"]
+__all__ = ["Moved", "move", "relocate", "report_curves"]
 
 # Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
 MISMATCH = 0.6
-
-AnyDensity = ArrayLike | Callable[[Floats], ArrayLike]
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ class Moved:
 
 def relocate(
     mesh: MeshTri,
-    density: AnyDensity,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
     *,
     schedule: Schedule | None = None,
     topology: str = "flip",
