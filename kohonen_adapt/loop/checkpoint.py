@@ -52,7 +52,7 @@ class Checkpoint:
         Raises
         ------
         ValueError
-            If `folder` is no path, or its passes are of another run or damaged.
+            If `folder` is no path, a pass is missing between others, or the first is of another run or damaged.
         OSError
             If the folder cannot be created or read.
         """
@@ -62,7 +62,7 @@ class Checkpoint:
             raise ValueError(f"checkpoint must be the path of a folder, or None; got {folder!r}.")
         Path(folder).mkdir(parents=True, exist_ok=True)
         checkpoint = cls(Path(folder), fingerprint(mesh, problem, settings))
-        for file in checkpoint._files():
+        for file in checkpoint._files()[:1]:  # the others are read when the loop goes through them
             checkpoint._read(file)
         return checkpoint
 
