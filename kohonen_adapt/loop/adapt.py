@@ -11,7 +11,7 @@ from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Growth, Settings
-from kohonen_adapt.loop.step import assess, density_for, polish_moved
+from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.outline.curves import Curve
@@ -19,7 +19,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
-from kohonen_adapt.som.relocate import move, report_curves
+from kohonen_adapt.som.relocate import report_curves
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PASSES", "adapt"]
@@ -153,25 +153,21 @@ def adapt(
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    return adapted(movable, problem, settings, History(problem, settings, stop, steps, kept, interim))
+    adaptation = Adaptation(problem, movable, settings, steps)
+    return adapted(adaptation, History(adaptation, stop, kept, interim))
 
 
-def adapted(movable: MovableMesh, problem: Problem, settings: Settings, history: History) -> AdaptResult:
+def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
     """Solve and estimate; until it is enough relocate, polish, and solve and estimate again."""
-    steps = history.steps
+    movable = adaptation.movable
     with history.ending_kept():
-        solved = history.resumed(movable) or history.add(assess(problem, movable, settings, steps), movable)
+        solved = history.resumed() or history.add(adaptation.assess())
         while history.goes_on:
-            number = steps.number
-            with steps("relocate"):
-                density, nodes = density_for(problem, movable, solved), settings.growth.nodes(number)
-                topology, rng = settings.rules.topology, settings.rng(number)
-                moved = move(movable, density, settings.schedule, topology, rng, nodes)
-            with steps("polish"):
-                gain = polish_moved(movable, moved, solved.functional)
+            moved = adaptation.relocate(solved)
+            gain = adaptation.polish(solved, moved)
             report_curves(moved.before, movable)
             if moved.changed(movable) or history.growing:
-                solved = history.add(assess(problem, movable, settings, steps, solved, moved, gain), movable)
+                solved = history.add(adaptation.assess(solved, moved, gain))
             else:
                 history.end_unmoved(moved.work(movable, gain))
     return history.result()

@@ -9,12 +9,11 @@ from kohonen_adapt.checks import check_hook
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.loop.step import UNSOLVED, Solved, assessed_again
+from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
 from kohonen_adapt.loop.steps import StepFailed, Steps
 from kohonen_adapt.loop.stopping import Ending, StopTest, failed, final, interrupted, not_moved, under_way
-from kohonen_adapt.outline.movable import MovableMesh, Work
-from kohonen_adapt.problem.protocol import Problem, solve_again
+from kohonen_adapt.outline.movable import Work
+from kohonen_adapt.problem.protocol import solve_again
 
 __all__ = ["History"]
 
@@ -70,12 +69,10 @@ class History:
 
     Parameters
     ----------
-    problem, settings
-        What is solved, and what every pass depends on.
+    adaptation
+        The mesh, what is solved on it, and what every pass depends on.
     stop
         The stop test, asked once about every pass.
-    steps
-        Times the steps of the pass in the making.
     checkpoint
         Files of the passes, or None.
     interim
@@ -84,59 +81,61 @@ class History:
 
     def __init__(
         self,
-        problem: Problem,
-        settings: Settings,
+        adaptation: Adaptation,
         stop: StopTest,
-        steps: Steps,
         checkpoint: Checkpoint | None,
         interim: Callable[[AdaptResult], Any] | None,
     ) -> None:
         check_hook("interim", interim, "the result so far")
-        self._problem, self._settings, self._stop = problem, settings, stop
+        self._adaptation, self._stop = adaptation, stop
         self._checkpoint, self._interim = checkpoint, interim
-        self.steps = steps
         self._kept = Kept()
         self._ending: Ending | None = None
 
     @property
+    def _steps(self) -> Steps:
+        """The steps of the pass in the making."""
+        return self._adaptation.steps
+
+    @property
     def growing(self) -> bool:
         """Whether the pass in the making shall have more nodes than the last."""
-        return self._settings.growth.goes_on(self.steps.number - 1)
+        return self._adaptation.settings.growth.goes_on(self._steps.number - 1)
 
     @property
     def goes_on(self) -> bool:
         """Whether there is another pass to make."""
         return self._ending is None
 
-    def resumed(self, movable: MovableMesh) -> Solved | None:
+    def resumed(self) -> Solved | None:
         """Go through the passes that were finished before and solve the last of them, unless the loop ended there.
 
-        `movable` becomes the mesh of that pass. None if there are none.
+        The mesh becomes that of this pass. None if there are none.
         """
         last = None
-        for record in self._checkpoint.passes(movable) if self._checkpoint else ():
+        for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
             last = Solved(record, UNSOLVED)
             self._record(last)
             if not self.goes_on:
                 return last
         if last is None:
             return None
-        self.steps.begin(last.record.number, "solve again")
-        solved = assessed_again(self._problem, movable, self._settings, last.record)
+        self._steps.begin(last.record.number, "solve again")
+        solved = self._adaptation.assess_again(last.record)
         self._kept = self._kept.solved(last, solved)
-        self.steps.begun = True
+        self._steps.begun = True
         return solved
 
-    def add(self, solved: Solved, movable: MovableMesh) -> Solved:
+    def add(self, solved: Solved) -> Solved:
         """Keep a pass, hand over the result so far, write its file, and see whether that is enough."""
         self._kept = self._kept.extended(solved)
-        self.steps.begun = True
+        self._steps.begun = True
         if self._interim:
             self._interim(self._result(under_way(self._kept.passes, self._kept.best.record)))
         if self._checkpoint:
             number = solved.record.number
-            with self.steps("checkpoint", f"checkpoint of pass {number}", number):
-                self._checkpoint.keep(solved.record, movable)
+            with self._steps("checkpoint", f"checkpoint of pass {number}", number):
+                self._checkpoint.keep(solved.record, self._adaptation.movable)
         self._test()
         return solved
 
@@ -147,7 +146,7 @@ class History:
 
     def _test(self) -> None:
         passes = self._kept.passes
-        self.steps.next_pass(len(passes))
+        self._steps.next_pass(len(passes))
         self._ending = self._stop(passes, self._kept.best.record, self.growing)
 
     def end_unmoved(self, work: Work) -> None:
@@ -160,24 +159,24 @@ class History:
         try:
             yield
         except KeyboardInterrupt:
-            if not self.steps.begun:
+            if not self._steps.begun:
                 raise
             self._ending = interrupted(self._kept.passes, self._kept.best.record)
         except StepFailed as failure:
-            self._ending = failed(failure, self.steps.number, self._kept.best.record)
+            self._ending = failed(failure, self._steps.number, self._kept.best.record)
 
     def result(self) -> AdaptResult:
         """The best pass with its solution, the history and the way the loop ended."""
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        return self._result(final(self._ending, self._kept.passes, self._settings))
+        return self._result(final(self._ending, self._kept.passes, self._adaptation.settings))
 
     def _result(self, ending: Ending) -> AdaptResult:
         best = self._kept.best
         solution = best.solution
         if solution is UNSOLVED:
-            self.steps.begin(best.record.number, "solve again")
-            solution = solve_again(self._problem, best.record.mesh, best.record.indicators)
+            self._steps.begin(best.record.number, "solve again")
+            solution = solve_again(self._adaptation.problem, best.record.mesh, best.record.indicators)
         return AdaptResult(
             mesh=best.record.mesh,
             solution=solution,

@@ -1,4 +1,4 @@
-"""Assess a mesh: solve, estimate, and see what functional the solution minimises."""
+"""Do the steps of a pass: solve and estimate a mesh, relocate its nodes, polish."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -29,10 +29,10 @@ from kohonen_adapt.problem.protocol import (
 )
 from kohonen_adapt.problem.ritz import functional_value
 from kohonen_adapt.som.density import density_from_indicators
-from kohonen_adapt.som.relocate import Moved
-from kohonen_adapt.som.training_points import Density, density_of
+from kohonen_adapt.som.relocate import Moved, move
+from kohonen_adapt.som.training_points import density_of
 
-__all__ = ["UNSOLVED", "Solved", "assess", "assessed_again", "density_for", "polish_moved"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved"]
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -57,112 +57,113 @@ class Solved:
     functional: Functional | None = None
 
 
-def assess(
-    problem: Problem,
-    movable: MovableMesh,
-    settings: Settings,
-    steps: Steps,
-    before: Solved | None = None,
-    moved: Moved | None = None,
-    polish_gain: float = 0.0,
-) -> Solved:
-    """Solve and estimate a movable mesh as it is now.
+@dataclass(frozen=True)
+class Adaptation:
+    """A mesh while it is adapted to a problem: what every step of a pass works on.
 
-    Parameters
+    Attributes
     ----------
-    problem, movable, settings
-        What is solved, where, and with which outputs.
+    problem
+        What is solved.
+    movable
+        The mesh as it is now; `relocate` and `polish` change it.
+    settings
+        What every pass depends on.
     steps
-        Times the steps.
-    before, moved, polish_gain
-        The pass before, and what made this mesh from that one's; None for the input.
+        Times the steps, and knows which pass is in the making.
     """
-    mesh = movable.mesh() if before else movable.came_from
-    with steps("solve"):
-        solution = solve(problem, mesh, before.record.mesh if before else None, before.solution if before else None)
-    with steps("estimate"):
-        indicators = estimate(problem, mesh, solution)
-        norm = energy_norm(problem, mesh, solution, settings.rtol)
-        functional, value, unpolished = functional_of(problem, movable, mesh, solution, settings)
-    qualities, weight = quality(mesh), 1.0 if norm_of(problem) == "energy" else np.sqrt(area(mesh))
-    record = Pass(
-        **vars(moved.work(movable, polish_gain) if moved else Work()),
-        number=before.record.number + 1 if before else 0,
-        mesh=mesh,
-        indicators=indicators,
-        nodes=numbers_in_input(before, moved, movable),
-        estimate=root_of_squares(indicators),
-        worth=root_of_squares(weight * indicators),
-        energy_norm=norm,
-        min_quality=float(qualities.min()),
-        mean_quality=float(qualities.mean()),
-        functional=value,
-        comparable=functional is not None and functional.comparable,
-        unpolished=unpolished,
-        outputs=outputs_of(solution, settings, steps),
-        seconds=steps.seconds,  # last, for outputs take their time, too
-    )
-    return Solved(record, solution, functional)
+
+    problem: Problem
+    movable: MovableMesh
+    settings: Settings
+    steps: Steps
+
+    def assess(self, before: Solved | None = None, moved: Moved | None = None, polish_gain: float = 0.0) -> Solved:
+        """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
+        mesh = self.movable.mesh() if before else self.movable.came_from
+        with self.steps("solve"):
+            solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
+        with self.steps("estimate"):
+            indicators = estimate(self.problem, mesh, solution)
+            norm = energy_norm(self.problem, mesh, solution, self.settings.rtol)
+            functional, value, unpolished = self._functional(mesh, solution)
+        qualities, weight = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else np.sqrt(area(mesh))
+        record = Pass(
+            **vars(moved.work(self.movable, polish_gain) if moved else Work()),
+            number=before.record.number + 1 if before else 0,
+            mesh=mesh,
+            indicators=indicators,
+            nodes=numbers_in_input(before, moved, self.movable.nnodes),
+            estimate=root_of_squares(indicators),
+            worth=root_of_squares(weight * indicators),
+            energy_norm=norm,
+            min_quality=float(qualities.min()),
+            mean_quality=float(qualities.mean()),
+            functional=value,
+            comparable=functional is not None and functional.comparable,
+            unpolished=unpolished,
+            outputs=self._outputs(solution),
+            seconds=self.steps.seconds,  # last, for outputs take their time, too
+        )
+        return Solved(record, solution, functional)
+
+    def assess_again(self, record: Pass) -> Solved:
+        """Solve a mesh that another process solved and estimated, to go on from there.
+
+        Raises
+        ------
+        ValueError
+            If its indicators are no longer those of before, so that it is another problem.
+        """
+        solution = solve_again(self.problem, record.mesh, record.indicators)
+        return Solved(record, solution, self._functional(record.mesh, solution)[0])
+
+    def relocate(self, solved: Solved) -> Moved:
+        """Recycle and move nodes to where all elements would carry the same error."""
+        with self.steps("relocate"):
+            record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
+            per_element = density_from_indicators(record.mesh, record.indicators, order=order, norm=norm)
+            density = density_of(self.movable.triangulation, per_element)
+            settings, number = self.settings, self.steps.number
+            topology, nodes = settings.rules.topology, settings.growth.nodes(number)
+            return move(self.movable, density, settings.schedule, topology, settings.rng(number), nodes)
+
+    def polish(self, solved: Solved, moved: Moved) -> float:
+        """Carry the last solution to the moved mesh and descend its functional there; returns what that gained."""
+        with self.steps("polish"):
+            if solved.functional is None:
+                return 0.0
+            values, fixed = carried(solved.functional, moved.before, self.movable, moved.recycled.hint)
+            return descend(self.movable, solved.functional, values, fixed)
+
+    def _functional(self, mesh: MeshTri, solution: Any) -> tuple[Functional | None, float | None, str]:
+        """What the solution minimises and its value, None where there is no polish, and then why not."""
+        if not self.settings.polish:
+            return None, None, "it is switched off"
+        if norm_of(self.problem) != "energy":
+            return None, None, f"its norm is {norm_of(self.problem)!r}, not 'energy'"
+        try:
+            ritz = ritz_of(self.problem, mesh, solution)
+            value = functional_value(mesh, ritz)
+            return Functional.of(ritz, self.movable), value, ""
+        except NotOffered as offered:
+            return None, None, str(offered)
+        except VariesInside:
+            return None, None, "its coefficients vary inside a region of the mesh"
+
+    def _outputs(self, solution: Any) -> dict[str, float]:
+        """The values of all outputs of a solution."""
+        values = {}
+        for name, function in self.settings.outputs.items():
+            with self.steps("estimate", f"output {name!r}"):
+                values[name] = output_value(name, function, solution)
+        return values
 
 
-def outputs_of(solution: Any, settings: Settings, steps: Steps) -> dict[str, float]:
-    """The values of all outputs of a solution."""
-    values = {}
-    for name, function in settings.outputs.items():
-        with steps("estimate", f"output {name!r}"):
-            values[name] = output_value(name, function, solution)
-    return values
-
-
-def assessed_again(problem: Problem, movable: MovableMesh, settings: Settings, record: Pass) -> Solved:
-    """Solve a mesh that another process solved and estimated, to go on from there.
-
-    Raises
-    ------
-    ValueError
-        If its indicators are no longer those of before, so that it is another problem.
-    """
-    solution = solve_again(problem, record.mesh, record.indicators)
-    return Solved(record, solution, functional_of(problem, movable, record.mesh, solution, settings)[0])
-
-
-def functional_of(
-    problem: Problem, movable: MovableMesh, mesh: MeshTri, solution: Any, settings: Settings
-) -> tuple[Functional | None, float | None, str]:
-    """What the solution minimises and its value, None where there is no polish, and then why not."""
-    if not settings.polish:
-        return None, None, "it is switched off"
-    if norm_of(problem) != "energy":
-        return None, None, f"its norm is {norm_of(problem)!r}, not 'energy'"
-    try:
-        ritz = ritz_of(problem, mesh, solution)
-        value = functional_value(mesh, ritz)
-        return Functional.of(ritz, movable), value, ""
-    except NotOffered as offered:
-        return None, None, str(offered)
-    except VariesInside:
-        return None, None, "its coefficients vary inside a region of the mesh"
-
-
-def density_for(problem: Problem, movable: MovableMesh, solved: Solved) -> Density:
-    """The density of nodes for which all elements of the mesh would carry the same error."""
-    record = solved.record
-    density = density_from_indicators(record.mesh, record.indicators, order=order_of(problem), norm=norm_of(problem))
-    return density_of(movable.triangulation, density)
-
-
-def polish_moved(movable: MovableMesh, moved: Moved, functional: Functional | None) -> float:
-    """Carry the last solution to the moved mesh and descend its functional there; returns what that gained."""
-    if functional is None:
-        return 0.0
-    values, fixed = carried(functional, moved.before, movable, moved.recycled.hint)
-    return descend(movable, functional, values, fixed)
-
-
-def numbers_in_input(before: Solved | None, moved: Moved | None, movable: MovableMesh) -> Ints:
+def numbers_in_input(before: Solved | None, moved: Moved | None, nnodes: int) -> Ints:
     """Number in the input of every node of a mesh, -1 for a new one."""
     if before is None or moved is None:
-        return np.arange(movable.nnodes)
+        return np.arange(nnodes)
     old = moved.recycled.old
     return np.where(old >= 0, before.record.nodes[old], -1)
 

@@ -110,7 +110,7 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
 
 
-def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None, old_solution: Any) -> Any:
+def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None = None, old_solution: Any = None) -> Any:
     """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
     if old_mesh is not None and offers(problem, "solve_from"):
         return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
