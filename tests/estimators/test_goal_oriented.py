@@ -1,6 +1,6 @@
 """Goal-oriented indicators: what is sure about the error of a functional, and meshes that make it small."""
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import pytest
@@ -220,31 +220,37 @@ CASES = {
 }
 
 
-def errors_of(kind, case, seeds=3):
-    """Relative errors of the goal on meshes adapted with that many seeds."""
-    start, parts, exact = CASES[case]
-    problem = kind(*parts)
-    meshes = [ka.adapt(start(), problem, passes=4, seed=seed).mesh for seed in range(seeds)]
-    return [abs(problem.value(mesh) / exact - 1.0) for mesh in meshes], meshes
+@cache
+def adapted(kind, case, seed):
+    start, parts, _ = CASES[case]
+    return ka.adapt(start(), kind(*parts), passes=4, seed=seed).mesh
+
+
+def errors_of(kind, case):
+    """Relative errors of the goal on meshes adapted with three seeds."""
+    _, parts, exact = CASES[case]
+    return [abs(kind(*parts).value(adapted(kind, case, seed)) / exact - 1.0) for seed in range(3)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("case", "smaller"), [("force", 2.0), ("yoke", 10.0)])
 def test_the_error_of_the_goal_falls_faster_than_with_the_energy(case, smaller):
     """At the same number of nodes, 1681 and 2983, after four passes each."""
-    by_goal, _ = errors_of(Goal, case)
-    by_energy, _ = errors_of(Energy, case)
+    by_goal, by_energy = errors_of(Goal, case), errors_of(Energy, case)
     assert np.linalg.norm(by_energy) > smaller * np.linalg.norm(by_goal)
     start, parts, exact = CASES[case]
     assert abs(Goal(*parts).value(start()) / exact - 1.0) > 7 * np.max(by_goal)
 
 
-@pytest.mark.parametrize("case", ["force", "yoke"])
-def test_the_estimate_of_the_goal_is_of_the_right_sign_and_size_on_its_mesh(case):
+@pytest.mark.slow
+@pytest.mark.parametrize(("case", "seeds"), [("force", 9), ("yoke", 3)])
+def test_the_estimate_of_the_goal_is_of_the_right_sign_and_size_on_its_mesh(case, seeds):
+    """The error of the force is a difference of large ones, so from seed to seed the ratio varies by a factor of 2."""
     _, parts, exact = CASES[case]
-    problem, (_, meshes) = Goal(*parts), errors_of(Goal, case, seeds=5)
+    problem = Goal(*parts)
+    meshes = [adapted(Goal, case, seed) for seed in range(seeds)]
     ratios = [problem.estimate(mesh) / (exact - problem.value(mesh)) for mesh in meshes]
-    assert 0.5 < np.median(ratios) < 3.5  # of the force 2.2 to 3.9 from seed to seed
+    assert 0.5 < np.median(ratios) < 3.0
 
 
 # --- arguments ---------------------------------------------------------------------------------------------------
