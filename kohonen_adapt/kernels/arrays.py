@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.records import record
+
 FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
 JUNCTION = -2  # in place of a chain: the node is held where three of them meet
@@ -27,6 +29,7 @@ HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y = range(4)  # of `Trial
 DENSITY, RATE = 0, 1  # of `Laws.table`
 
 
+@record
 class Elements(NamedTuple):
     """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
 
@@ -38,6 +41,7 @@ class Elements(NamedTuple):
     layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
 
+@record
 class Star(NamedTuple):
     """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
 
@@ -47,6 +51,7 @@ class Star(NamedTuple):
     behind: np.ndarray  # (3 m,) int32
 
 
+@record
 class Chains(NamedTuple):
     """Where positions on every chain are looked up; a chain begins at its origin, in the direction given."""
 
@@ -112,6 +117,7 @@ class Chains(NamedTuple):
         return self.flags[:, PAIRED].view(np.bool_)
 
 
+@record
 class Twins(NamedTuple):
     """Nodes that are one because a boundary is another's periodic image, and how the mesh goes on there."""
 
@@ -121,6 +127,7 @@ class Twins(NamedTuple):
     region: np.ndarray  # (number, r) int32: the region in which a region goes on where a motion carries it, or -1
 
 
+@record
 class Constraints(NamedTuple):
     """Where each node may go."""
 
@@ -137,6 +144,7 @@ class Constraints(NamedTuple):
         return self.chain[:, OWN]
 
 
+@record
 class SearchScratch(NamedTuple):
     """Room for one thread to search and learn in; the stamps are compared with a counter that only grows."""
 
@@ -162,6 +170,7 @@ class SearchScratch(NamedTuple):
         )
 
 
+@record
 class Pool(NamedTuple):
     """Which rows of the arrays of nodes and elements are in use; rows of free elements have node -1."""
 
@@ -171,6 +180,7 @@ class Pool(NamedTuple):
     height: np.ndarray  # (2,) int64: of the two stacks
 
 
+@record
 class Origins(NamedTuple):
     """What surgery knows of each node beside its position and constraint."""
 
@@ -182,6 +192,7 @@ class Origins(NamedTuple):
     pinched: np.ndarray  # (n,) bool: nodes where the mesh touches itself; nothing is collapsed into them
 
 
+@record
 class SurgeryScratch(NamedTuple):
     """Room to split, collapse and flip in."""
 
@@ -200,6 +211,7 @@ class SurgeryScratch(NamedTuple):
         return cls(around, other, stamp, counter, stack, np.zeros(elements, dtype=np.bool_))
 
 
+@record
 class Laws(NamedTuple):
     """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
 
@@ -208,6 +220,7 @@ class Laws(NamedTuple):
     table: np.ndarray  # (laws, rows, 2): W and dW/ds at the steps
 
 
+@record
 class Trial(NamedTuple):
     """A P1 function and the functional it is judged by."""
 

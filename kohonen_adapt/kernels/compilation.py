@@ -12,21 +12,27 @@ from numba import config, njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["inner_kernel", "kernel", "number_of_threads"]
+__all__ = ["allocating_kernel", "inner_kernel", "kernel", "number_of_threads"]
 
 logger = logging.getLogger("kohonen_adapt")
 
 
 def kernel(function: Callable) -> Callable:
-    """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits."""
-    return _cached(function, njit(function, nogil=True, error_model="numpy", no_cfunc_wrapper=True))
+    """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits.
+
+    It can make no array, and counts no references: its caller holds all that it reads and writes.
+    """
+    return _cached(function, _njit(function, _nrt=False))
+
+
+def allocating_kernel(function: Callable) -> Callable:
+    """Compile a loop that makes arrays."""
+    return _cached(function, _njit(function, _nrt=True))  # said, for else it has what the kernel has that calls it
 
 
 def inner_kernel(function: Callable) -> Callable:
     """Compile a loop that only kernels call: it needs no wrapper for Python, which would take long to compile."""
-    return _cached(
-        function, njit(function, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
-    )
+    return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True))
 
 
 def number_of_threads() -> int:
@@ -35,6 +41,9 @@ def number_of_threads() -> int:
     The environment variable ``NUMBA_NUM_THREADS`` sets it. No result depends on it.
     """
     return max(1, config.NUMBA_NUM_THREADS)
+
+
+_njit = functools.partial(njit, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
 
 def _cached(function: Callable, dispatcher: Any) -> Callable:

@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.records import record
 
 
+@record
 class Heap(NamedTuple):
     """Edges by key, the smallest first; edges that are gone or changed stay in it and are skipped when they come up."""
 

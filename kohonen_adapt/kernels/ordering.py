@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, kernel
 
 BITS = 20  # per coordinate
 MARGIN = 0.0173  # of the extent of a mesh
@@ -73,7 +73,7 @@ def mark_deep(star, part, rings, deep, queue):
         first, last = last, end
 
 
-@kernel
+@allocating_kernel
 def sort_into_tiles(winners, rank, deep, count, tiles, rng, cuts, order):
     """Sort training points by the tile of their winner, those with deep winners first, in random order in a tile.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 
 
 @inner_kernel
@@ -44,7 +44,7 @@ def joined(node, neighbour, e, v, other):
     return False
 
 
-@kernel
+@allocating_kernel
 def fill_star(node, star):
     """List the elements around every node, in the order of their numbers."""
     start, n = star.start, star.start.shape[0] - 1

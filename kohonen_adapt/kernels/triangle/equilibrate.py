@@ -14,13 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel
+from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
 
 
+@record
 class FluxData(NamedTuple):
     """Fluxes to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
 
@@ -32,6 +34,7 @@ class FluxData(NamedTuple):
     reluctivity: np.ndarray  # (t,)
 
 
+@record
 class Fan(NamedTuple):
     """Working space for one fan of at most as many elements as any node has."""
 
@@ -56,7 +59,7 @@ def fan_of(width: int) -> Fan:
     return Fan(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
 
 
-@kernel
+@allocating_kernel
 def equilibrate(data, fan, correction, imbalance):
     """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,)."""
     count = data.node.shape[0]
@@ -95,9 +98,9 @@ def gather(data, e, k, fan, seen):
 @inner_kernel
 def balance(data, fan, size, closed):
     """Set mean fluxes that bring every element into equilibrium, and prescribed tilts; returns what does not fit."""
-    fan.tilt[: size + 1] = 0.0
-    fan.held[: size + 2] = False
-    fan.mean[0] = 0.0
+    for s in range(size + 1):
+        fan.tilt[s], fan.held[s] = 0.0, False
+    fan.held[size + 1], fan.mean[0] = False, 0.0
     march(data, fan, size)
     if closed:
         return fan.mean[size]
@@ -110,12 +113,19 @@ def balance(data, fan, size, closed):
     fan.held[size + 1] = starts or ends
     if starts:
         fan.tilt[0], fan.held[0] = begin, True
-        fan.mean[: size + 1] += begin
+        raise_all(fan.mean, size + 1, begin)
     elif ends:
-        fan.mean[: size + 1] += finish - fan.mean[size]
+        raise_all(fan.mean, size + 1, finish - fan.mean[size])
     if ends:
         fan.tilt[size], fan.held[size] = finish, True
     return rest
+
+
+@inner_kernel
+def raise_all(values, count, amount):
+    """Add the same to the first of the values."""
+    for i in range(count):
+        values[i] += amount
 
 
 @inner_kernel
@@ -141,8 +151,10 @@ def minimise(data, fan, size, closed):
     if closed:
         fan.held[size] = False
     unknowns = spokes + 1
-    fan.matrix[:unknowns, :unknowns] = 0.0
-    fan.load[:unknowns] = 0.0
+    for i in range(unknowns):
+        fan.load[i] = 0.0
+        for j in range(unknowns):
+            fan.matrix[i, j] = 0.0
     for s in range(size):
         left = s + 1 if s + 1 < spokes else 0
         measure(data, fan, s)
@@ -150,12 +162,13 @@ def minimise(data, fan, size, closed):
         assemble(fan, s, left, spokes)
     for i in range(unknowns):
         if fan.held[i]:
-            fan.matrix[i, :unknowns] = 0.0
-            fan.matrix[:unknowns, i] = 0.0
+            for j in range(unknowns):
+                fan.matrix[i, j] = fan.matrix[j, i] = 0.0
             fan.matrix[i, i], fan.load[i] = 1.0, 0.0
     solve(fan.matrix, fan.load, unknowns)
-    fan.tilt[:spokes] += fan.load[:spokes]
-    fan.mean[: size + 1] += fan.load[spokes]
+    for s in range(spokes):
+        fan.tilt[s] += fan.load[s]
+    raise_all(fan.mean, size + 1, fan.load[spokes])
 
 
 @inner_kernel

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import LENGTH
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.chains import parameter_of, way_along
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards
 from kohonen_adapt.kernels.triangle.geometry import orientation
@@ -18,6 +19,7 @@ TOLERANCE = 1e-10  # of an element's size: points on an edge or on the outline c
 WALK = 64  # steps before the grid is asked; walks from the grid's hints take two or three
 
 
+@record
 class Views(NamedTuple):
     """The chains seen from points spread evenly over chains, a row for each point."""
 
@@ -83,7 +85,7 @@ def count_in_cells(position, node, origin, size, shape, start):
         start[c + 1] += start[c]
 
 
-@kernel
+@allocating_kernel
 def fill_cells(position, node, origin, size, shape, start, content):
     """List the elements of every cell."""
     cursor = start[:-1].copy()

@@ -10,6 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, way_along
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
 from kohonen_adapt.kernels.triangle.locate import depth_in_element, side_of_edge, walk
@@ -18,6 +19,7 @@ RELAXATION = 0.85  # full steps overshoot where the density changes within an el
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 
 
+@record
 class Sites(NamedTuple):
     """A node has one site for every region it touches: the density may differ from region to region."""
 

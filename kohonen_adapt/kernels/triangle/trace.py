@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 
 TURN = 1e-6  # radians: where facets turn by no more they are straight
 BEND = 1e-9  # of its length: no node of a straight piece may lie farther off its chord
@@ -19,7 +19,7 @@ MOST = 1.8 * math.pi  # radians: an arc that goes farther round is two, so that 
 NONE = -1
 
 
-@kernel
+@allocating_kernel
 def trace_runs(ends, through, node, facet, start, closed):
     """Trace runs of facets from node to node; returns their number.
 
@@ -109,7 +109,7 @@ def cut_loop(position, node, facet, first, last, pieces, circle, count):
     return False
 
 
-@inner_kernel
+@allocating_kernel
 def turn_run(node, facet, first, last, shift):
     """Let a closed run begin `shift` nodes later."""
     length = last - first

@@ -8,7 +8,7 @@ chain to chain (Fig. 3).
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import (
     distance_to_chain,
     gone_along,
@@ -54,7 +54,7 @@ def draw_points(position, node, order, cumulated, random, points, element):
         element[t] = e
 
 
-@kernel
+@allocating_kernel
 def learn(
     position, elements, star, constraints, points, region, weights, winners, rate, strength, floor, sound, scratch
 ):

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, element_quality, least_share
 
@@ -42,7 +42,7 @@ def find_crossings(position, elements, cluster, row, column, length):
     return count
 
 
-@kernel
+@allocating_kernel
 def find_centres(position, node, cluster, centre):
     """Find the mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
     size = np.zeros(centre.shape[0])
@@ -56,7 +56,7 @@ def find_centres(position, node, cluster, centre):
         centre[k] /= size[k]
 
 
-@kernel
+@allocating_kernel
 def find_directions(node, constraints, cluster, along):
     """Find where clusters may flow, as matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
 
