@@ -40,6 +40,10 @@ class Elements(NamedTuple):
     level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
     layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
+    def ends(self, e: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nodes of the edges opposite to corners k of elements e, counter-clockwise."""
+        return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
+
 
 @record
 class Star(NamedTuple):

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -12,7 +13,7 @@ from numba import config, njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["allocating_kernel", "inner_kernel", "kernel", "number_of_threads"]
+__all__ = ["allocating_kernel", "inner_kernel", "interpreted", "kernel", "number_of_threads"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -33,6 +34,15 @@ def allocating_kernel(function: Callable) -> Callable:
 def inner_kernel(function: Callable) -> Callable:
     """Compile a loop that only kernels call: it needs no wrapper for Python, which would take long to compile."""
     return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True))
+
+
+@functools.cache
+def interpreted(loop: Any) -> Callable:
+    """The function of a kernel, and those that it calls, as Python runs them: for work that is not worth compiling."""
+    function = getattr(loop, "py_func", loop)
+    called = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    own = {name: interpreted(value) for name, value in called.items() if hasattr(value, "py_func")}
+    return FunctionType(function.__code__, {**function.__globals__, **own})
 
 
 def number_of_threads() -> int:

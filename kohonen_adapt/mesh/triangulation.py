@@ -4,16 +4,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
-from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
+from kohonen_adapt.kernels.triangle.connectivity import fill_star
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Triangulation", "star_of"]
+__all__ = ["Triangulation"]
 
 
 @dataclass
@@ -24,7 +26,7 @@ class Triangulation:
     ----------
     position
         (n, 2): the one truth of where a node is.
-    elements, star
+    elements
         As `kernels/arrays.py` describes them.
     mesh
         The mesh it came from: names, and connectivity that scikit-fem has worked out already.
@@ -34,9 +36,9 @@ class Triangulation:
 
     position: Floats
     elements: Elements
-    star: Star
     mesh: MeshTri
     region_of_input: NDArray[np.int32]
+    _star: Star | None = None
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
@@ -44,30 +46,35 @@ class Triangulation:
         check_mesh(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = counter_clockwise(position, mesh.t)
-        neighbour = np.empty_like(node)
-        star = star_of(node, len(position))
-        fold = link_neighbours(node, star, neighbour)
-        if fold >= 0:
-            raise ValueError(
-                f"the mesh is tangled: element {fold} shares an edge with an element on the same side of it "
-                "(overturned or doubled); repair the mesh before adapting it."
-            )
+        neighbour = neighbours_of(node)
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
         level, layered = np.zeros(len(position), dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)
-        return cls(position, Elements(node, neighbour, region.copy(), chain, level, layered), star, mesh, region)
+        return cls(position, Elements(node, neighbour, region.copy(), chain, level, layered), mesh, region)
 
     @property
     def nnodes(self) -> int:
         """Number of nodes."""
         return len(self.position)
 
+    @property
+    def star(self) -> Star:
+        """The elements around every node, worked out when first asked for."""
+        if self._star is None:
+            rows = [np.empty(self.elements.node.size, dtype=np.int32) for _ in range(3)]
+            self._star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
+            self.refill_star()
+        return self._star
+
     def copy(self) -> "Triangulation":
         """The triangulation as it is now."""
         elements = Elements(*(array.copy() for array in self.elements))
-        return replace(
-            self, position=self.position.copy(), elements=elements, star=Star(*(array.copy() for array in self.star))
-        )
+        star = self._star and Star(*(array.copy() for array in self._star))
+        return replace(self, position=self.position.copy(), elements=elements, _star=star)
+
+    def become(self, position: Floats, elements: Elements) -> None:
+        """Take other nodes and elements, of the same regions, which are not copied."""
+        self.position, self.elements, self._star = position, elements, None
 
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
@@ -121,17 +128,37 @@ def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
     return np.stack([low, a + b + c - low - high, high])
 
 
-def star_of(node: Ints, nnodes: int) -> Star:
-    """The elements around every node, of elements (m, 3)."""
-    rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
-    star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
-    fill_star(node, star)
-    return star
+def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The element across the edge opposite to every corner, (m, 3), -1 outside; no two may lie on one another."""
+    m, (a, b) = len(node), (node[:, [1, 2, 0]].ravel(), node[:, [2, 0, 1]].ravel())
+    edge = np.minimum(a, b).astype(np.int64) * (node.max() + 1) + np.maximum(a, b)
+    order = np.argsort(edge, kind="stable")
+    same = edge[order[1:]] == edge[order[:-1]]
+    one, other = order[:-1][same], order[1:][same]
+    # two elements run along their edge in opposite senses, and no third one does
+    bad = (a[one] == a[other]) | np.append(same[1:] & same[:-1], False)[same]
+    if bad.any():
+        fold = min(one[bad].min(), other[bad].min()) // 3
+        raise ValueError(
+            f"the mesh is tangled: element {fold} shares an edge with an element on the same side of it "
+            "(overturned or doubled); repair the mesh before adapting it."
+        )
+    neighbour = np.full(3 * m, -1, dtype=np.int32)
+    neighbour[one], neighbour[other] = other // 3, one // 3
+    return neighbour.reshape(m, 3)
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the region of every element: a connected set of elements that carry the same subdomain names."""
-    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], len(neighbour))
-    region = np.empty(len(neighbour), dtype=np.int32)
-    number_regions(neighbour, codes, region, np.empty_like(region))
-    return region
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
+
+    They are numbered in the order of their first elements.
+    """
+    m = len(neighbour)
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
+    e, k = np.nonzero(neighbour > np.arange(m)[:, None])
+    other = neighbour[e, k]
+    alike = codes[e] == codes[other]
+    graph = coo_array((np.ones(np.count_nonzero(alike), dtype=np.int8), (e[alike], other[alike])), shape=(m, m))
+    label = connected_components(graph, directed=False)[1]
+    _, first, region = np.unique(label, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[region].astype(np.int32)

@@ -50,7 +50,7 @@ def outline_facets(triangulation: Triangulation) -> Facets:
         named[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
         marked |= named[facet]
     e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
-    nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    nodes = np.stack(elements.ends(e, k), axis=1)
     sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
     return Facets(e, k, nodes, labels(elements.region[e], other[e, k], list(sides.values())), sides)
 

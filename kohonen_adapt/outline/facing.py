@@ -9,8 +9,8 @@ from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints
-from kohonen_adapt.kernels.triangle.locate import Views, look_across
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.rays import views_across
 
 __all__ = ["facing_sides", "joined"]
 
@@ -33,7 +33,7 @@ def facing_sides(triangulation: Triangulation, constraints: Constraints, inside:
     across = elements.neighbour
     own = inside[elements.region]
     e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
-    nodes = np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    nodes = np.stack(elements.ends(e, k), axis=1)
     chains, chain = np.unique(elements.chain[e, k], return_inverse=True)
     looks = views_of(triangulation, constraints, inside, e, k, chains)
     side = sides_of(looks, ends_of(chain, nodes), len(chains))
@@ -64,12 +64,9 @@ def views_of(
     looks = least + np.round(most * length[chains] / length[chains].sum())
     step = np.ones(len(length))
     step[chains] = length[chains] / looks
-    rows = int(looks.sum()) + len(e)
-    views = Views(np.empty(rows, dtype=np.int32), np.empty(rows, dtype=np.int32), np.empty(rows))
-    count = look_across(triangulation.position, triangulation.elements, constraints, inside, e, k, step, views)
-    start, end, nearness = (array[:count] for array in views)
-    seen = (end >= 0) & (nearness < np.inf)
-    start, end, nearness = start[seen], end[seen], nearness[seen]
+    views = views_across(triangulation, constraints, inside, e, k, step)
+    met = views.nearness < np.inf
+    start, end, nearness = views.start[met], views.end[met], views.nearness[met]
     weight = step[start] * nearness
     near = nearness * FAR >= median(nearness, weight)
     return Looks(np.searchsorted(chains, start[near]), np.searchsorted(chains, end[near]), weight[near])

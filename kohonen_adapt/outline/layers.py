@@ -13,7 +13,6 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints, Elements
-from kohonen_adapt.kernels.triangle.connectivity import lower_to_steps
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facing import facing_sides, joined
 from kohonen_adapt.outline.rules import checked_layers
@@ -90,6 +89,14 @@ def check_number(position: Floats, band: Band) -> None:
             f"subdomain {band.name!r} has {steps[least]} layer{plural} of elements between its sides near "
             f"({x:.6g}, {y:.6g}); layers asks for {band.number}: refine it there first."
         )
+
+
+def lower_to_steps(edges: Ints, value: Ints) -> None:
+    """Lower values (n,) until those of joined nodes differ by at most 1: to the least of value plus steps to there."""
+    a, b = edges.T
+    while np.any(np.abs(value[a] - value[b]) > 1):
+        np.minimum.at(value, a, value[b] + 1)
+        np.minimum.at(value, b, value[a] + 1)
 
 
 def levels_of(bands: list[Band], count: int) -> Ints:

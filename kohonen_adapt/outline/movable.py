@@ -11,7 +11,7 @@ from skfem import MeshTri
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints, Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
-from kohonen_adapt.mesh.triangulation import Triangulation, star_of
+from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules
@@ -119,9 +119,9 @@ class MovableMesh:
         self._check_state(state)
         own = {name: state[name].copy() for name in STATE_NAMES}
         tri = self.triangulation
-        tri.position, self.outline.pinned = own["position"], own["pinned"]
-        tri.elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
-        tri.star = star_of(tri.elements.node, len(tri.position))
+        elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
+        tri.become(own["position"], elements)
+        self.outline.pinned = own["pinned"]
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Refuse arrays of other types and shapes, and numbers of what is not there."""

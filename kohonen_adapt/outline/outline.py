@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.arrays import (
     Constraints,
     Twins,
 )
-from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, find_parameters, look_up, mark_along
+from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -29,6 +29,7 @@ from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains
 from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
+from kohonen_adapt.outline.parameters import find_parameters, parameters_of, ways_along
 from kohonen_adapt.outline.polylines import Pieces, Runs, cut
 from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
 
@@ -89,7 +90,7 @@ class Outline:
             chains=chains,
             twins=twins_of(triangulation, facets, pairs),
         )
-        find_parameters(triangulation.position, constraints, runs.node, pieces.rows)
+        find_parameters(triangulation.position, constraints, runs.node, pieces.first, pieces.last)
         make_mates(constraints, pairs, chain)
         first = runs.facet[pieces.first]
         along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
@@ -265,13 +266,12 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
     inner = np.ones(triangulation.nnodes, dtype=bool)
     across = elements.neighbour
     e, k = np.nonzero((across < 0) | (elements.region[across] != elements.region[:, None]))
-    inner[elements.node[e, (k + 1) % 3]] = False
-    inner[elements.node[e, (k + 2) % 3]] = False
+    inner[np.concatenate(elements.ends(e, k))] = False
     return inner
 
 
 def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
     """Whether the edges opposite to these corners run counter-clockwise in the direction of their chains."""
-    along = np.empty(len(element), dtype=np.bool_)
-    mark_along(triangulation.position, triangulation.elements, constraints, element, corner, along)
-    return along
+    ends, chain = triangulation.elements.ends(element, corner), triangulation.elements.chain[element, corner]
+    start, end = (parameters_of(triangulation.position, constraints, chain, node) for node in ends)
+    return ways_along(constraints.chains, chain, start, end) > 0.0

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
-from kohonen_adapt.kernels.triangle.trace import cut_runs, trace_runs
 from kohonen_adapt.outline.curves import Arc, Curve, check_near
+from kohonen_adapt.outline.tracing import cut_runs, trace_runs
 
 __all__ = ["CORNER", "Pieces", "Polyline", "Runs", "cut", "meetings", "nodes_of", "polylines_of", "traced", "turns"]
 

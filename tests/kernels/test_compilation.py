@@ -116,3 +116,45 @@ def test_after_the_warm_up_a_first_run_compiles_nothing():
     count, missing = done.stdout.split(maxsplit=1)
     assert int(count) > 50
     assert missing.strip() == "[]"
+
+
+QUIET = """
+import sys
+from numba.core import event
+
+class Counted(event.Listener):
+    def on_start(self, event):
+        raise SystemExit(f"compiles {event.data['dispatcher'].py_func.__qualname__}")
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Counted())
+import kohonen_adapt as ka
+from kohonen_adapt.commands.main import main
+mesh = ka.read_mesh(sys.argv[-1])
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize("command", [["check"], ["--help"], ["init", "-o", "case.toml"]], ids=lambda words: words[0])
+@pytest.mark.parametrize("name", ["c_core.msh", "motor.msh"])
+def test_what_moves_no_node_compiles_nothing(command, name, tmp_path):
+    mesh = Path(__file__).parents[2] / "examples" / name
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, "-c", QUIET, *command, str(mesh)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert "compiles" not in done.stderr and ("nodes" in done.stderr or "usage" in done.stdout)
+
+
+def test_a_kernel_can_be_interpreted(kernels):
+    code = (
+        "from copied.caller import scaled; from copied.compilation import interpreted; "
+        "print(interpreted(scaled)(1.5), len(scaled.overloads))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=kernels.parent, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["3.0", "0"]

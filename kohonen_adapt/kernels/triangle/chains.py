@@ -16,8 +16,6 @@ from kohonen_adapt.kernels.arrays import (
     CURVATURE,
     DIRECTION_X,
     DIRECTION_Y,
-    FIRST,
-    LAST,
     LENGTH,
     ORIGIN_X,
     ORIGIN_Y,
@@ -259,36 +257,12 @@ def nearest_in_span(knot, k, x, y):
 
 
 @kernel
-def find_parameters(position, constraints, node, pieces):
-    """Find the parameters of the nodes of every piece of outline, which is the chain of its number."""
-    chains = constraints.chains
-    for c in range(pieces.shape[0]):
-        near = 0.0
-        for i in range(pieces[c, FIRST], pieces[c, LAST]):
-            v = node[i]
-            if constraints.kind[v] == SLIDING:
-                near = nearest_parameter(chains, c, position[v, 0], position[v, 1], near)
-                constraints.parameter[v] = near
-
-
-@kernel
 def look_up(constraints, nodes, out):
     """Look up where sliding nodes are to be by their parameters, (k, 2)."""
     for i in range(nodes.shape[0]):
         v = nodes[i]
         chain = np.int64(constraints.chain[v, OWN])
         out[i, 0], out[i, 1] = point_at(constraints.chains, chain, constraints.parameter[v])
-
-
-@kernel
-def mark_along(position, elements, constraints, element, corner, along):
-    """Mark which edges opposite to corners run, counter-clockwise in their element, in the direction of their chain."""
-    for i in range(element.shape[0]):
-        e, k = element[i], corner[i]
-        c = np.int64(elements.chain[e, k])
-        start = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
-        end = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 2) % 3]))
-        along[i] = way_along(constraints.chains, c, start, end) > 0.0
 
 
 @kernel

@@ -1,7 +1,5 @@
 """Link elements to their nodes and neighbours, find corners and edges in them, and go from one to the next."""
 
-import numpy as np
-
 from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 
 
@@ -64,48 +62,6 @@ def fill_star(node, star):
 
 
 @kernel
-def link_neighbours(node, star, neighbour):
-    """Find the element across every edge; returns an element with an edge that two elements run along the same way.
-
-    On a valid mesh both run along it in opposite senses, and the return value is -1.
-    """
-    for e in range(node.shape[0]):
-        for k in range(3):
-            a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
-            twin = -1
-            for j in range(star.start[b], star.start[b + 1]):
-                if star.ahead[j] == a:
-                    if twin >= 0:
-                        return e
-                    twin = star.element[j]
-            neighbour[e, k] = twin
-            for j in range(star.start[a], star.start[a + 1]):
-                if star.ahead[j] == b and star.element[j] != e:
-                    return e
-    return np.int32(-1)
-
-
-@kernel
-def number_regions(neighbour, code, region, stack):
-    """Number the connected sets of elements that carry the same code, in the order of their first elements, (m,)."""
-    region[:] = -1
-    count = 0
-    for seed in range(region.shape[0]):
-        if region[seed] >= 0:
-            continue
-        region[seed], stack[0], last = count, seed, 1
-        while last > 0:
-            last -= 1
-            e = stack[last]
-            for k in range(3):
-                other = neighbour[e, k]
-                if other >= 0 and region[other] < 0 and code[other] == code[e]:
-                    region[other], stack[last] = count, other
-                    last += 1
-        count += 1
-
-
-@kernel
 def spread_starts(elements, start, queue):
     """For elements without a start (-1) that of the nearest element of their region, over edges."""
     first, last = 0, 0
@@ -122,17 +78,3 @@ def spread_starts(elements, start, queue):
                 start[across] = start[e]
                 queue[last] = across
                 last += 1
-
-
-@kernel
-def lower_to_steps(edges, value):
-    """Lower values (n,) until those of joined nodes differ by at most 1: to the least of value plus steps to there."""
-    changed = True
-    while changed:
-        changed = False
-        for i in range(edges.shape[0]):
-            a, b = edges[i, 0], edges[i, 1]
-            if value[a] > value[b] + 1:
-                value[a], changed = value[b] + 1, True
-            elif value[b] > value[a] + 1:
-                value[b], changed = value[a] + 1, True

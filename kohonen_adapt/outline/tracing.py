@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
 
 TURN = 1e-6  # radians: where facets turn by no more they are straight
 BEND = 1e-9  # of its length: no node of a straight piece may lie farther off its chord
@@ -19,8 +19,7 @@ MOST = 1.8 * math.pi  # radians: an arc that goes farther round is two, so that 
 NONE = -1
 
 
-@allocating_kernel
-def trace_runs(ends, through, node, facet, start, closed):
+def trace_runs(ends: Ints, through: Ints, node: Ints, facet: Ints, start: Ints, closed: Mask) -> int:
     """Trace runs of facets from node to node; returns their number.
 
     `ends` (f, 2) are the nodes of the facets, `through` (n, 2) the two facets of which one goes on into the other at a
@@ -52,17 +51,18 @@ def trace_runs(ends, through, node, facet, start, closed):
     return count
 
 
-@kernel
-def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
+def cut_runs(
+    position: Floats, node: Ints, facet: Ints, start: Ints, closed: Mask, whole: Mask, pieces: Ints, circle: Floats
+) -> int:
     """Cut runs into straight pieces, arcs, and facets that are neither; returns the number of pieces.
 
     Of piece p, `pieces` (p, 4) are the slots of its first and last node, whether it is round, and whether it is closed;
     `circle` (p, 3) the centre and radius of round ones. Runs that are `whole` are not cut. Closed runs are turned, so
     that they begin where a piece does.
     """
-    count = np.int64(0)  # numbers of one type throughout: for every other one all this would be compiled anew
-    for r in range(start.shape[0] - 1):
-        first, last = np.int64(start[r]), np.int64(start[r + 1]) - 1
+    count = 0
+    for r in range(len(start) - 1):
+        first, last = int(start[r]), int(start[r + 1]) - 1
         if whole[r]:
             enter_piece(pieces, count, first, last, False, closed[r])
             if not closed[r] and node[first] == node[last]:  # a loop with a corner: its ends are to be two nodes
@@ -83,15 +83,15 @@ def cut_runs(position, node, facet, start, closed, whole, pieces, circle):
     return count
 
 
-@inner_kernel
-def enter_piece(pieces, p, first, last, is_round, closed):
+def enter_piece(pieces: Ints, p: int, first: int, last: int, is_round: bool, closed: bool) -> None:
     """Write the row of a piece."""
     pieces[p, FIRST], pieces[p, LAST] = first, last
     pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = int(is_round), int(closed)
 
 
-@inner_kernel
-def cut_loop(position, node, facet, first, last, pieces, circle, count):
+def cut_loop(
+    position: Floats, node: Ints, facet: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
+) -> bool:
     """Whether a closed run is a circle, which is entered; else it is turned to begin where a piece does."""
     if circle_of_loop(position, node, first, last, circle, count):
         enter_piece(pieces, count, first, last, True, True)
@@ -109,8 +109,7 @@ def cut_loop(position, node, facet, first, last, pieces, circle, count):
     return False
 
 
-@allocating_kernel
-def turn_run(node, facet, first, last, shift):
+def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None:
     """Let a closed run begin `shift` nodes later."""
     length = last - first
     nodes, facets = node[first:last].copy(), facet[first:last].copy()
@@ -119,8 +118,9 @@ def turn_run(node, facet, first, last, shift):
     node[last] = node[first]
 
 
-@inner_kernel
-def cut_open(position, node, first, last, pieces, circle, count):
+def cut_open(
+    position: Floats, node: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
+) -> tuple[int, bool]:
     """Cut a run from its first node to its last; returns the number of pieces and whether any has several facets."""
     at, begin, proper = first, first, False
     while at < last:
@@ -135,8 +135,9 @@ def cut_open(position, node, first, last, pieces, circle, count):
     return count, proper
 
 
-@inner_kernel
-def next_piece(position, node, first, last, begin, circle, count):
+def next_piece(
+    position: Floats, node: Ints, first: int, last: int, begin: int, circle: Floats, count: int
+) -> tuple[int, bool]:
     """Where the piece that begins at a slot ends, and whether it is an arc, whose circle is entered.
 
     A part of another curve looks like an arc, too; but an arc ends where its circle is left at once, and begins where
@@ -157,8 +158,7 @@ def next_piece(position, node, first, last, begin, circle, count):
     return first + 1, False
 
 
-@inner_kernel
-def turn_at(position, node, slot):
+def turn_at(position: Floats, node: Ints, slot: int) -> float:
     """The angle by which a run turns at the node in a slot, positive to the left."""
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
     ux, uy = position[v, 0] - position[a, 0], position[v, 1] - position[a, 1]
@@ -166,8 +166,7 @@ def turn_at(position, node, slot):
     return math.atan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
-@inner_kernel
-def on_chord(position, node, first, last):
+def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
     """Whether all nodes of a piece lie on its chord."""
     a, b = node[first], node[last]
     tx, ty = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
@@ -178,8 +177,7 @@ def on_chord(position, node, first, last):
     return True
 
 
-@inner_kernel
-def arc_end(position, node, first, last):
+def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
     """The slot up to which nodes from a slot on lie on one circle: each on the one through three of those before."""
     end = first + 2
     if end > last:
@@ -196,8 +194,7 @@ def arc_end(position, node, first, last):
     return end
 
 
-@inner_kernel
-def off_circle(position, v, beside, x, y, radius):
+def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius: float) -> float:
     """How far node v is off a circle, as a share of how far its facet, to the node beside, leaves that.
 
     The node beside is on the circle, so that |v - c|^2 - r^2 can be had without the radius, which may be large.
@@ -211,8 +208,7 @@ def off_circle(position, v, beside, x, y, radius):
     return 4.0 * max(0.0, twice - noise) / squared
 
 
-@inner_kernel
-def circle_through(position, a, b, c):
+def circle_through(position: Floats, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Centre and radius of the circle through three nodes; the radius is infinite if they lie on a line."""
     ux, uy = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
     wx, wy = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1]
@@ -224,8 +220,7 @@ def circle_through(position, a, b, c):
     return position[a, 0] + x, position[a, 1] + y, math.hypot(x, y)
 
 
-@inner_kernel
-def circle_of_part(position, node, first, last):
+def circle_of_part(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
     """The circle through the ends of a part of a run and a node between, or two nodes where it ends as it began."""
     if node[first] == node[last]:
         third = (last - first) // 3
@@ -233,8 +228,7 @@ def circle_of_part(position, node, first, last):
     return circle_through(position, node[first], node[(first + last) // 2], node[last])
 
 
-@inner_kernel
-def circle_of_loop(position, node, first, last, circle, count):
+def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> bool:
     """Whether a closed run is a circle, on which every node lies; the circle is entered."""
     if last - first < FEWEST:
         return False
@@ -246,8 +240,7 @@ def circle_of_loop(position, node, first, last, circle, count):
     return is_round_trip(turn_round(position, node, first, last, x, y))
 
 
-@inner_kernel
-def turn_of_arc(position, node, first, last, circle, count):
+def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
     """How far round a whole run goes on a circle that it fits well enough, which is entered; 0 if there is none.
 
     The circle is that of least squares.
@@ -271,8 +264,7 @@ def turn_of_arc(position, node, first, last, circle, count):
     return turn_round(position, node, first, last, x, y)
 
 
-@inner_kernel
-def turn_round(position, node, first, last, x, y):
+def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y: float) -> float:
     """The angle by which a run goes round a point, one way all along; else 0."""
     total = 0.0
     for i in range(first, last):
@@ -283,22 +275,19 @@ def turn_round(position, node, first, last, x, y):
     return total
 
 
-@inner_kernel
-def is_round_trip(angle):
+def is_round_trip(angle: float) -> bool:
     """Whether that is once round."""
     return abs(abs(angle) - 2.0 * math.pi) < 1.0
 
 
-@inner_kernel
-def angle_between(position, a, b, x, y):
+def angle_between(position: Floats, a: int, b: int, x: float, y: float) -> float:
     """The angle from node a to node b as seen from (x, y)."""
     ax, ay = position[a, 0] - x, position[a, 1] - y
     bx, by = position[b, 0] - x, position[b, 1] - y
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-@inner_kernel
-def fitted_circle(position, node, first, last):
+def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
     """Centre and radius of the circle for which the sum of the squares of |x - c|^2 - r^2 is least (Kasa, 1976).
 
     A run that ends where it began counts that node twice. Relative to the mean of the nodes the equations are 2 by 2.
@@ -320,8 +309,9 @@ def fitted_circle(position, node, first, last):
     return mean_x + x, mean_y + y, math.sqrt(x * x + y * y + zz / count)
 
 
-@kernel
-def lengths_and_angles(position, node, pieces, circle, longest, angle):
+def lengths_and_angles(
+    position: Floats, node: Ints, pieces: Ints, circle: Floats, longest: Floats, angle: Floats
+) -> None:
     """Of every piece the longest facet and, of round ones, the angle from first to last node, positive to the left."""
     for p in range(pieces.shape[0]):
         longest[p] = angle[p] = 0.0

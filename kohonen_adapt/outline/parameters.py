@@ -1,0 +1,52 @@
+"""Find the parameters of nodes on chains, and the ways between them, for many nodes at once."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, TABLED, Chains, Constraints
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.triangle.chains import nearest_parameter
+
+__all__ = ["find_parameters", "parameters_of", "ways_along"]
+
+
+def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
+    """Find the parameters of the sliding nodes of every chain, ``node[first[c] : last[c]]`` in order.
+
+    Each is looked for from the one before on. This is done once for a mesh, so it is not worth compiling.
+    """
+    nearest = interpreted(nearest_parameter)
+    for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        near = 0.0
+        for v in node[begin:end]:
+            if constraints.kind[v] == SLIDING:
+                near = nearest(constraints.chains, c, *position[v], near)
+                constraints.parameter[v] = near
+
+
+def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node: Ints) -> Floats:
+    """The parameters of nodes on chains, (k,); a node that does not slide there is at one of the chain's ends."""
+    chains = constraints.chains
+    slides = (constraints.kind[node] == SLIDING) & (constraints.chain[node, OWN] == chain)
+    start, end = (np.sum((position[node] - place[chain]) ** 2, axis=1) for place in (chains.origin, ends_of(chains)))
+    return np.where(slides, constraints.parameter[node], np.where(end < start, chains.length[chain], 0.0))
+
+
+def ends_of(chains: Chains) -> Floats:
+    """The points in which chains end, (c, 2)."""
+    end = chains.origin + chains.length[:, None] * chains.direction
+    is_round, is_tabled = chains.shape == ROUND, chains.shape == TABLED
+    half = 0.5 * (chains.curvature * chains.length)[is_round]
+    chord = 2.0 * np.sin(half) / chains.curvature[is_round]
+    (tx, ty), sine, cosine = chains.direction[is_round].T, np.sin(half), np.cos(half)
+    way = np.stack([cosine * tx - sine * ty, sine * tx + cosine * ty], axis=1)
+    end[is_round] = chains.origin[is_round] + chord[:, None] * way
+    end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, AT_X : AT_Y + 1]
+    return end
+
+
+def ways_along(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
+    """How far it is from one parameter to another on a chain, (k,); on a loop the shorter way round."""
+    way, length = end - start, chains.length[chain]
+    beyond = chains.closed[chain] & (np.abs(way) > 0.5 * length)
+    return np.where(beyond, way - np.copysign(length, way), way)
