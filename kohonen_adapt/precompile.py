@@ -58,4 +58,4 @@ def _equilibrate() -> None:
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
     problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))
-    equilibrate(problem, fan_of(1), np.zeros((1, 3, 2)), np.zeros(3))
+    equilibrate(problem, fan_of(1), np.zeros((1, 3), dtype=np.bool_), np.zeros((1, 3, 2)), np.zeros(3))

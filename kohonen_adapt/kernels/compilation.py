@@ -13,7 +13,7 @@ from numba import config, njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["allocating_kernel", "inner_kernel", "interpreted", "kernel", "number_of_threads"]
+__all__ = ["inner_kernel", "interpreted", "kernel", "number_of_threads"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -24,11 +24,6 @@ def kernel(function: Callable) -> Callable:
     It can make no array, and counts no references: its caller holds all that it reads and writes.
     """
     return _cached(function, _njit(function, _nrt=False))
-
-
-def allocating_kernel(function: Callable) -> Callable:
-    """Compile a loop that makes arrays."""
-    return _cached(function, _njit(function, _nrt=True))  # said, for else it has what the kernel has that calls it
 
 
 def inner_kernel(function: Callable) -> Callable:

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.compilation import allocating_kernel, kernel
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.compilation import kernel
 
 BITS = 20  # per coordinate
 MARGIN = 0.0173  # of the extent of a mesh
@@ -73,26 +73,37 @@ def mark_deep(star, part, rings, deep, queue):
         first, last = last, end
 
 
-@allocating_kernel
-def sort_into_tiles(winners, rank, deep, count, tiles, rng, cuts, order):
-    """Sort training points by the tile of their winner, those with deep winners first, in random order in a tile.
+@kernel
+def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
+    """Sort training points by the tile of their winner, those with deep winners first.
 
     Points ``order[cuts[i] : cuts[i + 1]]`` have deep winners in tile i, those from ``cuts[tiles + i]`` on the others.
     The tiles cut the curve on which `rank` is the place of each of the `count` neurons.
     """
-    cuts[:] = 0
+    for i in range(2 * tiles + 1):
+        cuts[i] = 0
     for t in range(winners.shape[0]):
         v = winners[t]
-        cuts[rank[v] * tiles // count + (1 if deep[v] else tiles + 1)] += 1
+        cuts[rank[v] * tiles // count + (0 if deep[v] else tiles)] += 1
     for i in range(2 * tiles):
         cuts[i + 1] += cuts[i]
-    cursor = cuts[:-1].copy()
-    for t in range(winners.shape[0]):
+    for t in range(winners.shape[0] - 1, -1, -1):  # from the end of every tile to its start
         v = winners[t]
         i = rank[v] * tiles // count + (0 if deep[v] else tiles)
-        order[cursor[i]] = t
-        cursor[i] += 1
-    for i in range(2 * tiles):
-        for t in range(cuts[i + 1] - 1, cuts[i], -1):
-            other = rng.integers(cuts[i], t + 1)
-            order[t], order[other] = order[other], order[t]
+        cuts[i] -= 1
+        order[cuts[i]] = t
+
+
+@kernel
+def exchange(order, one, other):
+    """Exchange entries of an order, pair after pair."""
+    for i in range(one.shape[0]):
+        order[one[i]], order[other[i]] = order[other[i]], order[one[i]]
+
+
+def shuffle(cuts: Ints, order: Ints, rng: np.random.Generator) -> None:
+    """Shuffle every stretch ``order[cuts[i] : cuts[i + 1]]`` by the method of Fisher and Yates."""
+    count = np.maximum(np.diff(cuts) - 1, 0)
+    stretch = np.repeat(np.arange(len(count)), count)
+    one = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])
+    exchange(order, one, rng.integers(cuts[stretch], one + 1))

@@ -62,8 +62,9 @@ class Triangulation:
         """The elements around every node, worked out when first asked for."""
         if self._star is None:
             rows = [np.empty(self.elements.node.size, dtype=np.int32) for _ in range(3)]
-            self._star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
-            self.refill_star()
+            star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
+            fill_star(self.elements.node, star)
+            self._star = star  # whole, for other threads may ask
         return self._star
 
     def copy(self) -> "Triangulation":

@@ -14,7 +14,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import SearchScratch
-from kohonen_adapt.kernels.ordering import along_curve, mark_deep, sort_into_tiles
+from kohonen_adapt.kernels.ordering import along_curve, mark_deep, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
 from kohonen_adapt.kernels.triangle.search import STRETCH, find_winners
@@ -208,19 +208,20 @@ class Trainer:
         n = len(deep)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
-        sort_into_tiles(winners, self.rank, deep, n, tiles, rng, cuts, order)
+        sort_into_tiles(winners, self.rank, deep, n, tiles, cuts, order)
+        shuffle(cuts, order, rng)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
         tri, constraints, floor = self.movable.triangulation, self.movable.constraints, self.movable.floor
-        strength = stage.strength()
+        strength, radius = stage.strength(), stage.radius
 
         def task(thread: int, first: int, last: int) -> None:
-            part = slice(first, last)
+            part, rings = slice(first, last), np.empty(radius + 2, dtype=np.int64)
             learn(
                 tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
-                batch.weights[part], winners[part], rate, strength, floor, sound, self.scratch[thread],
+                batch.weights[part], winners[part], rate, strength, rings, floor, sound, self.scratch[thread],
             )  # fmt: skip
 
         shared(task, shares_of(cuts[:-1]))

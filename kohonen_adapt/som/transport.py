@@ -23,7 +23,6 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.transport import (
-    find_centres,
     find_crossings,
     find_directions,
     go_to_middle,
@@ -94,8 +93,9 @@ class Transport:
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
         size = np.bincount(cluster).astype(np.float64)
-        centre = np.empty((len(size), 2))
-        find_centres(tri.position, tri.elements.node, cluster, centre)
+        corners = tri.position[tri.elements.node].transpose(2, 0, 1)
+        sums = np.stack([np.bincount(cluster, x[:, 0] + x[:, 1] + x[:, 2]) for x in corners], axis=1)
+        centre = sums / (3.0 * size[:, None])
         row, column, length = self._crossings()
         way = centre[column] - centre[row]
         conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
@@ -112,8 +112,8 @@ class Transport:
         They are a share of the flow, and nodes go the farther, in edges, the more there are.
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
-        along = np.empty((len(flow), 3))
-        find_directions(self.movable.triangulation.elements.node, self.movable.constraints, self.cluster, along)
+        along, count = np.empty((len(flow), 3)), np.empty(len(flow))
+        find_directions(self.movable.triangulation.elements.node, self.movable.constraints, self.cluster, count, along)
         xx, xy, yy = along.T
         for _ in range(int(SMOOTHING * np.sqrt(self.movable.nnodes))):
             x, y = (0.5 * (flow + mean @ flow)).T

@@ -117,7 +117,7 @@ def test_clusters_on_outlines_flow_along_them():
     tri, constraints = parts_of(mesh)
     cluster = clusters_of(tri, rank_of(tri))
     along = np.empty((cluster.max() + 1, 3))
-    find_directions(tri.elements.node, constraints, cluster, along)
+    find_directions(tri.elements.node, constraints, cluster, np.empty(len(along)), along)
     seen = set()
     for c, matrix in enumerate(along.tolist()):
         x, y = tri.position[np.unique(tri.elements.node[cluster == c])].T

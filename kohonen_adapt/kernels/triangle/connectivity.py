@@ -1,6 +1,8 @@
 """Link elements to their nodes and neighbours, find corners and edges in them, and go from one to the next."""
 
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
 
 @inner_kernel
@@ -23,8 +25,8 @@ def corner_towards(neighbour, e, other):
 @inner_kernel
 def corners_around(node, e, k, other):
     """The ends p and q of the edge opposite to corner k of e, that corner r, and s opposite in the element `other`."""
-    p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
-    return p, q, node[e, k], node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
+    return p, q, r, node[other, 0] + node[other, 1] + node[other, 2] - p - q
 
 
 @inner_kernel
@@ -36,29 +38,29 @@ def joined(node, neighbour, e, v, other):
             k = corner_of(node, at, v)
             if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
                 return True
-            at = neighbour[at, (k + way) % 3]
+            at = np.int64(neighbour[at, (k + way) % 3])
             if at == e:
                 break
     return False
 
 
-@allocating_kernel
+@kernel
 def fill_star(node, star):
     """List the elements around every node, in the order of their numbers."""
     start, n = star.start, star.start.shape[0] - 1
-    start[:] = 0
+    for v in range(n + 1):
+        start[v] = 0
     for e in range(node.shape[0]):
         for k in range(3):
-            start[node[e, k] + 1] += 1
+            start[node[e, k]] += 1
     for v in range(n):
         start[v + 1] += start[v]
-    cursor = start[:n].copy()
-    for e in range(node.shape[0]):
+    for e in range(node.shape[0] - 1, -1, -1):  # from the end of every list to its start
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         for v, ahead, behind in ((a, b, c), (b, c, a), (c, a, b)):
-            k = cursor[v]
+            k = start[v] - 1
             star.element[k], star.ahead[k], star.behind[k] = e, ahead, behind
-            cursor[v] = k + 1
+            start[v] = k
 
 
 @kernel

@@ -156,7 +156,7 @@ def move_free(position, star, trial, v, slope, floor):
             if may_move(position, star, v, x, y, floor):
                 if trial.bent[v]:
                     w = -(by_w + xw * step_x + yw * step_y) / ww
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, False)
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, np.bool_(False))
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
                 gain = now - c + 0.5 * r * r / k
@@ -192,7 +192,7 @@ def newton_step(by_x, by_y, xx, xy, yy):
 def move_on_chain(position, star, constraints, trial, v, slope, floor):
     """Move a node along a straight chain in the same way; its value is eliminated, or looked up where given."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
-    chain, parameter, given = constraints.chain[v, OWN], constraints.parameter[v], trial.fixed[v]
+    chain, parameter, given = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
     mixed = tx * xw + ty * yw
     now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import orientation
@@ -59,11 +59,13 @@ def fan_of(width: int) -> Fan:
     return Fan(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
 
 
-@allocating_kernel
-def equilibrate(data, fan, correction, imbalance):
-    """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,)."""
+@kernel
+def equilibrate(data, fan, seen, correction, imbalance):
+    """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,).
+
+    `seen` (t, 3) says which corners are done, none at first.
+    """
     count = data.node.shape[0]
-    seen = np.zeros((count, 3), dtype=np.bool_)
     for closed in (False, True):
         for e in range(count):
             for k in range(3):
@@ -84,8 +86,8 @@ def gather(data, e, k, fan, seen):
         seen[e, k] = True
         fan.element[size], fan.corner[size] = e, k
         size += 1
-        v, side = data.node[e, k], (k + 1) % 3
-        e, outflow = data.neighbour[e, side], data.outflow[e, side]
+        v, side = np.int64(data.node[e, k]), (k + 1) % 3
+        e, outflow = np.int64(data.neighbour[e, side]), data.outflow[e, side]
         if e >= 0:
             k = corner_of(data.node, e, v)
             fan.jump[size] = outflow + data.outflow[e, (k + 2) % 3]

@@ -60,11 +60,11 @@ def may_flip(position, elements, e, k, other, floor):
 def flip_edge(elements, e, k):
     """Replace the edge pq between e = (r, p, q) and its neighbour (s, q, p) by rs: e = (r, p, s), other = (s, q, r)."""
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
-    other = neighbour[e, k]
+    other = np.int64(neighbour[e, k])
     j = corner_towards(neighbour, other, e)
     k1, k2, j1, j2 = (k + 1) % 3, (k + 2) % 3, (j + 1) % 3, (j + 2) % 3
     r, s = node[e, k], node[other, j]
-    beyond_e, beyond_other = neighbour[e, k1], neighbour[other, j1]
+    beyond_e, beyond_other = np.int64(neighbour[e, k1]), np.int64(neighbour[other, j1])
     chain_e, chain_other = chain[e, k1], chain[other, j1]
     node[e, k2], node[other, j2] = s, r
     neighbour[e, k], chain[e, k] = beyond_other, chain_other

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
 TOLERANCE = 1e-10  # of an element's size: points on an edge or on the outline count as inside
@@ -30,14 +30,14 @@ def depth_in_element(position, node, e, x, y):
 @inner_kernel
 def walk(position, elements, e, x, y):
     """Walk from element e towards (x, y) within e's region; returns (element, whether that element holds the point)."""
-    node, region = elements.node, elements.region[e]
+    node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
         if depth_in_element(position, node, e, x, y) >= -TOLERANCE:
             return e, True
-        onward, most = -1, 0.0
+        onward, most = np.int64(-1), 0.0
         for k in range(3):
             side = side_of_edge(position, node, e, k, x, y)
-            across = elements.neighbour[e, k]
+            across = np.int64(elements.neighbour[e, k])
             if side < most and across >= 0 and elements.region[across] == region:
                 onward, most = across, side
         if onward < 0:
@@ -55,28 +55,28 @@ def walk_each(position, elements, points, found, inside):
 
 @kernel
 def count_in_cells(position, node, origin, size, shape, start):
-    """Count the elements whose bounding box meets each cell of a grid, summed up to row starts."""
-    start[:] = 0
+    """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
+    for c in range(start.shape[0]):
+        start[c] = 0
     for e in range(node.shape[0]):
         i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
-                start[i * shape[1] + j + 1] += 1
+                start[i * shape[1] + j] += 1
     for c in range(start.shape[0] - 1):
         start[c + 1] += start[c]
 
 
-@allocating_kernel
+@kernel
 def fill_cells(position, node, origin, size, shape, start, content):
-    """List the elements of every cell."""
-    cursor = start[:-1].copy()
-    for e in range(node.shape[0]):
+    """List the elements of every cell; `start` says where the lists end, and then where they start."""
+    for e in range(node.shape[0] - 1, -1, -1):
         i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 c = i * shape[1] + j
-                content[cursor[c]] = e
-                cursor[c] += 1
+                start[c] -= 1
+                content[start[c]] = e
 
 
 @inner_kernel
@@ -106,7 +106,7 @@ def best_in_cell(position, node, content, first, last, x, y):
     """The element of a cell that holds (x, y) deepest, or -1 if none does."""
     best, deepest = -1, -TOLERANCE
     for k in range(first, last):
-        depth = depth_in_element(position, node, content[k], x, y)
+        depth = depth_in_element(position, node, np.int64(content[k]), x, y)
         if depth >= deepest:
             best, deepest = content[k], depth
     return best
@@ -132,7 +132,7 @@ def find(position, elements, points, origin, size, shape, start, content, found)
 def barycentric(position, node, points, found, out):
     """Compute barycentric coordinates of every point in the element found for it; nan where there is none."""
     for t in range(points.shape[0]):
-        e = found[t]
+        e = np.int64(found[t])
         total = 0.0
         for k in range(3):
             out[t, k] = np.nan if e < 0 else side_of_edge(position, node, e, k, points[t, 0], points[t, 1])

@@ -28,11 +28,11 @@ def closest_neighbour(position, elements, star, inner, v, x, region):
     best, nearest = squared_distance(position, v, x), v
     for k in range(star.start[v], star.start[v + 1]):
         if inner[v] or elements.region[star.element[k]] == region:
-            distance = squared_distance(position, star.ahead[k], x)
+            distance = squared_distance(position, np.int64(star.ahead[k]), x)
             if distance < best:
                 best, nearest = distance, star.ahead[k]
             if not inner[v]:  # around an inner node the one behind is the next element's ahead
-                distance = squared_distance(position, star.behind[k], x)
+                distance = squared_distance(position, np.int64(star.behind[k]), x)
                 if distance < best:
                     best, nearest = distance, star.behind[k]
     return nearest
@@ -62,7 +62,7 @@ def holding_element(position, elements, star, constraints, v, x, region, scratch
     first, last = 0, 1
     best, deepest = e, -np.inf
     while first < last and deepest < -TOLERANCE:
-        e = queue[first]
+        e = np.int64(queue[first])
         first += 1
         depth = depth_in_element(position, elements.node, e, x[0], x[1])
         if depth > deepest:
@@ -100,7 +100,7 @@ def nearest_reached(position, elements, e, x, scratch):
     stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
     region = elements.region[e]
     frontier[0], reach[0], scratch.element_stamp[e] = e, 0.0, stamp
-    count, winner, best = 1, -1, np.inf
+    count, winner, best = 1, np.int64(-1), np.inf
     while count > 0:
         near = 0
         for i in range(1, count):
@@ -112,7 +112,7 @@ def nearest_reached(position, elements, e, x, scratch):
         count -= 1
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(3):
-            v = elements.node[e, k]
+            v = np.int64(elements.node[e, k])
             distance = squared_distance(position, v, x)
             if distance >= entered and (distance < best or (distance == best and v < winner)):
                 winner, best = v, distance

@@ -125,7 +125,7 @@ def nearest_element(position, elements, e, x, y):
     while not inside:
         onward = e
         for k in range(3):
-            across = elements.neighbour[e, k]
+            across = np.int64(elements.neighbour[e, k])
             if across >= 0 and elements.region[across] == elements.region[e]:
                 other = depth_in_element(position, elements.node, across, x, y)
                 if other > depth:

@@ -96,7 +96,7 @@ def halve(elements, pool, e, k, p):
     pool.height[1] -= 1
     new = pool.free_elements[pool.height[1]]
     k1, k2 = (k + 1) % 3, (k + 2) % 3
-    across = neighbour[e, k1]
+    across = np.int64(neighbour[e, k1])
     node[new, 0], node[new, 1], node[new, 2] = node[e, k], p, node[e, k2]
     neighbour[new, 1], chain[new, 1] = across, chain[e, k1]
     neighbour[new, 2], chain[new, 2] = e, -1
@@ -167,7 +167,7 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
     for i in range(count):
         e = np.int64(scratch.around[i])
         k = corner_of(node, e, v)
-        a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+        a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
         scratch.stamp[a], scratch.stamp[b] = mark, mark
         before = min(before, element_quality(position, node, e))
         if a == w or b == w:

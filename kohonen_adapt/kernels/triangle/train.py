@@ -8,7 +8,7 @@ chain to chain (Fig. 3).
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import (
     distance_to_chain,
     gone_along,
@@ -54,19 +54,33 @@ def draw_points(position, node, order, cumulated, random, points, element):
         element[t] = e
 
 
-@allocating_kernel
+@kernel
 def learn(
-    position, elements, star, constraints, points, region, weights, winners, rate, strength, floor, sound, scratch
+    position,
+    elements,
+    star,
+    constraints,
+    points,
+    region,
+    weights,
+    winners,
+    rate,
+    strength,
+    rings,
+    floor,
+    sound,
+    scratch,
 ):
     """Present training points whose winners are known.
 
-    `strength[ring]` is the neighbourhood function, its length the radius plus one. Learning rate times weight is capped
+    `strength[ring]` is the neighbourhood function, its length the radius plus one; `rings`, one longer, is room for
+    where the rings end in the queue. Learning rate times weight is capped
     at 1. Stars marked `sound` need not look back. Neurons are moved here and not in a function of their own: its call
     would take longer than its work.
     """
     kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
-    periodic, rings = constraints.twins.motions.shape[0] > 0, np.zeros(strength.shape[0] + 1, dtype=np.int64)
+    periodic, rings[0] = constraints.twins.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
         x = points[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
@@ -264,7 +278,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
     if parameter == corner:
         return
     for k in range(star.start[v], star.start[v + 1]):
-        e = star.element[k]
+        e = np.int64(star.element[k])
         ahead, behind = np.int64(star.ahead[k]), np.int64(star.behind[k])
         for next_node, other in ((ahead, behind), (behind, ahead)):
             if not may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
@@ -300,7 +314,7 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
 @inner_kernel
 def chain_of_edge(elements, e, v):
     """Chain of the edge of e opposite to its node v, -1 for none."""
-    return elements.chain[e, corner_of(elements.node, e, v)]
+    return np.int64(elements.chain[e, corner_of(elements.node, e, v)])
 
 
 @inner_kernel

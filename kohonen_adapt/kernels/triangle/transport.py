@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, element_quality, least_share
 
@@ -17,7 +17,8 @@ from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, 
 @kernel
 def share_out(winners, region, weights, elements, star, mass):
     """Sum up what the training points weigh, each shared by the elements of its region around its winner, (m,)."""
-    mass[:] = 0.0
+    for e in range(mass.shape[0]):
+        mass[e] = 0.0
     for t in range(winners.shape[0]):
         v, count = winners[t], 0
         for k in range(star.start[v], star.start[v + 1]):
@@ -42,28 +43,14 @@ def find_crossings(position, elements, cluster, row, column, length):
     return count
 
 
-@allocating_kernel
-def find_centres(position, node, cluster, centre):
-    """Find the mean of the centroids of every cluster's elements, (c, 2); an unguarded map may have overturned some."""
-    size = np.zeros(centre.shape[0])
-    centre[:] = 0.0
-    for e in range(node.shape[0]):
-        a, b, c, k = node[e, 0], node[e, 1], node[e, 2], cluster[e]
-        size[k] += 3.0
-        centre[k, 0] += position[a, 0] + position[b, 0] + position[c, 0]
-        centre[k, 1] += position[a, 1] + position[b, 1] + position[c, 1]
-    for k in range(size.shape[0]):
-        centre[k] /= size[k]
-
-
-@allocating_kernel
-def find_directions(node, constraints, cluster, along):
+@kernel
+def find_directions(node, constraints, cluster, count, along):
     """Find where clusters may flow, as matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
 
     t is the tangent, zero where a node is held; a cluster without such corners may flow anywhere.
     """
-    count = np.zeros(along.shape[0])
-    along[:] = 0.0
+    for c in range(count.shape[0]):
+        count[c] = along[c, 0] = along[c, 1] = along[c, 2] = 0.0
     for e in range(node.shape[0]):
         for k in range(3):
             v, c = np.int64(node[e, k]), cluster[e]
@@ -78,7 +65,9 @@ def find_directions(node, constraints, cluster, along):
         if count[c] == 0.0:
             along[c, 0], along[c, 2] = 1.0, 1.0
         else:
-            along[c] /= count[c]
+            along[c, 0] /= count[c]
+            along[c, 1] /= count[c]
+            along[c, 2] /= count[c]
 
 
 @kernel
@@ -260,7 +249,7 @@ def hold_back(position, ahead, node, star, floor, spoiled, queue):
                 continue
             ahead[v, 0], ahead[v, 1] = position[v, 0], position[v, 1]
             for k in range(star.start[v], star.start[v + 1]):
-                other = star.element[k]
+                other = np.int64(star.element[k])
                 if not spoiled[other] and spoils(position, ahead, node, other, floor):
                     spoiled[other] = True
                     queue[last] = other
