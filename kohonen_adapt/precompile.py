@@ -3,6 +3,8 @@
 import numpy as np
 from skfem import MeshTri
 
+from kohonen_adapt.kernels.ahead import expect
+from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
@@ -29,6 +31,7 @@ def warmup() -> None:
     >>> import kohonen_adapt as ka
     >>> ka.warmup()  # doctest: +SKIP
     """
+    expect(*ENTRIES)
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("flip", "fixed", "recycle"):

@@ -6,6 +6,8 @@ import signal
 import sys
 from typing import Any, TextIO
 
+PROGRESS = "kohonen_adapt.compiling"  # the logger of `kernels/ahead.py`
+
 __all__ = ["Terminal", "let_signals_end_the_process"]
 
 
@@ -40,8 +42,11 @@ class Terminal(logging.Handler):
         self.complain(f"warning: {message}")
 
     def emit(self, record: logging.LogRecord) -> None:
-        """A remark of the package, on standard error."""
-        self._write_line(self.format(record), sys.stderr)
+        """A remark of the package, on standard error; how far the compilation is, in place of the step."""
+        if record.name == PROGRESS:
+            self.show(self.format(record))
+        else:
+            self._write_line(self.format(record), sys.stderr)
 
     def show(self, step: str) -> None:
         """Show a step in place of the one before, where standard error is a terminal; "" shows none."""

@@ -1,7 +1,7 @@
-"""Compile kernels on first use, keep their machine code on disk, and say so through logging."""
+"""Compile kernels on first use, and keep their machine code on disk."""
 
 import functools
-import logging
+import os
 from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
@@ -10,12 +10,9 @@ from typing import Any
 
 import numba
 from numba import config, njit
-from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["inner_kernel", "interpreted", "kernel", "number_of_threads"]
-
-logger = logging.getLogger("kohonen_adapt")
+__all__ = ["inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
 
 
 def kernel(function: Callable) -> Callable:
@@ -38,6 +35,18 @@ def interpreted(loop: Any) -> Callable:
     called = {name: function.__globals__.get(name) for name in function.__code__.co_names}
     own = {name: interpreted(value) for name, value in called.items() if hasattr(value, "py_func")}
     return FunctionType(function.__code__, {**function.__globals__, **own})
+
+
+def is_kept(loop: Any, types: tuple[Any, ...]) -> bool:
+    """Whether the code of a loop for arguments of these types is on disk."""
+    cache = loop._cache
+    return cache._index_key(types, loop.targetctx.codegen()) in cache._cache_file._load_index()
+
+
+def may_be_kept(loop: Any) -> bool:
+    """Whether the code of a loop can be written to disk."""
+    folder = Path(loop._cache.cache_path)
+    return os.access(next(path for path in (folder, *folder.parents) if path.exists()), os.W_OK)
 
 
 def number_of_threads() -> int:
@@ -105,22 +114,3 @@ class _KernelCache(FunctionCache):
     def __init__(self, function: Callable) -> None:
         super().__init__(function)
         self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels())
-
-
-class _Announcer(event.Listener):
-    """Says once that kernels are being compiled; numba raises the event only where its cache has nothing."""
-
-    def __init__(self) -> None:
-        self.said = False
-
-    def on_start(self, event: event.Event) -> None:
-        function = event.data["dispatcher"].py_func
-        if not self.said and function.__module__.startswith(__package__):
-            self.said = True
-            logger.info("compiling the loops of kohonen_adapt (up to a minute, once; numba caches them on disk)")
-
-    def on_end(self, event: event.Event) -> None:
-        """Nothing: the start is what a waiting user wants to know."""
-
-
-event.register("numba:compile", _Announcer())

@@ -19,7 +19,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
-from kohonen_adapt.som.relocate import report_curves
+from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PASSES", "adapt"]
@@ -153,6 +153,7 @@ def adapt(
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
+    expect_loops(rules.topology, *(["polish"] if polish else []))
     adaptation = Adaptation(problem, movable, settings, steps)
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 

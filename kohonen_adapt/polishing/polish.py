@@ -8,6 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import check_count
+from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.kernels.arrays import Constraints, Trial
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
@@ -104,6 +105,7 @@ def polish(
     """
     check_polish(problem, sweeps, topology, seed)
     movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers).guarded())
+    expect("polish")
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))
     except NotOffered as reason:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
+from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.outline.curves import Curve
@@ -74,6 +75,7 @@ class KohonenMap:
     ) -> None:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
+        expect("map")
         self._movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers))
         self._trainer = Trainer.of(self._movable)
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
@@ -21,7 +22,7 @@ from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["Moved", "move", "relocate", "report_curves"]
+__all__ = ["Moved", "expect_loops", "move", "relocate", "report_curves"]
 
 # Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
 MISMATCH = 0.6
@@ -131,6 +132,7 @@ def relocate(
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
     movable = MovableMesh.of(mesh, rules)
+    expect_loops(topology)
     wanted = density_of(movable.triangulation, density)
     moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed))
     work = moved.work(movable)
@@ -138,6 +140,11 @@ def relocate(
     if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
         logger.warning("relocate moved no node: %s.", work.why_still)
     return movable.mesh()
+
+
+def expect_loops(topology: str, *others: str) -> None:
+    """Say which compiled loops `move` will need, and what else will be needed."""
+    expect("map", "recycling" if topology == "recycle" else "transport", *others)
 
 
 def move(

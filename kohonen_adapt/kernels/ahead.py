@@ -1,0 +1,116 @@
+"""Compile loops in a second process while this one compiles those that it needs first, and say how far that is.
+
+numba keeps machine code on disk, where a process finds it when it calls a loop for the first time. This process goes
+forward through `ENTRIES` as it needs them, the other one backward, until they meet.
+"""
+
+import logging
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from numba.core import event
+
+from kohonen_adapt.kernels.compilation import is_kept, may_be_kept, number_of_threads
+from kohonen_adapt.kernels.entries import ENTRIES, Entry
+
+__all__ = ["compile_each", "expect"]
+
+logger = logging.getLogger("kohonen_adapt")
+progress = logging.getLogger("kohonen_adapt.compiling")
+
+SECONDS = 0.8  # that one core needs for one of `ENTRIES` and what that calls, for a first word
+
+# What the other process runs: the package that is running here, whatever a new process would find. It ends with this
+# process, for its standard input is closed then.
+RUN = """
+import os, sys, threading
+sys.path[:] = {path!r}
+threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+from kohonen_adapt.kernels.ahead import compile_each
+compile_each({names!r})
+"""
+
+
+def expect(*chapters: str) -> None:
+    """Say of which chapters of `ENTRIES` all will be needed soon; if one has to be compiled, so are the others."""
+    _compiling.chapters.update(chapters)
+
+
+def compile_each(names: Iterable[str]) -> None:
+    """Compile entries by name, or find them on disk, and write a line for each."""
+    event.unregister("numba:compile", _compiling)  # this is the help, and needs none
+    entries = {entry.name: entry for chapter in ENTRIES.values() for entry in chapter}
+    for name in names:
+        entries[name].loop.compile(entries[name].types)
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()
+
+
+class _Compiling(event.Listener):
+    """Hears of every function that numba compiles here, which it does only where there is nothing on disk."""
+
+    def __init__(self) -> None:
+        self.chapters: set[str] = set()
+        self._waiting: set[str] = set()
+        self._number = 0
+        self._since = 0.0
+        self._depth = 0
+
+    def on_start(self, event: Any) -> None:
+        """Begin a function, which may have others inside it."""
+        self._depth += 1
+        function = event.data["dispatcher"].py_func
+        if self._depth == 1 and function.__module__.startswith(__package__) and function.__name__ not in self._waiting:
+            self._begin(function.__name__)
+
+    def on_end(self, event: Any) -> None:
+        """End a function."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._finish(event.data["dispatcher"].py_func.__name__)
+
+    def _begin(self, name: str) -> None:
+        """Have a second process compile what is expected beside this function."""
+        entries = [entry for chapter in ENTRIES if chapter in self.chapters for entry in ENTRIES[chapter]]
+        missing = [entry for entry in entries if not is_kept(entry.loop, entry.types)]
+        self._waiting = {name, *(entry.name for entry in missing)}
+        self._number, self._since = len(self._waiting), time.perf_counter()
+        helped = len(missing) > 1 and number_of_threads() > 1 and may_be_kept(missing[0].loop) and self._help(missing)
+        seconds = SECONDS * self._number / (2 if helped else 1)
+        logger.warning("compiling %d loops of kohonen_adapt, once: about %.0f s", self._number, max(1.0, seconds))
+
+    def _help(self, missing: list[Entry]) -> bool:
+        """Start the second process, if that can be."""
+        code = RUN.format(path=sys.path, names=[entry.name for entry in reversed(missing)])
+        hidden = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+        pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+        try:
+            helper = subprocess.Popen(
+                [sys.executable, "-c", code], stdin=pipe, stdout=pipe, stderr=nowhere, text=True, creationflags=hidden
+            )
+        except OSError:
+            return False
+        threading.Thread(target=self._listen, args=(helper,), daemon=True).start()
+        return True
+
+    def _listen(self, helper: "subprocess.Popen[str]") -> None:
+        """Hear which loops the second process has compiled, until it ends."""
+        for line in helper.stdout or ():
+            self._finish(line.strip())
+        helper.wait()
+
+    def _finish(self, name: str) -> None:
+        """Say how far it is, after a loop that was waited for."""
+        if name in self._waiting:
+            self._waiting.discard(name)
+            done, left = self._number - len(self._waiting), len(self._waiting)
+            seconds = (time.perf_counter() - self._since) / done * left
+            progress.info("compiled %d of %d loops, about %.0f s to go", done, self._number, seconds)
+
+
+_compiling = _Compiling()
+event.register("numba:compile", _compiling)

@@ -1,0 +1,131 @@
+"""List the loops that Python calls, with the types that they take, in the order in which they are needed."""
+
+from typing import Any
+
+from numba.types import UniTuple, boolean, float64, int8, int32, int64
+
+from kohonen_adapt.kernels import arrays, heap, ordering
+from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.triangle import (
+    chains,
+    connectivity,
+    descend,
+    equilibrate,
+    flip,
+    geometry,
+    locate,
+    recycle,
+    search,
+    smooth,
+    train,
+    transport,
+)
+
+__all__ = ["ENTRIES", "Entry"]
+
+# Arrays by their number of axes.
+R1, R2, R3 = float64[::1], float64[:, ::1], float64[:, :, ::1]
+I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
+
+STAR = RecordType(arrays.Star, (I1, I1, I1, I1))
+ELEMENTS = RecordType(arrays.Elements, (I2, I2, I1, I2, I1, B1))
+SITES = RecordType(smooth.Sites, (I1, I1, I1, R1))
+ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, B1, B1))
+HEAP = RecordType(heap.Heap, (R1, I2, L1))
+CHAINS = RecordType(arrays.Chains, (R2, int8[:, ::1], I1, R2))
+TWINS = RecordType(arrays.Twins, (I1, I1, R3, I2))
+CONSTRAINTS = RecordType(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, TWINS))
+POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
+SURGERY_SCRATCH = RecordType(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
+SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
+LAWS = RecordType(arrays.Laws, (I1, int64, R3))
+TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
+FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
+FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
+
+
+class Entry:
+    """A loop and the types that it is compiled for."""
+
+    def __init__(self, loop: Any, *types: Any) -> None:
+        self.loop, self.types = loop, types
+
+    @property
+    def name(self) -> str:
+        """Of the loop; no two have the same."""
+        return str(self.loop.__name__)
+
+
+# By what needs them.
+ENTRIES: dict[str, tuple[Entry, ...]] = {
+    "recycling": (
+        Entry(recycle.fill_heaps, R2, ELEMENTS, ORIGINS, HEAP, HEAP),
+        Entry(
+            recycle.recycle,
+            R2,
+            ELEMENTS,
+            CONSTRAINTS,
+            POOL,
+            ORIGINS,
+            HEAP,
+            HEAP,
+            int64,
+            float64,
+            float64,
+            int64,
+            SURGERY_SCRATCH,
+        ),
+        Entry(connectivity.spread_starts, ELEMENTS, I1, I1),
+        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1),
+        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
+        Entry(locate.find, R2, ELEMENTS, R2, R1, R1, UniTuple(int64, 2), L1, I1, I1),
+    ),
+    "map": (
+        Entry(ordering.hilbert_keys, R2, R1, float64, L1),
+        Entry(connectivity.fill_star, I2, STAR),
+        Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, R2),
+        Entry(smooth.count_sites, ELEMENTS, STAR, I1),
+        Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
+        Entry(flip.mark_doubtful, R2, ELEMENTS, int64, int64, B1),
+        Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
+        Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
+        Entry(geometry.mark_sound, R2, STAR, float64, int64, int64, B1),
+        Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(search.find_winners, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
+        Entry(ordering.exchange, I1, L1, L1),
+        Entry(
+            train.learn, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, R1, I1, float64, R1, L1, float64, B1, SEARCH_SCRATCH
+        ),
+        Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
+        Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
+        Entry(smooth.sweep, R2, ELEMENTS, STAR, CONSTRAINTS, R1, boolean, float64, I1, B1, boolean),
+    ),
+    "transport": (
+        Entry(transport.share_out, I1, I1, R1, ELEMENTS, STAR, R1),
+        Entry(transport.find_crossings, R2, ELEMENTS, I1, I1, I1, R1),
+        Entry(transport.find_directions, I2, CONSTRAINTS, I1, R1, R2),
+        Entry(transport.move_with_clusters, STAR, CONSTRAINTS, I1, R2, int64, int64, R2),
+        Entry(transport.smooth_moves, STAR, CONSTRAINTS, R2, int64, int64, R2),
+        Entry(transport.measure_moves, R2, STAR, R2, int64, int64, R1),
+        Entry(transport.step_ahead, R2, CONSTRAINTS, R2, float64, int64, int64, R2, R1),
+        Entry(transport.mark_spoiled, R2, R2, I2, float64, int64, int64, B1),
+        Entry(transport.hold_back, R2, R2, I2, STAR, float64, B1, I1),
+        Entry(transport.mark_too_long, R2, R2, ELEMENTS, CHAINS, B1),
+        Entry(transport.take_step, R2, CONSTRAINTS, R2, R1, int64, int64),
+        Entry(transport.go_to_middle, R2, R1, I2, STAR, CONSTRAINTS, B1),
+        Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, int64, I1, I1),
+    ),
+    "curves": (
+        Entry(chains.look_up, CONSTRAINTS, L1, R2),
+        Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
+    ),
+    "polish": (
+        Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
+        Entry(locate.barycentric, R2, I2, R2, I1, R2),
+        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIAL, I1, float64),
+        Entry(descend.descend_flips, R2, ELEMENTS, TRIAL, float64),
+        Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
+    ),
+    "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
+}
