@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, TABLED, Chains
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
+from kohonen_adapt.outline.cutting import lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
 from kohonen_adapt.outline.polylines import Pieces, Runs, nodes_of
-from kohonen_adapt.outline.tracing import lengths_and_angles
 
 logger = logging.getLogger("kohonen_adapt")
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 from kohonen_adapt.outline.curves import Arc, Curve, check_near
-from kohonen_adapt.outline.tracing import cut_runs, trace_runs
+from kohonen_adapt.outline.cutting import cut_runs
 
 __all__ = ["CORNER", "Pieces", "Polyline", "Runs", "cut", "meetings", "nodes_of", "polylines_of", "traced", "turns"]
 
@@ -25,12 +25,12 @@ class Polyline(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Segments that go on into one another, from end to end or all round; `trace_runs` describes the arrays."""
+    """Segments that go on into one another, from end to end or all round."""
 
-    node: NDArray[np.int32]  # (s,)
+    node: NDArray[np.int32]  # (s,) in order, run after run; a closed run begins and ends with the same node
     facet: NDArray[np.int32]  # (s,) the segment after each node, -1 after the last of a run
-    start: NDArray[np.int32]  # (r + 1,)
-    closed: Mask  # (r,)
+    start: NDArray[np.int32]  # (r + 1,) where the runs begin in those
+    closed: Mask  # (r,) whether it goes on from its last node
 
 
 class Pieces(NamedTuple):
@@ -97,13 +97,33 @@ def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
 
 
 def traced(ends: Ints, through: Ints) -> Runs:
-    """Trace segments with the ends (m, 2) where `through` (n, 2) has two that go on into one another."""
-    count = len(ends)
-    node, facet = (np.empty(2 * count, dtype=np.int32) for _ in range(2))
-    start, closed = np.zeros(count + 1, dtype=np.int32), np.zeros(count, dtype=np.bool_)
-    runs = trace_runs(ends.astype(np.int32, order="C"), through, node, facet, start, closed)
-    slots = start[runs]
-    return Runs(node[:slots], facet[:slots], start[: runs + 1], closed[:runs])
+    """Trace segments with the ends (m, 2) from node to node.
+
+    `through` (n, 2) has the two that go on into one another at a node, -1 where runs end.
+    """
+    node: list[int] = []
+    facet: list[int] = []
+    start, closed, pairs, visited = [0], [], ends.tolist(), [False] * len(ends)
+    for loops in (False, True):
+        for first, both in enumerate(pairs):
+            for begin in both:
+                if visited[first] or (not loops and through[begin, 0] >= 0):
+                    continue
+                v, f = begin, first
+                while True:
+                    visited[f] = True
+                    node.append(v)
+                    facet.append(f)
+                    v = sum(pairs[f]) - v
+                    if through[v, 0] < 0 or v == begin:
+                        break
+                    f = int(through[v].sum()) - f
+                node.append(v)
+                facet.append(-1)
+                start.append(len(node))
+                closed.append(loops)
+    slots = [np.array(array, dtype=np.int32) for array in (node, facet, start)]
+    return Runs(slots[0], slots[1], slots[2], np.array(closed, dtype=np.bool_))
 
 
 def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:

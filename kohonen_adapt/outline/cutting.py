@@ -1,4 +1,4 @@
-"""Trace outline facets from node to node, and cut the runs into straight pieces and arcs of circles."""
+"""Cut runs of outline facets into straight pieces and arcs of circles."""
 
 import math
 
@@ -16,39 +16,6 @@ ROUNDING = 1e-15  # of the coordinates: likewise, however short the facet
 LOOSE = 1e-3  # of the radius: a whole run whose nodes are no farther from a circle is an arc
 DISTINCT = 10.0  # times that distance the run must bulge, or it may as well be straight
 MOST = 1.8 * math.pi  # radians: an arc that goes farther round is two, so that it is clear which end is near
-NONE = -1
-
-
-def trace_runs(ends: Ints, through: Ints, node: Ints, facet: Ints, start: Ints, closed: Mask) -> int:
-    """Trace runs of facets from node to node; returns their number.
-
-    `ends` (f, 2) are the nodes of the facets, `through` (n, 2) the two facets of which one goes on into the other at a
-    node, -1 where runs end. Run r has the nodes ``node[start[r] : start[r + 1]]`` in order and ``facet`` has the facet
-    after each but the last, where it is -1. A closed run begins and ends with the same node, at which it goes on.
-    """
-    visited = np.zeros(ends.shape[0], dtype=np.bool_)
-    count = slot = 0
-    for loops in (False, True):
-        for first in range(ends.shape[0]):
-            for side in range(2):
-                v = ends[first, side]
-                if visited[first] or (not loops and through[v, 0] >= 0):
-                    continue
-                start[count], closed[count] = slot, loops
-                begin, f = v, first
-                while True:
-                    visited[f] = True
-                    node[slot], facet[slot] = v, f
-                    slot += 1
-                    v = ends[f, 0] + ends[f, 1] - v
-                    if through[v, 0] < 0 or v == begin:
-                        break
-                    f = through[v, 0] + through[v, 1] - f
-                node[slot], facet[slot] = v, NONE
-                slot += 1
-                count += 1
-    start[count] = slot
-    return count
 
 
 def cut_runs(
