@@ -8,12 +8,15 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
-from kohonen_adapt.kernels.triangle.connectivity import fill_star, link_neighbours, number_regions
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.connectivity import count_around, fill_star, link_neighbours, number_regions
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation", "star_of"]
+
+FEW = 5_000  # nodes that are not worth another thread
 
 
 @dataclass
@@ -71,7 +74,7 @@ class Triangulation:
 
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
-        fill_star(self.elements.node, self.star)
+        fill(self.star, self.elements.node)
 
     def areas(self) -> Floats:
         """Area of every element, (m,)."""
@@ -124,9 +127,18 @@ def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
 def star_of(node: Ints, nnodes: int) -> Star:
     """The elements around every node, of elements (m, 3)."""
     rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
-    star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
-    fill_star(node, star)
+    star = Star(np.zeros(nnodes + 1, dtype=np.int32), *rows)
+    fill(star, node)
     return star
+
+
+def fill(star: Star, node: Ints) -> None:
+    """List the elements around every node, of elements (m, 3); each thread those around some of the nodes."""
+    nnodes = len(star.start) - 1
+    count, cuts = np.empty(nnodes, dtype=np.int32), even_cuts(nnodes, FEW)
+    shared(lambda thread, first, last: count_around(node, first, last, count), cuts)
+    np.cumsum(count, dtype=np.int32, out=star.start[1:])
+    shared(lambda thread, first, last: fill_star(node, star, first, last, count), cuts)
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -11,7 +11,7 @@ from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.arrays import Constraints, Trial
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes
+from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
@@ -21,6 +21,7 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem, offered, offers,
 
 __all__ = ["SWEEPS", "descend", "polish"]
 
+FEW = 5_000  # elements that are not worth another thread
 PART = 5_000  # nodes: those at the cuts between parts are few
 
 # Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
@@ -147,10 +148,7 @@ def descend(movable: MovableMesh, functional: Functional, values: Floats, fixed:
     for _ in range(sweeps):
         gain += descend_in_parts(triangulation, constraints, trial, order, movable.floor)
         if movable.flips:
-            lowered, count = descend_flips(triangulation.position, triangulation.elements, trial, movable.floor)
-            gain += lowered
-            if count:
-                triangulation.refill_star()
+            gain += flip_downhill(triangulation, trial, movable.floor)
     return gain
 
 
@@ -179,3 +177,21 @@ def descend_in_parts(
     shared(task, even_cuts(parts, 1))
     gains[parts] = descend_nodes(position, star, constraints, trial, across, floor)
     return float(gains.sum())
+
+
+def flip_downhill(triangulation: Triangulation, trial: Trial, floor: float) -> float:
+    """One sweep over the edges; returns what flips took off the functional.
+
+    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
+    """
+    position, elements = triangulation.position, triangulation.elements
+    gainful = np.empty(len(elements.node), dtype=np.bool_)
+
+    def mark(thread: int, first: int, last: int) -> None:
+        mark_gainful(position, elements, trial, first, last, gainful)
+
+    shared(mark, even_cuts(len(gainful), FEW))
+    gain, flips = descend_flips(position, elements, trial, floor, gainful)
+    if flips:
+        triangulation.refill_star()
+    return gain

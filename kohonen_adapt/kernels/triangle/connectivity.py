@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import allocating_kernel, inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
 
 @inner_kernel
@@ -44,23 +44,33 @@ def joined(node, neighbour, e, v, other):
     return False
 
 
-@allocating_kernel
-def fill_star(node, star):
-    """List the elements around every node, in the order of their numbers."""
-    start, n = star.start, star.start.shape[0] - 1
-    start[:] = 0
+@kernel
+def count_around(node, first, last, count):
+    """Count the elements around each of the nodes `first` to `last`."""
+    for v in range(first, last):
+        count[v] = 0
     for e in range(node.shape[0]):
         for k in range(3):
-            start[node[e, k] + 1] += 1
-    for v in range(n):
-        start[v + 1] += start[v]
-    cursor = start[:n].copy()
+            v = node[e, k]
+            if first <= v < last:
+                count[v] += 1
+
+
+@kernel
+def fill_star(node, star, first, last, cursor):
+    """List the elements around each of the nodes `first` to `last`, in the order of their numbers.
+
+    `cursor` (n,) is scratch.
+    """
+    for v in range(first, last):
+        cursor[v] = star.start[v]
     for e in range(node.shape[0]):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         for v, ahead, behind in ((a, b, c), (b, c, a), (c, a, b)):
-            k = cursor[v]
-            star.element[k], star.ahead[k], star.behind[k] = e, ahead, behind
-            cursor[v] = k + 1
+            if first <= v < last:
+                k = cursor[v]
+                star.element[k], star.ahead[k], star.behind[k] = e, ahead, behind
+                cursor[v] = k + 1
 
 
 @kernel
