@@ -150,7 +150,7 @@ class Surgery:
         state["elements.neighbour"] = place[state["elements.neighbour"]]
         partner = state["twins.partner"]
         state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
-        movable.restore(state)
+        movable.become(state)
         return self.origins.old[kept], self.origins.hint[kept]
 
 

@@ -23,6 +23,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes
 from kohonen_adapt.som.training_points import density_of
@@ -80,6 +81,15 @@ def test_neighbours_in_the_plane_are_so_in_memory():
     assert np.median(away) < 0.01 * tri.nnodes
     beyond = np.abs(tri.elements.neighbour - np.arange(len(away))[:, None])
     assert np.median(beyond[tri.elements.neighbour >= 0]) < 0.01 * len(away)
+
+
+def test_what_it_hands_back_unchecked_is_a_valid_mesh(mesh):
+    movable, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
+    check_mesh(movable.mesh())
+    movable.restore(movable.state())  # which refuses numbers of what is not there
+    again = Triangulation.of(movable.mesh())
+    neighbours = (np.sort(each.elements.neighbour) for each in (movable.triangulation, again))
+    np.testing.assert_array_equal(*neighbours)
 
 
 def test_names_areas_lines_and_sides_are_kept(mesh):
