@@ -59,7 +59,7 @@ def holding(triangulation: Triangulation, points: Floats, start: Ints, across_ou
     """The element that holds each point (n, 2), found by a walk from an element near it; where none does, one nearby.
 
     The walk stays in the region in which it starts, unless it goes `across_outlines`. Where it is blocked, or too long,
-    all elements are searched.
+    it goes on across them; where that is of no use either, all elements are searched.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
     elements = triangulation.elements
@@ -71,9 +71,12 @@ def holding(triangulation: Triangulation, points: Floats, start: Ints, across_ou
         kernels.walk_each(triangulation.position, elements, points[part], found[part], inside[part])
 
     shared(walk, even_cuts(len(points), FEW))
-    if not inside.all():
-        searched = Locator(triangulation).find(points[~inside])
-        found[~inside] = np.where(searched >= 0, searched, found[~inside])
+    lost = np.flatnonzero(~inside)
+    if len(lost) and not across_outlines:
+        found[lost] = holding(triangulation, points[lost], found[lost], across_outlines=True)
+    elif len(lost):
+        searched = Locator(triangulation).find(points[lost])
+        found[lost] = np.where(searched >= 0, searched, found[lost])
     return found
 
 

@@ -9,7 +9,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.connectivity import count_around, fill_star, link_neighbours, number_regions
+from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts, link_neighbours, number_regions
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
@@ -127,7 +127,7 @@ def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
 def star_of(node: Ints, nnodes: int) -> Star:
     """The elements around every node, of elements (m, 3)."""
     rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
-    star = Star(np.zeros(nnodes + 1, dtype=np.int32), *rows)
+    star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
     fill(star, node)
     return star
 
@@ -135,10 +135,9 @@ def star_of(node: Ints, nnodes: int) -> Star:
 def fill(star: Star, node: Ints) -> None:
     """List the elements around every node, of elements (m, 3); each thread those around some of the nodes."""
     nnodes = len(star.start) - 1
-    count, cuts = np.empty(nnodes, dtype=np.int32), even_cuts(nnodes, FEW)
-    shared(lambda thread, first, last: count_around(node, first, last, count), cuts)
-    np.cumsum(count, dtype=np.int32, out=star.start[1:])
-    shared(lambda thread, first, last: fill_star(node, star, first, last, count), cuts)
+    cursor = np.empty(nnodes, dtype=np.int32)
+    find_starts(node, star.start)
+    shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), even_cuts(nnodes, FEW))
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -145,27 +145,39 @@ def descend(movable: MovableMesh, functional: Functional, values: Floats, fixed:
     twins = constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
     trial = functional.trial(triangulation, values, fixed | twins)
     order, gain = along_curve(triangulation.position).astype(np.int32), 0.0
+    part = parts_along(order)
     for _ in range(sweeps):
-        gain += descend_in_parts(triangulation, constraints, trial, order, movable.floor)
+        gain += descend_in_parts(triangulation, constraints, trial, order, part, movable.floor)
         if movable.flips:
             gain += flip_downhill(triangulation, trial, movable.floor)
     return gain
 
 
+def parts_along(order: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The part of the mesh that each node belongs to, (n,): stretches of the order, numbered along it."""
+    part, parts = np.empty_like(order), max(1, len(order) // PART)
+    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    return part
+
+
 def descend_in_parts(
-    triangulation: Triangulation, constraints: Constraints, trial: Trial, order: NDArray[np.int32], floor: float
+    triangulation: Triangulation,
+    constraints: Constraints,
+    trial: Trial,
+    order: NDArray[np.int32],
+    part: NDArray[np.int32],
+    floor: float,
 ) -> float:
     """One sweep over the nodes: threads take parts of the mesh side by side, and what lies at their cuts comes last.
 
     A move depends on the neighbours alone; where these are all of a node's own part, no other thread has a say. So what
     comes out does not depend on the number of threads.
     """
-    position, star = triangulation.position, triangulation.star
-    parts = max(1, len(order) // PART)
-    part, deep = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.bool_)
-    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    position, star, parts = triangulation.position, triangulation.star, int(part[order[-1]]) + 1
+    deep = np.empty(len(order), dtype=np.bool_)
     mark_deep(star, part, 1, deep, np.empty_like(order))
-    inside, across = order[deep[order]], order[~deep[order]]
+    alone = deep[order]
+    inside, across = order[alone], order[~alone]
     cuts = np.searchsorted(part[inside], np.arange(parts + 1))
     gains = np.zeros(parts + 1)
 

@@ -5,7 +5,7 @@ import pytest
 from helpers.meshes import generic_square, inset, junction, perturbed
 
 from kohonen_adapt.kernels.arrays import Star
-from kohonen_adapt.kernels.triangle.connectivity import count_around, fill_star
+from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.kernels.triangle.smooth import average_at_sites
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -27,13 +27,12 @@ def pieces(tri):
 
 
 def test_stars_list_the_elements_around_every_node_in_order(tri):
-    node, count = tri.elements.node, np.empty(tri.nnodes, dtype=np.int32)
-    star = Star(tri.star.start, *(np.full_like(array, -1) for array in tri.star[1:]))
+    node, cursor = tri.elements.node, np.empty(tri.nnodes, dtype=np.int32)
+    star = Star(*(np.full_like(array, -1) for array in tri.star))
+    find_starts(node, star.start)
+    np.testing.assert_array_equal(np.diff(star.start), np.bincount(node.ravel()))
     for first, last in pieces(tri):
-        count_around(node, first, last, count)
-    np.testing.assert_array_equal(count, np.bincount(node.ravel()))
-    for first, last in pieces(tri):
-        fill_star(node, star, first, last, count)
+        fill_star(node, star, first, last, cursor)
     for v in range(tri.nnodes):
         e, k = np.nonzero(node == v)
         rows = slice(star.start[v], star.start[v + 1])

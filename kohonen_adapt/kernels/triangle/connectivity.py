@@ -45,20 +45,20 @@ def joined(node, neighbour, e, v, other):
 
 
 @kernel
-def count_around(node, first, last, count):
-    """Count the elements around each of the nodes `first` to `last`."""
-    for v in range(first, last):
-        count[v] = 0
+def find_starts(node, start):
+    """Find where the elements around every node begin when they are listed node by node, (n + 1,)."""
+    for v in range(start.shape[0]):
+        start[v] = 0
     for e in range(node.shape[0]):
         for k in range(3):
-            v = node[e, k]
-            if first <= v < last:
-                count[v] += 1
+            start[node[e, k] + 1] += 1
+    for v in range(start.shape[0] - 1):
+        start[v + 1] += start[v]
 
 
 @kernel
 def fill_star(node, star, first, last, cursor):
-    """List the elements around each of the nodes `first` to `last`, in the order of their numbers.
+    """List the elements around each of the nodes `first` to `last`, in the order of their numbers, from their starts.
 
     `cursor` (n,) is scratch.
     """
