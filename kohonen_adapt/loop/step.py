@@ -28,9 +28,9 @@ from kohonen_adapt.problem.protocol import (
     solve_again,
 )
 from kohonen_adapt.problem.ritz import functional_value
-from kohonen_adapt.som.density import density_from_indicators
+from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocate import Moved, move
-from kohonen_adapt.som.training_points import density_of
+from kohonen_adapt.som.training_points import ElementDensity
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved"]
 
@@ -122,8 +122,8 @@ class Adaptation:
         """Recycle and move nodes to where all elements would carry the same error."""
         with self.steps("relocate"):
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
-            per_element = density_from_indicators(record.mesh, record.indicators, order=order, norm=norm)
-            density = density_of(self.movable.triangulation, per_element)
+            per_element = equidistributing(record.mesh, record.indicators, order, norm)
+            density = ElementDensity(self.movable.triangulation, per_element)
             settings, number = self.settings, self.steps.number
             topology, nodes = settings.rules.topology, settings.growth.nodes(number)
             return move(self.movable, density, settings.schedule, topology, settings.rng(number), nodes)

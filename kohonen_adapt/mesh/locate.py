@@ -4,12 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as kernels
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Locator", "find_elements", "interpolate"]
+__all__ = ["Locator", "find_elements", "holding", "interpolate"]
 
+FEW = 5_000  # points that are not worth another thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C is heard within half a second
 
 
@@ -51,6 +53,31 @@ class Locator:
             chunk = slice(first, first + CHUNK)
             kernels.find(self.position, self.elements, points[chunk], *grid, found[chunk])
         return found
+
+
+def holding(triangulation: Triangulation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:
+    """The element that holds each point (n, 2), found by a walk from an element near it; where none does, one nearby.
+
+    The walk stays in the region in which it starts, unless it goes `across_outlines`. Where it is blocked, or too long,
+    it goes on across them; where that is of no use either, all elements are searched.
+    """
+    found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
+    elements = triangulation.elements
+    if across_outlines:
+        elements = elements._replace(region=np.zeros_like(elements.region))
+
+    def walk(thread: int, first: int, last: int) -> None:
+        part = slice(first, last)
+        kernels.walk_each(triangulation.position, elements, points[part], found[part], inside[part])
+
+    shared(walk, even_cuts(len(points), FEW))
+    lost = np.flatnonzero(~inside)
+    if len(lost) and not across_outlines:
+        found[lost] = holding(triangulation, points[lost], found[lost], across_outlines=True)
+    elif len(lost):
+        searched = Locator(triangulation).find(points[lost])
+        found[lost] = np.where(searched >= 0, searched, found[lost])
+    return found
 
 
 def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:

@@ -10,12 +10,15 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
-from kohonen_adapt.kernels.triangle.connectivity import fill_star
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]
+
+FEW = 5_000  # nodes that are not worth another thread
 
 
 @dataclass
@@ -63,7 +66,7 @@ class Triangulation:
         if self._star is None:
             rows = [np.empty(self.elements.node.size, dtype=np.int32) for _ in range(3)]
             star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
-            fill_star(self.elements.node, star)
+            fill(star, self.elements.node)
             self._star = star  # whole, for other threads may ask
         return self._star
 
@@ -79,7 +82,7 @@ class Triangulation:
 
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
-        fill_star(self.elements.node, self.star)
+        fill(self.star, self.elements.node)
 
     def areas(self) -> Floats:
         """Area of every element, (m,)."""
@@ -147,6 +150,14 @@ def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
     neighbour = np.full(3 * m, -1, dtype=np.int32)
     neighbour[one], neighbour[other] = other // 3, one // 3
     return neighbour.reshape(m, 3)
+
+
+def fill(star: Star, node: Ints) -> None:
+    """List the elements around every node, of elements (m, 3); each thread those around some of the nodes."""
+    nnodes = len(star.start) - 1
+    cursor = np.empty(nnodes, dtype=np.int32)
+    find_starts(node, star.start)
+    shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), even_cuts(nnodes, FEW))
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:

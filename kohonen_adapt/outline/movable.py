@@ -117,7 +117,10 @@ class MovableMesh:
         What cannot be the state of such a mesh is refused, and nothing changed.
         """
         self._check_state(state)
-        own = {name: state[name].copy() for name in STATE_NAMES}
+        self.become({name: state[name].copy() for name in STATE_NAMES})
+
+    def become(self, own: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the arrays of a state that needs no check."""
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
         tri.become(own["position"], elements)

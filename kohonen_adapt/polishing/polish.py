@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.kernels.arrays import Constraints, Trial
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes
+from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
@@ -22,6 +22,7 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem, offered, offers,
 
 __all__ = ["SWEEPS", "descend", "polish"]
 
+FEW = 5_000  # elements that are not worth another thread
 PART = 5_000  # nodes: those at the cuts between parts are few
 
 # Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
@@ -146,30 +147,39 @@ def descend(movable: MovableMesh, functional: Functional, values: Floats, fixed:
     twins = constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
     trial = functional.trial(triangulation, values, fixed | twins)
     order, gain = along_curve(triangulation.position).astype(np.int32), 0.0
+    part = parts_along(order)
     for _ in range(sweeps):
-        gain += descend_in_parts(triangulation, constraints, trial, order, movable.floor)
+        gain += descend_in_parts(triangulation, constraints, trial, order, part, movable.floor)
         if movable.flips:
-            lowered, count = descend_flips(triangulation.position, triangulation.elements, trial, movable.floor)
-            gain += lowered
-            if count:
-                triangulation.refill_star()
+            gain += flip_downhill(triangulation, trial, movable.floor)
     return gain
 
 
+def parts_along(order: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The part of the mesh that each node belongs to, (n,): stretches of the order, numbered along it."""
+    part, parts = np.empty_like(order), max(1, len(order) // PART)
+    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    return part
+
+
 def descend_in_parts(
-    triangulation: Triangulation, constraints: Constraints, trial: Trial, order: NDArray[np.int32], floor: float
+    triangulation: Triangulation,
+    constraints: Constraints,
+    trial: Trial,
+    order: NDArray[np.int32],
+    part: NDArray[np.int32],
+    floor: float,
 ) -> float:
     """One sweep over the nodes: threads take parts of the mesh side by side, and what lies at their cuts comes last.
 
     A move depends on the neighbours alone; where these are all of a node's own part, no other thread has a say. So what
     comes out does not depend on the number of threads.
     """
-    position, star = triangulation.position, triangulation.star
-    parts = max(1, len(order) // PART)
-    part, deep = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.bool_)
-    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    position, star, parts = triangulation.position, triangulation.star, int(part[order[-1]]) + 1
+    deep = np.empty(len(order), dtype=np.bool_)
     mark_deep(star, part, 1, deep, np.empty_like(order))
-    inside, across = order[deep[order]], order[~deep[order]]
+    alone = deep[order]
+    inside, across = order[alone], order[~alone]
     cuts = np.searchsorted(part[inside], np.arange(parts + 1))
     gains = np.zeros(parts + 1)
 
@@ -181,3 +191,21 @@ def descend_in_parts(
     shared(task, even_cuts(parts, 1))
     gains[parts] = descend_nodes(position, star, constraints, trial, across, floor)
     return float(gains.sum())
+
+
+def flip_downhill(triangulation: Triangulation, trial: Trial, floor: float) -> float:
+    """One sweep over the edges; returns what flips took off the functional.
+
+    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
+    """
+    position, elements = triangulation.position, triangulation.elements
+    gainful = np.empty(len(elements.node), dtype=np.bool_)
+
+    def mark(thread: int, first: int, last: int) -> None:
+        mark_gainful(position, elements, trial, first, last, gainful)
+
+    shared(mark, even_cuts(len(gainful), FEW))
+    gain, flips = descend_flips(position, elements, trial, floor, gainful)
+    if flips:
+        triangulation.refill_star()
+    return gain

@@ -4,8 +4,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
-from kohonen_adapt.kernels.triangle.locate import barycentric, walk_each
-from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.kernels.triangle.locate import barycentric
+from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import Functional
@@ -38,12 +38,7 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
 
 def located(old: Triangulation, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
     """Corners of the old element that holds each point, (n, 3), and its barycentric coordinates there, none < 0."""
-    found, inside = np.array(hint, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    walk_each(old.position, old.elements, points, found, inside)
-    if not inside.all():
-        # Blocked by a concave outline, or too far: searched for. Outside by rounding: where the walk ended.
-        searched = Locator(old).find(points[~inside])
-        found[~inside] = np.where(searched >= 0, searched, found[~inside])
+    found = holding(old, points, hint, across_outlines=False)
     share = np.empty((len(points), 3))
     barycentric(old.position, old.elements.node, points, found, share)
     share = np.maximum(share, 0.0)

@@ -9,7 +9,7 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["density_from_indicators", "density_from_sizes", "per_element"]
+__all__ = ["density_from_indicators", "density_from_sizes", "equidistributing", "per_element"]
 
 
 QUIET = 1e-3  # of the median: an indicator below it says nothing
@@ -62,6 +62,11 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
     if norm not in ("energy", "L2"):
         raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
+    return equidistributing(mesh, values, order, norm)
+
+
+def equidistributing(mesh: MeshTri, values: Floats, order: int, norm: str) -> Floats:
+    """What `density_from_indicators` says of a mesh and indicators that need no check."""
     sizes = area(mesh)
     if not values.any():
         return np.full(len(values), mesh.p.shape[1] / sizes.sum())

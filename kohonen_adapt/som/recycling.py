@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Constraints, Elements, Origins, Pool, SurgeryScratch
 from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -72,7 +73,9 @@ def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: boo
     before, missing = movable.triangulation.elements, target - movable.nnodes
     spacious = Surgery.on(movable, density, target)
     splits, collapses = spacious.run(movable.floor, missing, RATIO if pairs else np.inf)
-    old, hint = spacious.hand_back(movable)
+    if not splits:
+        return unchanged(movable.triangulation)
+    old, hint = spacious.hand_back(movable, renumbered=pairs)
     return Recycled(old, hint, starts_of(before, old), splits, collapses)
 
 
@@ -130,26 +133,32 @@ class Surgery:
                 break
         return splits, collapses
 
-    def hand_back(self, movable: MovableMesh) -> tuple[Ints, Ints]:
-        """Fill the rows that are free with the last ones, and give the arrays back.
+    def hand_back(self, movable: MovableMesh, renumbered: bool) -> tuple[Ints, Ints]:
+        """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
 
         Returns the number before of every node and an element before that is near it, (n,) each.
         """
-        in_use = np.flatnonzero(self.pool.anchor >= 0)
-        rows = len(in_use)
-        kept = np.arange(rows, dtype=np.int32)
-        kept[self.pool.anchor[:rows] < 0] = in_use[in_use >= rows]
-        number = np.zeros(len(self.pool.anchor), dtype=np.int32)
-        number[kept] = np.arange(rows)
-        used = self.elements.node[:, 0] >= 0
-        renumbered = np.append(np.cumsum(used, dtype=np.int32) - 1, -1).astype(np.int32)
+        node, kept = self.elements.node, np.flatnonzero(self.pool.anchor >= 0)
+        if renumbered:
+            kept = kept[along_curve(self.state["position"][kept])]
+        number = ranks(kept, len(self.pool.anchor))
+        used = np.flatnonzero(node[:, 0] >= 0)
+        used = used[np.argsort(number[node[used]].min(axis=1), kind="stable")]
+        place = np.append(ranks(used, len(node)), np.int32(-1))
         state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
         state["elements.node"] = number[state["elements.node"]]
-        state["elements.neighbour"] = renumbered[state["elements.neighbour"]]
+        state["elements.neighbour"] = place[state["elements.neighbour"]]
         partner = state["twins.partner"]
         state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
-        movable.restore(state)
+        movable.become(state)
         return self.origins.old[kept], self.origins.hint[kept]
+
+
+def ranks(order: Ints, rows: int) -> Ints:
+    """The place of every row in an order of some of them, -1 for the others, (rows,) int32."""
+    places = np.full(rows, -1, dtype=np.int32)
+    places[order] = np.arange(len(order))
+    return places
 
 
 def starts_of(before: Elements, old: Ints) -> Ints:

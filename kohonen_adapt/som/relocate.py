@@ -10,7 +10,6 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.ahead import expect
-from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh, Work
@@ -170,7 +169,7 @@ def move(
     errors = trainer.learn(wanted.draw, schedule, rng, recycled.starts)
     if schedule.sweeps:
         if recycled.splits:
-            wanted.refit(movable.triangulation, Locator(before.triangulation))
+            wanted.refit(movable.triangulation, before.triangulation, recycled.hint)
         trainer.smooth(wanted, schedule.sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule))
 

@@ -17,7 +17,7 @@ SWEEPS = {"flip": 6, "fixed": 4, "recycle": 4}
 LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "flip": (1, 0.3),
     "fixed": (5, (0.3, 0.1)),
-    "recycle": (2, 0.3),
+    "recycle": (1, 0.45),  # as good as two of 0.3
 }
 # Doublings of the radius up to the widest at which points are presented one by one, and epochs at each from there down.
 NEAR = {"flip": (1, 1), "fixed": (2, 3), "recycle": (1, 1)}

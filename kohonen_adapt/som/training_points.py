@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.triangle.smooth import (
     update_factors,
 )
 from kohonen_adapt.kernels.triangle.train import draw_points
-from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element
 
@@ -79,7 +79,11 @@ class ElementDensity(OfElements):
         self.values = without_zeros(values, values.max())
         self.masses = self.areas * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
-        average_at_sites(self.areas, self.values, self.elements, triangulation.star, self._log_at_corners)
+        densities = self.areas, self.values, self.elements, triangulation.star
+        shared(
+            lambda thread, first, last: average_at_sites(*densities, first, last, self._log_at_corners),
+            even_cuts(triangulation.nnodes, FEW),
+        )
         self._sites = sites_of(triangulation)
         self._cumulated = np.cumsum(self.masses[self._order])
 
@@ -104,11 +108,12 @@ class ElementDensity(OfElements):
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares
 
-    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
-        """Find the nodes of a recycled triangulation in the density's own mesh, which the locator searches."""
+    def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
+        """Find the nodes of a recycled triangulation in the density's own mesh `before`, from elements near them."""
         self._sites = sites_of(triangulation)
-        middle = triangulation.position[triangulation.elements.node[self._sites.element]].mean(axis=1)
-        self._sites.element[:] = np.maximum(0, locator.find(middle))
+        middle = triangulation.centroids()[self._sites.element]
+        start = hint[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
+        self._sites.element[:] = holding(before, middle, start, across_outlines=True)
 
 
 class CallableDensity(OfElements):
@@ -158,7 +163,7 @@ class CallableDensity(OfElements):
         element = self._order[chosen // self.share]
         return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
 
-    def refit(self, triangulation: Triangulation, locator: Locator) -> None:
+    def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
         """Nothing: the function is asked anew wherever nodes are."""
 
     def squares(self, triangulation: Triangulation) -> Floats:

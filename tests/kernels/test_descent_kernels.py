@@ -57,6 +57,12 @@ class Setting:
         )
 
 
+def all_flips(at, floor):
+    """A sweep over all edges."""
+    every = np.ones(len(at.tri.elements.node), dtype=np.bool_)
+    return kernels.descend_flips(at.tri.position, at.tri.elements, at.trial, floor, every)
+
+
 MESHES = {
     "squares": lambda: square(5),
     "generic": lambda: generic_square(6),
@@ -161,7 +167,7 @@ def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_mor
         rounding = 1e-10 * (size + size_of_functional(*at.arrays))
         assert gain >= 0.0
         assert after <= before - gain + rounding
-        lowered, flips = kernels.descend_flips(at.tri.position, at.tri.elements, at.trial, FLOOR)
+        lowered, flips = all_flips(at, FLOOR)
         at.tri.refill_star()
         assert functional(*at.arrays) == pytest.approx(after - lowered, abs=rounding)
         assert (lowered > 0.0) == (flips > 0)
@@ -188,12 +194,27 @@ def test_a_flip_gains_what_the_functional_loses(build):
     assert gained > 5
 
 
+@each_mesh
+def test_marked_edges_are_flipped_as_if_all_were_looked_at(build):
+    for seed in range(5):
+        one, other = (Setting(perturbed(build(), seed), seed) for _ in range(2))
+        m = len(one.tri.elements.node)
+        gainful = np.empty(m, dtype=np.bool_)
+        for first, last in ((0, m // 3), (m // 3, m)):
+            kernels.mark_gainful(one.tri.position, one.tri.elements, one.trial, first, last, gainful)
+        assert 0 < np.count_nonzero(gainful) < m
+        found = kernels.descend_flips(one.tri.position, one.tri.elements, one.trial, FLOOR, gainful)
+        assert found == all_flips(other, FLOOR)
+        for mine, all_of_them in zip(one.tri.elements, other.tri.elements, strict=True):
+            np.testing.assert_array_equal(mine, all_of_them)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_without_a_source_no_flip_lowers_the_energy_of_a_delaunay_triangulation(seed):
     """Rippa, "Minimal roughness property of the Delaunay triangulation", Comput. Aided Geom. Design 7 (1990)."""
     at = Setting(generic_square(7, seed), seed)
     at.trial.data[:, 1] = 0.0
-    assert kernels.descend_flips(at.tri.position, at.tri.elements, at.trial, 0.0) == (0.0, 0)
+    assert all_flips(at, 0.0) == (0.0, 0)
 
 
 def test_a_straight_function_moves_nothing():
@@ -202,5 +223,5 @@ def test_a_straight_function_moves_nothing():
     at.trial.data[:, 0] = 1.0
     before = at.tri.position.copy()
     assert at.sweep() == 0.0
-    assert kernels.descend_flips(at.tri.position, at.tri.elements, at.trial, FLOOR) == (0.0, 0)
+    assert all_flips(at, FLOOR) == (0.0, 0)
     np.testing.assert_array_equal(at.tri.position, before)

@@ -111,7 +111,7 @@ def test_nodes_says_which_are_old():
     assert result.nodes.shape == (result.mesh.p.shape[1],)
     old = result.nodes[result.nodes >= 0]
     assert len(np.unique(old)) == len(old) < len(result.nodes)
-    assert np.array_equal(result.nodes[[3, 7]], [3, 7])
+    assert np.all(np.isin([3, 7], result.nodes))
     corners = l_shape(8).p
     for corner in ((-1.0, -1.0), (0.0, 0.0), (1.0, 1.0)):
         at = np.flatnonzero((result.mesh.p == np.array(corner)[:, None]).all(axis=0))

@@ -7,6 +7,8 @@ from scipy.interpolate import LinearNDInterpolator
 from skfem import MeshTri
 
 from kohonen_adapt import find_elements, interpolate
+from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.triangulation import Triangulation
 
 BUILDS = {
     "square": lambda: square(7),
@@ -90,6 +92,23 @@ def test_points_at_infinity_and_without_a_place_are_outside():
     x = np.array([[np.nan, np.inf, 0.5, -np.inf, 1e300], [0.5, 0.5, np.nan, 0.0, 1e300]])
     assert find_elements(square(3), x).tolist() == [-1] * 5
     assert np.all(np.isnan(interpolate(square(3), np.ones(16), x)))
+
+
+@pytest.mark.parametrize("kind", [square, inset, slit, holed, l_shape])
+@pytest.mark.parametrize("across_outlines", [False, True])
+def test_a_walk_from_any_element_ends_where_a_search_does(kind, across_outlines):
+    tri, rng = Triangulation.of(kind(8)), np.random.default_rng(0)
+    points, region = tri.centroids(), tri.elements.region
+    start = rng.permutation(len(points)).astype(np.int32)
+    if not across_outlines:
+        start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
+    np.testing.assert_array_equal(holding(tri, points, start, across_outlines), np.arange(len(points)))
+
+
+def test_what_no_element_holds_is_said_to_be_in_one_nearby():
+    tri = Triangulation.of(square(8))
+    found = holding(tri, np.array([[1.0 + 1e-6, 0.53]]), np.array([0], dtype=np.int32), across_outlines=False)
+    assert tri.centroids()[found[0]] == pytest.approx([1.0, 0.53], abs=0.15)
 
 
 def test_no_points_give_no_values():

@@ -216,7 +216,8 @@ class Setting:
         return kernels.descend_nodes(self.tri.position, self.tri.star, self.constraints, self.trial, order, FLOOR)
 
     def flips(self):
-        lowered, count = kernels.descend_flips(self.tri.position, self.tri.elements, self.trial, FLOOR)
+        every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
+        lowered, count = kernels.descend_flips(self.tri.position, self.tri.elements, self.trial, FLOOR, every)
         self.tri.refill_star()
         return lowered, count
 
@@ -450,7 +451,7 @@ def test_a_linear_law_is_polished_like_linear_material():
 
 
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
-    mesh, compiled = blocks(16), (kernels.descend_nodes, kernels.descend_flips)
+    mesh, compiled = blocks(16), (kernels.descend_nodes, kernels.descend_flips, kernels.mark_gainful)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)

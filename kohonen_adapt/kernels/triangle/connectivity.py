@@ -45,22 +45,32 @@ def joined(node, neighbour, e, v, other):
 
 
 @kernel
-def fill_star(node, star):
-    """List the elements around every node, in the order of their numbers."""
-    start, n = star.start, star.start.shape[0] - 1
-    for v in range(n + 1):
+def find_starts(node, start):
+    """Find where the elements around every node begin when they are listed node by node, (n + 1,)."""
+    for v in range(start.shape[0]):
         start[v] = 0
     for e in range(node.shape[0]):
         for k in range(3):
-            start[node[e, k]] += 1
-    for v in range(n):
+            start[node[e, k] + 1] += 1
+    for v in range(start.shape[0] - 1):
         start[v + 1] += start[v]
-    for e in range(node.shape[0] - 1, -1, -1):  # from the end of every list to its start
+
+
+@kernel
+def fill_star(node, star, first, last, cursor):
+    """List the elements around each of the nodes `first` to `last`, in the order of their numbers, from their starts.
+
+    `cursor` (n,) is scratch.
+    """
+    for v in range(first, last):
+        cursor[v] = star.start[v]
+    for e in range(node.shape[0]):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         for v, ahead, behind in ((a, b, c), (b, c, a), (c, a, b)):
-            k = start[v] - 1
-            star.element[k], star.ahead[k], star.behind[k] = e, ahead, behind
-            start[v] = k
+            if first <= v < last:
+                k = cursor[v]
+                star.element[k], star.ahead[k], star.behind[k] = e, ahead, behind
+                cursor[v] = k + 1
 
 
 @kernel

@@ -229,11 +229,29 @@ def move_on_chain(position, star, constraints, trial, v, slope, floor):
 
 
 @kernel
-def descend_flips(position, elements, trial, floor):
-    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips)."""
+def mark_gainful(position, elements, trial, first, last, gainful):
+    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
+    node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
+    for e in range(first, last):
+        gainful[e] = False
+        for k in range(3):
+            other = np.int64(elements.neighbour[e, k])
+            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
+                gainful[e] = gain_of_flip(position, node, value, data, laws, e, k, other) > 0.0
+
+
+@kernel
+def descend_flips(position, elements, trial, floor, gainful):
+    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
+
+    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
+    these it marks.
+    """
     node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
     gain, flips = 0.0, 0
     for e in range(node.shape[0]):
+        if not gainful[e]:
+            continue
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
             if other > e and elements.chain[e, k] < 0:
@@ -242,6 +260,11 @@ def descend_flips(position, elements, trial, floor):
                     flip_edge(elements, e, k)
                     gain += lowered
                     flips += 1
+                    for changed in (e, other):
+                        gainful[changed] = True
+                        for j in range(3):
+                            if elements.neighbour[changed, j] >= 0:
+                                gainful[elements.neighbour[changed, j]] = True
     return gain, flips
 
 

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, way_along
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
 from kohonen_adapt.kernels.triangle.locate import depth_in_element, side_of_edge, walk
 
@@ -64,19 +65,23 @@ def fill_sites(elements, star, sites):
 
 
 @kernel
-def average_at_sites(area, density, elements, star, log_density):
-    """Average densities at the corners of elements, by area and per region; gives their logarithm."""
-    for e in range(elements.node.shape[0]):
-        region = elements.region[e]
-        for corner in range(3):
-            v = elements.node[e, corner]
-            mass, total = 0.0, 0.0
-            for k in range(star.start[v], star.start[v + 1]):
-                other = star.element[k]
-                if elements.region[other] == region:
-                    mass += area[other] * density[other]
-                    total += area[other]
-            log_density[e, corner] = np.log(mass / total)
+def average_at_sites(area, density, elements, star, first, last, log_density):
+    """Average densities at the nodes `first` to `last`, by area and per region: the logarithm, at corners (m, 3)."""
+    for v in range(first, last):
+        for k in range(star.start[v], star.start[v + 1]):
+            if not first_of_region(elements, star, v, k):
+                continue
+            region, mass, total = elements.region[star.element[k]], 0.0, 0.0
+            for j in range(k, star.start[v + 1]):
+                e = star.element[j]
+                if elements.region[e] == region:
+                    mass += area[e] * density[e]
+                    total += area[e]
+            mean = np.log(mass / total)
+            for j in range(k, star.start[v + 1]):
+                e = star.element[j]
+                if elements.region[e] == region:
+                    log_density[e, corner_of(elements.node, e, v)] = mean
 
 
 @inner_kernel
