@@ -7,11 +7,11 @@ from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equili
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.recycling import unchanged
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 

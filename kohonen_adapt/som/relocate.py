@@ -14,7 +14,8 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.rules import Pinned, Rules
-from kohonen_adapt.som.recycling import Recycled, recycle_nodes, unchanged
+from kohonen_adapt.outline.surgery import Recycled, unchanged
+from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of
@@ -160,7 +161,7 @@ def move(
     if schedule is None:
         radius = radius_for(trainer, wanted, topology, recycled)
         schedule = Schedule.default(target, radius=radius, topology=topology)
-    errors = trainer.learn(wanted.draw, schedule, rng, recycled.starts)
+    errors = trainer.learn(wanted.draw, schedule, rng, starts_of(before.triangulation, recycled))
     if schedule.sweeps:
         if recycled.splits:
             wanted.refit(movable.triangulation, Locator(before.triangulation))
