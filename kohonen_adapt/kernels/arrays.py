@@ -212,6 +212,18 @@ class SurgeryScratch(NamedTuple):
 
 
 @record
+class OpenMesh(NamedTuple):
+    """A mesh with rows to spare, in which edges are split and collapsed."""
+
+    position: np.ndarray  # (n, 2)
+    elements: Elements
+    constraints: Constraints
+    pool: Pool
+    origins: Origins
+    scratch: SurgeryScratch
+
+
+@record
 class Laws(NamedTuple):
     """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Constraints, Elements, Origins, Pool
+from kohonen_adapt.kernels.arrays import Elements, OpenMesh, Origins, Pool, SurgeryScratch
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
 
@@ -55,10 +55,7 @@ class Surgery:
     """The arrays of a movable mesh with room for more nodes and elements, by name and as kernels take them."""
 
     state: dict[str, NDArray[Any]]
-    elements: Elements
-    constraints: Constraints
-    pool: Pool
-    origins: Origins
+    mesh: OpenMesh
 
     @classmethod
     def on(cls, movable: MovableMesh, density: Floats, target: int, done: Recycled) -> "Surgery":
@@ -84,17 +81,19 @@ class Surgery:
             np.zeros(rows, dtype=np.bool_),
             padded(on_boundary > 2, rows, False),
         )
-        return cls(state, *with_state(movable.triangulation.elements, movable.constraints, state), pool, origins)
+        records = with_state(movable.triangulation.elements, movable.constraints, state)
+        return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
 
     def hand_back(self, movable: MovableMesh) -> Ints:
         """Fill the rows that are free with the last ones, and give the arrays back; returns the row of every node."""
-        in_use = np.flatnonzero(self.pool.anchor >= 0)
+        anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
+        in_use = np.flatnonzero(anchor >= 0)
         rows = len(in_use)
         kept = np.arange(rows, dtype=np.int32)
-        kept[self.pool.anchor[:rows] < 0] = in_use[in_use >= rows]
-        number = np.zeros(len(self.pool.anchor), dtype=np.int32)
+        kept[anchor[:rows] < 0] = in_use[in_use >= rows]
+        number = np.zeros(len(anchor), dtype=np.int32)
         number[kept] = np.arange(rows)
-        used = self.elements.node[:, 0] >= 0
+        used = node[:, 0] >= 0
         renumbered = np.append(np.cumsum(used, dtype=np.int32) - 1, -1).astype(np.int32)
         state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
         state["elements.node"] = number[state["elements.node"]]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import SurgeryScratch
+from kohonen_adapt.kernels.arrays import OpenMesh
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
@@ -29,28 +29,25 @@ def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: boo
     movable.settle()
     missing = target - movable.nnodes
     spacious = Surgery.on(movable, density, target, unchanged(movable.triangulation))
-    splits, collapses = exchange(spacious, movable.floor, missing, RATIO if pairs else np.inf)
+    splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     kept = spacious.hand_back(movable)
-    return Recycled(spacious.origins.old[kept], spacious.origins.hint[kept], splits, collapses)
+    return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], splits, collapses)
 
 
-def exchange(spacious: Surgery, floor: float, missing: int, ratio: float) -> tuple[int, int]:
+def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:
     """Rounds of splits and collapses; returns how many of each."""
-    position, elements, origins = spacious.state["position"], spacious.elements, spacious.origins
-    rows = len(elements.node)
+    rows = len(mesh.elements.node)
     # all edges more than twice: a mesh has three edges for two elements, and outlines
     heaps = Heap.of(4 * rows + 8), Heap.of(4 * rows + 8)
-    scratch = SurgeryScratch.of(len(position), rows)
-    arrays = position, elements, spacious.constraints, spacious.pool, origins, *heaps
     splits = collapses = 0
     for _ in range(ROUNDS):
-        fill_heaps(position, elements, origins, *heaps)
+        fill_heaps(mesh, *heaps)
         at_first, finished = splits, False
-        origins.young[:] = False
+        mesh.origins.young[:] = False
         while not finished:
-            more, fewer, finished = recycle(*arrays, max(0, missing - splits), ratio, floor, SPLITS, scratch)
+            more, fewer, finished = recycle(mesh, *heaps, max(0, missing - splits), ratio, floor, SPLITS)
             splits, collapses = splits + more, collapses + fewer
-        if splits - at_first <= SETTLED * len(position):
+        if splits - at_first <= SETTLED * len(mesh.position):
             break
     return splits, collapses
 
