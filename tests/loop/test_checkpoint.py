@@ -125,6 +125,16 @@ def test_killed_again_and_again(tmp_path):
     assert_same(ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path), uninterrupted())
 
 
+@pytest.mark.parametrize("step", ["relocate", "polish", "solve"])
+def test_passes_that_recycle_by_energy_alone(step, tmp_path):
+    options = {**OPTIONS, "passes": 5}
+    straight = ka.adapt(MESH, PROBLEM, **options)
+    assert len(straight.history) == 6
+    for number in (4, 5):
+        killed_at(number, step, tmp_path, passes=5)
+    assert_same(ka.adapt(MESH, PROBLEM, **options, checkpoint=tmp_path), straight)
+
+
 @pytest.mark.parametrize(
     "options",
     [{"target_nodes": 200}, {"topology": "flip"}, {"topology": "fixed", "polish": False}, {"pinned": ["core"]}],
