@@ -165,12 +165,7 @@ def descend_and_recycle(
 
 
 def descend(
-    movable: MovableMesh,
-    functional: Functional,
-    values: Floats,
-    fixed: Mask,
-    sweeps: int = SWEEPS,
-    eager: bool = False,
+    movable: MovableMesh, functional: Functional, values: Floats, fixed: Mask, sweeps: int = SWEEPS, eager: bool = False
 ) -> float:
     """Sweep nodes and edges of a mesh downhill from the nodal values (n,), which change with them.
 
