@@ -9,11 +9,11 @@ from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equili
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.recycling import unchanged
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 
@@ -48,12 +48,12 @@ def warmup() -> None:
 
 
 def _polish(mesh: MeshTri) -> None:
-    """Carry a function to where it is, and lower its energy by one sweep."""
+    """Carry a function to where it is, and lower its energy by a sweep, by recycling, and by another sweep."""
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(Ritz(mesh.p[0] ** 2, mesh.p[0] == 0.0, 1.0), movable)
-    hint = unchanged(movable.triangulation).hint
-    values, fixed = carried(functional, movable.copy(), movable, hint)
-    descend(movable, functional, values, fixed, sweeps=1)
+    recycled = unchanged(movable.triangulation)
+    values, fixed = carried(functional, movable.copy(), movable, recycled.hint)
+    descend_and_recycle(movable, functional, values, fixed, recycled, plan=(1, 1))
 
 
 def _equilibrate() -> None:

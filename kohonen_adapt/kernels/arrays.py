@@ -216,6 +216,18 @@ class SurgeryScratch(NamedTuple):
 
 
 @record
+class OpenMesh(NamedTuple):
+    """A mesh with rows to spare, in which edges are split and collapsed."""
+
+    position: np.ndarray  # (n, 2)
+    elements: Elements
+    constraints: Constraints
+    pool: Pool
+    origins: Origins
+    scratch: SurgeryScratch
+
+
+@record
 class Laws(NamedTuple):
     """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
 
@@ -234,3 +246,15 @@ class Trial(NamedTuple):
     data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
     bent: np.ndarray  # (n,) bool: the node touches nonlinear material
     laws: Laws  # where there is one, the coefficient has no say
+
+
+@record
+class Offers(NamedTuple):
+    """What splits would take off a functional, what collapses would add to it, and what is out of the question."""
+
+    gain: np.ndarray  # (m, 3): of a split of the edge opposite to corner k, at the element of the greater number
+    cost: np.ndarray  # (n,): of the cheapest collapse of the node that is allowed, inf without one
+    into: np.ndarray  # (n,) int32: the neighbour that it goes into then
+    open: np.ndarray  # (c,) bool: chains whose edges may be split
+    removable: np.ndarray  # (n,) bool: nodes that may be taken away
+    locked: np.ndarray  # (m,) bool: elements that a split or a collapse has changed, or is about to

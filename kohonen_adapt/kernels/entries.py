@@ -10,6 +10,7 @@ from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
     descend,
+    energy_recycle,
     equilibrate,
     flip,
     geometry,
@@ -30,16 +31,18 @@ I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 STAR = RecordType(arrays.Star, (I1, I1, I1, I1))
 ELEMENTS = RecordType(arrays.Elements, (I2, I2, I1, I2, I1, B1))
 SITES = RecordType(smooth.Sites, (I1, I1, I1, R1))
-ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, B1, B1))
-HEAP = RecordType(heap.Heap, (R1, I2, L1))
 CHAINS = RecordType(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 TWINS = RecordType(arrays.Twins, (I1, I1, R3, I2))
 CONSTRAINTS = RecordType(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, TWINS))
 POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
+ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, B1, B1))
 SURGERY_SCRATCH = RecordType(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
+OPEN_MESH = RecordType(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
+HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 LAWS = RecordType(arrays.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
+OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
@@ -59,22 +62,8 @@ class Entry:
 # By what needs them.
 ENTRIES: dict[str, tuple[Entry, ...]] = {
     "recycling": (
-        Entry(recycle.fill_heaps, R2, ELEMENTS, ORIGINS, HEAP, HEAP),
-        Entry(
-            recycle.recycle,
-            R2,
-            ELEMENTS,
-            CONSTRAINTS,
-            POOL,
-            ORIGINS,
-            HEAP,
-            HEAP,
-            int64,
-            float64,
-            float64,
-            int64,
-            SURGERY_SCRATCH,
-        ),
+        Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),
+        Entry(recycle.recycle, OPEN_MESH, HEAP, HEAP, int64, float64, float64, int64),
         Entry(connectivity.spread_starts, ELEMENTS, I1, I1),
         Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1),
         Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
@@ -82,8 +71,9 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     ),
     "map": (
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
-        Entry(connectivity.fill_star, I2, STAR),
-        Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, R2),
+        Entry(connectivity.find_starts, I2, I1),
+        Entry(connectivity.fill_star, I2, STAR, int64, int64, I1),
+        Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
         Entry(smooth.count_sites, ELEMENTS, STAR, I1),
         Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
         Entry(flip.mark_doubtful, R2, ELEMENTS, int64, int64, B1),
@@ -93,7 +83,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
         Entry(search.find_winners, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
-        Entry(ordering.exchange, I1, L1, L1),
+        Entry(ordering.swap_each, I1, L1, L1),
         Entry(
             train.learn, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, R1, I1, float64, R1, L1, float64, B1, SEARCH_SCRATCH
         ),
@@ -123,8 +113,12 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     "polish": (
         Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
         Entry(locate.barycentric, R2, I2, R2, I1, R2),
+        Entry(descend.mark_gainful, R2, ELEMENTS, TRIAL, int64, int64, B1),
+        Entry(descend.descend_flips, R2, ELEMENTS, TRIAL, float64, B1),
         Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIAL, I1, float64),
-        Entry(descend.descend_flips, R2, ELEMENTS, TRIAL, float64),
+        Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIAL, OFFERS, float64, int64, int64),
+        Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIAL, OFFERS, float64, float64, int64, int64),
+        Entry(energy_recycle.exchange, OPEN_MESH, TRIAL, OFFERS, L1, L1, float64),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),

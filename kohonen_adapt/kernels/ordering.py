@@ -95,7 +95,7 @@ def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
 
 
 @kernel
-def exchange(order, one, other):
+def swap_each(order, one, other):
     """Exchange entries of an order, pair after pair."""
     for i in range(one.shape[0]):
         order[one[i]], order[other[i]] = order[other[i]], order[one[i]]
@@ -106,4 +106,4 @@ def shuffle(cuts: Ints, order: Ints, rng: np.random.Generator) -> None:
     count = np.maximum(np.diff(cuts) - 1, 0)
     stretch = np.repeat(np.arange(len(count)), count)
     one = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])
-    exchange(order, one, rng.integers(cuts[stretch], one + 1))
+    swap_each(order, one, rng.integers(cuts[stretch], one + 1))

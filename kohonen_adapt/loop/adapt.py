@@ -17,6 +17,7 @@ from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.polishing.polish import PLAN, SWEEPS
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
 from kohonen_adapt.som.relocate import expect_loops, report_curves
@@ -56,7 +57,8 @@ def adapt(
 
     Recycling renumbers nodes (`AdaptResult.nodes` tells how); `relocate`, and ``topology="flip"`` here, keep every one.
     A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
-    error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower.
+    error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower, and
+    recycles more of them by what their loss would cost and a new one gain.
     The mesh after the last pass is solved and estimated too, so `passes` relocations cost ``passes + 1`` solves. The
     result is the best mesh seen, the input included.
 
@@ -154,7 +156,7 @@ def adapt(
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect_loops(rules.topology, *(["polish"] if polish else []))
-    adaptation = Adaptation(problem, movable, settings, steps)
+    adaptation = Adaptation(problem, movable, settings, steps, PLAN if rules.topology == "recycle" else (SWEEPS,))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 
 
@@ -165,7 +167,7 @@ def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
         solved = history.resumed() or history.add(adaptation.assess())
         while history.goes_on:
             moved = adaptation.relocate(solved)
-            gain = adaptation.polish(solved, moved)
+            moved, gain = adaptation.polish(solved, moved)
             report_curves(moved.before, movable)
             if moved.changed(movable) or history.growing:
                 solved = history.add(adaptation.assess(solved, moved, gain))

@@ -71,10 +71,11 @@ class Pass(Work):
     moved, why_still
         How many nodes it moved or made; if none, why.
     polish_gain
-        What moves and flips of the polish that made this mesh took off the functional of the solution carried to it.
+        What moves, flips and recycling of the polish that made this mesh took off the functional of the solution
+        carried to it.
         The map gained the rest of the difference to the pass before.
     splits, collapses
-        How often an edge was split and collapsed to make this mesh.
+        How often an edge was split and collapsed to make this mesh, by density and by energy.
     """
 
     number: int

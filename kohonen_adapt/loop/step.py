@@ -1,6 +1,6 @@
 """Do the steps of a pass: solve and estimate a mesh, relocate its nodes, polish."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.polishing.functional import Functional, VariesInside
-from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (
@@ -33,6 +33,10 @@ from kohonen_adapt.som.relocate import Moved, move
 from kohonen_adapt.som.training_points import ElementDensity
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved"]
+
+# Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants long
+# elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
+RECYCLED_BY_DENSITY = 3
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -71,12 +75,15 @@ class Adaptation:
         What every pass depends on.
     steps
         Times the steps, and knows which pass is in the making.
+    plan
+        Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off.
     """
 
     problem: Problem
     movable: MovableMesh
     settings: Settings
     steps: Steps
+    plan: tuple[int, ...]
 
     def assess(self, before: Solved | None = None, moved: Moved | None = None, polish_gain: float = 0.0) -> Solved:
         """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
@@ -126,15 +133,19 @@ class Adaptation:
             density = ElementDensity(self.movable.triangulation, per_element)
             settings, number = self.settings, self.steps.number
             topology, nodes = settings.rules.topology, settings.growth.nodes(number)
-            return move(self.movable, density, settings.schedule, topology, settings.rng(number), nodes)
+            by_energy = solved.functional is not None and len(self.plan) > 1 and number > RECYCLED_BY_DENSITY
+            recycles = not by_energy or nodes > self.movable.nnodes
+            return move(self.movable, density, settings.schedule, topology, settings.rng(number), nodes, recycles)
 
-    def polish(self, solved: Solved, moved: Moved) -> float:
-        """Carry the last solution to the moved mesh and descend its functional there; returns what that gained."""
+    def polish(self, solved: Solved, moved: Moved) -> tuple[Moved, float]:
+        """Carry the last solution to the moved mesh and descend its functional; returns all moves, and its gain."""
         with self.steps("polish"):
             if solved.functional is None:
-                return 0.0
+                return moved, 0.0
             values, fixed = carried(solved.functional, moved.before, self.movable, moved.recycled.hint)
-            return descend(self.movable, solved.functional, values, fixed)
+            arrays = solved.functional, values, fixed, moved.recycled
+            recycled, gain = descend_and_recycle(self.movable, *arrays, self.plan)
+            return replace(moved, recycled=recycled), gain
 
     def _functional(self, mesh: MeshTri, solution: Any) -> tuple[Functional | None, float | None, str]:
         """What the solution minimises and its value, None where there is no polish, and then why not."""

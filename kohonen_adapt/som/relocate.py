@@ -14,7 +14,8 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.rules import Pinned, Rules
-from kohonen_adapt.som.recycling import Recycled, recycle_nodes, unchanged
+from kohonen_adapt.outline.surgery import Recycled, unchanged
+from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of
@@ -153,20 +154,22 @@ def move(
     topology: str,
     rng: np.random.Generator,
     nodes: int = 0,
+    recycles: bool = True,
 ) -> Moved:
     """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; with at least so many `nodes`.
 
-    `wanted` is a density on the mesh as it is now.
+    `wanted` is a density on the mesh as it is now. With the topology "recycle" the map counts on recycling that was
+    done before where it `recycles` nothing here.
     """
     before, target = movable.copy(), max(nodes, movable.nnodes)
-    recycled = unchanged(before.triangulation)
-    if topology == "recycle" or target > movable.nnodes:
-        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs=topology == "recycle")
+    recycled, pairs = unchanged(before.triangulation), recycles and topology == "recycle"
+    if pairs or target > movable.nnodes:
+        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs)
     trainer = Trainer.of(movable)
     if schedule is None:
         radius = radius_for(trainer, wanted, topology, recycled)
         schedule = Schedule.default(target, radius=radius, topology=topology)
-    errors = trainer.learn(wanted.draw, schedule, rng, recycled.starts)
+    errors = trainer.learn(wanted.draw, schedule, rng, starts_of(before.triangulation, recycled))
     if schedule.sweeps:
         if recycled.splits:
             wanted.refit(movable.triangulation, before.triangulation, recycled.hint)

@@ -12,6 +12,12 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
+NO_ARRAYS = {
+    "Constraints": {"chains", "twins"},
+    "Laws": {"first"},
+    "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
+    "Trial": {"laws"},
+}
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "Twins", "SearchScratch", "SurgeryScratch")
 
 
@@ -47,5 +53,4 @@ def test_the_table_says_what_there_is(records, name):
 def test_every_array_has_its_row_in_the_table():
     for record in (getattr(arrays, name) for name in dir(arrays) if hasattr(getattr(arrays, name), "_fields")):
         written = {name for name, _, _ in table_of(record)}
-        other = {"Constraints": {"chains", "twins"}, "Trial": {"laws"}, "Laws": {"first"}}.get(record.__name__, set())
-        assert written == set(record._fields) - other
+        assert written == set(record._fields) - NO_ARRAYS.get(record.__name__, set())

@@ -9,6 +9,7 @@ from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
+from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.problem.ritz import functional_value
 
@@ -104,6 +105,29 @@ def test_the_default_recycles_and_counts():
     assert all(step.splits == step.collapses for step in result.history)
     assert result.history[1].splits >= 5
     assert [step.splits for step in adapted("flip").history] == [0, 0, 0, 0]
+
+
+def test_density_recycles_in_three_passes_and_energy_in_all():
+    """From the fourth on the map trains on nodes that the energy alone has put where they are."""
+    result = ka.adapt(magnet_mesh(20, True), SquareMagnet(True), passes=5)
+    splits = [step.splits for step in result.history]
+    assert splits[1] > splits[2] > splits[3] > sum(splits[4:])
+    assert all(step.quantization_errors and step.splits == step.collapses for step in result.history[1:])
+    functionals = [step.functional for step in result.history]
+    assert min(functionals[4:]) < functionals[3]
+
+
+def test_nodes_of_recycling_by_energy_are_counted_and_named():
+    """Nothing else makes or moves a node where the last pass has no map: old ones know where they come from."""
+    mesh = l_shape(8)
+    result = ka.adapt(mesh, Load(), passes=1, schedule=ka.Schedule(()))
+    step = result.history[1]
+    kept = step.nodes >= 0
+    assert 0 < np.count_nonzero(~kept) <= step.splits == step.collapses
+    assert step.polish_gain > 0.0
+    way = np.sqrt(((step.mesh.p[:, kept] - mesh.p[:, step.nodes[kept]]) ** 2).sum(axis=0))
+    assert step.max_displacement == pytest.approx(way.max())
+    assert step.moved == np.count_nonzero(way) + np.count_nonzero(~kept)
 
 
 def test_nodes_says_which_are_old():

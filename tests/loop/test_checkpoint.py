@@ -125,6 +125,15 @@ def test_killed_again_and_again(tmp_path):
     assert_same(ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path), uninterrupted())
 
 
+@pytest.mark.parametrize("step", ["relocate", "polish", "solve"])
+def test_a_pass_that_recycles_by_energy_alone(step, tmp_path):
+    options = {**OPTIONS, "passes": 4}
+    straight = ka.adapt(MESH, PROBLEM, **options)
+    assert len(straight.history) == 5
+    killed_at(4, step, tmp_path, passes=4)
+    assert_same(ka.adapt(MESH, PROBLEM, **options, checkpoint=tmp_path), straight)
+
+
 @pytest.mark.parametrize(
     "options",
     [{"target_nodes": 200}, {"topology": "flip"}, {"topology": "fixed", "polish": False}, {"pinned": ["core"]}],

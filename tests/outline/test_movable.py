@@ -10,7 +10,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.som.recycling import recycle_nodes
+from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 
@@ -47,9 +47,10 @@ def work_on(movable, seed=0):
     """Recycle, train and smooth towards a peak."""
     x, y = movable.triangulation.position.mean(axis=0) + [0.3, 0.2]
     wanted = density_of(movable.triangulation, lambda points: 1 / (0.01 + np.hypot(points[0] - x, points[1] - y)) ** 2)
+    before = movable.triangulation.copy()
     done = recycle_nodes(movable, wanted.at_nodes(), movable.nnodes, pairs=True)
     trainer = Trainer.of(movable)
-    trainer.learn(wanted.draw, SHORT, np.random.default_rng(seed), done.starts)
+    trainer.learn(wanted.draw, SHORT, np.random.default_rng(seed), starts_of(before, done))
     return done
 
 

@@ -9,9 +9,9 @@ from kohonen_adapt import Ritz, Rules, Schedule, Stage
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import carried
-from kohonen_adapt.som.recycling import unchanged
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Draw, density_of
 

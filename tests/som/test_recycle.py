@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.som.recycling import RATIO, recycle_nodes
+from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.training_points import density_of
 
 MESHES = {
@@ -209,8 +209,9 @@ def test_growth_keeps_every_node_and_reaches_the_number(mesh):
 
 def test_every_old_element_has_a_start_in_its_region(mesh):
     movable, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
-    region, now = Triangulation.of(mesh).elements.region, movable.triangulation
-    for e, start in enumerate(done.starts):
+    before, now = Triangulation.of(mesh), movable.triangulation
+    region = before.elements.region
+    for e, start in enumerate(starts_of(before, done)):
         around = now.star.element[now.star.start[start] : now.star.start[start + 1]]
         assert region[e] in now.elements.region[around]
 

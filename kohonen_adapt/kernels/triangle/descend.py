@@ -338,28 +338,38 @@ def parabola(position, star, trial, v, x, y, w):
 
     The value is relative to v's own, as of `derivatives`.
     """
-    own = trial.value[v]
     c, r, k = 0.0, 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
-        e, a, b = star.element[j], star.ahead[j], star.behind[j]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        alpha, beta = trial.value[a] - own, trial.value[b] - own
-        ex, ey = bx - ax, by - ay
-        doubled = ax * by - ay * bx
-        load = doubled * trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-        nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
-        along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
-        weight = trial.data[e, HALF_COEFFICIENT] / doubled
-        energy = 0.5 * weight * square
-        if law >= 0:
-            density, rate, bend = stored(trial.laws, law, square / (doubled * doubled))
-            energy, weight = 0.5 * doubled * density, rate / doubled
-            k += 2.0 * bend * along * along / (doubled * doubled * doubled)
-        c += energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
-        r += weight * along - load - flux_y * ex + flux_x * ey
-        k += weight * (ex * ex + ey * ey)
+        e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
+        part, by_w, by_ww = triangle_parabola(position, trial, e, a, b, x, y, trial.value[v], w)
+        c += part
+        r += by_w
+        k += by_ww
     return c, r, k
+
+
+@inner_kernel
+def triangle_parabola(position, trial, e, a, b, x, y, own, w):
+    """The functional of a triangle in e of (x, y), a and b, where the value is own + w, and its derivatives by w.
+
+    Values are taken relative to `own`.
+    """
+    ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+    alpha, beta = trial.value[a] - own, trial.value[b] - own
+    ex, ey = bx - ax, by - ay
+    doubled = ax * by - ay * bx
+    load = doubled * trial.data[e, SIXTH_SOURCE]
+    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
+    along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
+    weight, bent = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
+    energy = 0.5 * weight * square
+    if law >= 0:
+        density, rate, bend = stored(trial.laws, law, square / (doubled * doubled))
+        energy, weight = 0.5 * doubled * density, rate / doubled
+        bent = 2.0 * bend * along * along / (doubled * doubled * doubled)
+    c = energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
+    return c, weight * along - load - flux_y * ex + flux_x * ey, bent + weight * (ex * ex + ey * ey)
 
 
 @inner_kernel

@@ -27,34 +27,35 @@ EQUAL = 1e-9  # relative: qualities this near to one another count as the same, 
 
 
 @inner_kernel
-def enter(position, origins, longest, shortest, a, b):
+def enter(mesh, longest, shortest, a, b):
     """Put an edge into both heaps."""
-    length = metric_length(position, origins.density, a, b)
+    length = metric_length(mesh, a, b)
     insert(longest, -length, a, b)
     insert(shortest, length, a, b)
 
 
 @inner_kernel
-def next_edge(position, elements, pool, origins, heap, sign, around):
+def next_edge(mesh, heap, sign):
     """Take edges out of a heap until one is still there as it was; returns element, corner, key; (-1, -1, 0) if none.
 
     `sign` turns a metric length into the heap's key.
     """
     while heap.size[0] > 0:
         key, a, b = remove_first(heap)
-        if pool.anchor[a] < 0 or pool.anchor[b] < 0:
+        if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0:
             continue
-        if sign * metric_length(position, origins.density, a, b) != key:
+        if sign * metric_length(mesh, a, b) != key:
             continue
-        e, k = find_edge(elements, pool, a, b, around)
+        e, k = find_edge(mesh, a, b)
         if e >= 0:
             return e, k, key
     return NOWHERE, NOWHERE, 0.0
 
 
 @inner_kernel
-def restore_delaunay(position, elements, pool, origins, longest, shortest, floor, height, scratch):
+def restore_delaunay(mesh, longest, shortest, floor, height):
     """Flip around the elements on the stack until nothing is left to flip, and enter the new edges."""
+    elements, pool, scratch = mesh.elements, mesh.pool, mesh.scratch
     node = elements.node
     while height > 0:
         height -= 1
@@ -64,33 +65,35 @@ def restore_delaunay(position, elements, pool, origins, longest, shortest, floor
             continue
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
-            if other < 0 or not should_flip(position, elements, e, k, other, floor):
+            if other < 0 or not should_flip(mesh.position, elements, e, k, other, floor):
                 continue
             p, q, r, s = corners_around(node, e, k, other)
             flip_edge(elements, e, k)
             pool.anchor[p], pool.anchor[q] = e, other
-            enter(position, origins, longest, shortest, np.int64(r), s)
+            enter(mesh, longest, shortest, np.int64(r), s)
             height = push(scratch.stack, scratch.waiting, push(scratch.stack, scratch.waiting, height, other), e)
             break
 
 
 @inner_kernel
-def enter_around(position, elements, pool, origins, longest, shortest, v, height, scratch):
+def enter_around(mesh, longest, shortest, v, height):
     """Enter the edges of v and put the elements around it on the stack; returns its new height."""
+    elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
-    for i in range(gather_around(elements, pool, v, scratch.around)):
+    for i in range(gather_around(mesh, v, scratch.around)):
         e = np.int64(scratch.around[i])
         k = corner_of(node, e, v)
-        enter(position, origins, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
+        enter(mesh, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
         if elements.neighbour[e, (k + 1) % 3] < 0:
-            enter(position, origins, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
+            enter(mesh, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
         height = push(scratch.stack, scratch.waiting, height, e)
     return height
 
 
 @kernel
-def fill_heaps(position, elements, origins, longest, shortest):
+def fill_heaps(mesh, longest, shortest):
     """Enter every edge once."""
+    elements = mesh.elements
     longest.size[0] = shortest.size[0] = 0
     for e in range(elements.node.shape[0]):
         if elements.node[e, 0] < 0:
@@ -98,49 +101,50 @@ def fill_heaps(position, elements, origins, longest, shortest):
         for k in range(3):
             if elements.neighbour[e, k] < e:  # the outer boundary is -1
                 a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-                enter(position, origins, longest, shortest, a, b)
+                enter(mesh, longest, shortest, a, b)
 
 
 @inner_kernel
-def split_longest(position, elements, constraints, pool, origins, longest, shortest, least, floor, scratch):
+def split_longest(mesh, longest, least, floor):
     """Split the longest edge that may be, if longer than `least`; returns the new node, an end, and the length."""
+    elements, constraints = mesh.elements, mesh.constraints
     while longest.size[0] > 0 and -longest.key[0] > least:
-        e, k, key = next_edge(position, elements, pool, origins, longest, -1.0, scratch.around)
+        e, k, key = next_edge(mesh, longest, -1.0)
         if e < 0 or not -key > least:
             break
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         c = np.int64(elements.chain[e, k])
-        x, y, parameter = midpoint(position, constraints, c, a, b)
+        x, y, parameter = midpoint(mesh, c, a, b)
         if c >= 0 and constraints.chains.flags[c, PAIRED]:
             continue  # the nodes of a periodic pair are neither made nor taken away
-        if may_split(position, elements, origins.pinned, e, k, floor, x, y):
-            return split(position, elements, constraints, pool, origins, e, k, x, y, parameter), a, -key
+        if may_split(mesh, e, k, floor, x, y):
+            return split(mesh, e, k, x, y, parameter), a, -key
     return NOWHERE, NOWHERE, 0.0
 
 
 @inner_kernel
-def collapse_shortest(position, elements, constraints, pool, origins, shortest, most, longest, spared, floor, scratch):
+def collapse_shortest(mesh, shortest, most, longest, spared, floor):
     """Collapse the shortest edge that may be, if shorter than `most` and not at `spared`; returns the node left."""
     while shortest.size[0] > 0 and shortest.key[0] < most:
-        e, k, key = next_edge(position, elements, pool, origins, shortest, 1.0, scratch.around)
+        e, k, key = next_edge(mesh, shortest, 1.0)
         if e < 0 or not key < most:
             break
-        v, w = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        v, w = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
         if v == spared or w == spared:
             continue
-        forth = collapsed_quality(position, elements, constraints, pool, origins, v, w, longest, floor, scratch)
-        back = collapsed_quality(position, elements, constraints, pool, origins, w, v, longest, floor, scratch)
+        forth = collapsed_quality(mesh, v, w, longest, floor)
+        back = collapsed_quality(mesh, w, v, longest, floor)
         if max(forth, back) < 0.0:
             continue
         if back > forth * (1.0 + EQUAL):
             v, w = w, v
-        collapse(elements, pool, v, w, scratch)
+        collapse(mesh, v, w)
         return w
     return NOWHERE
 
 
 @kernel
-def recycle(position, elements, constraints, pool, origins, longest, shortest, missing, ratio, floor, limit, scratch):
+def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
     """Split the longest edges, collapsing the shortest for it, while the one is more than `ratio` times the other.
 
     The first `missing` splits are without a collapse: the mesh grows. Returns splits, collapses and whether the end was
@@ -151,27 +155,23 @@ def recycle(position, elements, constraints, pool, origins, longest, shortest, m
     full = longest.key.shape[0]
     while splits < limit:
         if longest.size[0] == full or shortest.size[0] == full:
-            fill_heaps(position, elements, origins, longest, shortest)
+            fill_heaps(mesh, longest, shortest)
         grows = splits < missing
         least = 0.0 if grows or shortest.size[0] == 0 else ratio * ratio * shortest.key[0]
-        p, end, length = split_longest(
-            position, elements, constraints, pool, origins, longest, shortest, least, floor, scratch
-        )
+        p, end, length = split_longest(mesh, longest, least, floor)
         if p < 0:
             return splits, collapses, True
         merged = NOWHERE
         if not grows:
             most = length / (ratio * ratio)
-            merged = collapse_shortest(
-                position, elements, constraints, pool, origins, shortest, most, length, p, floor, scratch
-            )
+            merged = collapse_shortest(mesh, shortest, most, length, p, floor)
             if merged < 0:
-                collapse(elements, pool, p, end, scratch)
+                collapse(mesh, p, end)
                 return splits, collapses, True
             collapses += 1
         splits += 1
-        height = enter_around(position, elements, pool, origins, longest, shortest, p, np.int64(0), scratch)
+        height = enter_around(mesh, longest, shortest, p, np.int64(0))
         if merged >= 0:
-            height = enter_around(position, elements, pool, origins, longest, shortest, merged, height, scratch)
-        restore_delaunay(position, elements, pool, origins, longest, shortest, floor, height, scratch)
+            height = enter_around(mesh, longest, shortest, merged, height)
+        restore_delaunay(mesh, longest, shortest, floor, height)
     return splits, collapses, False

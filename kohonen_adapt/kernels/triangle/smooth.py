@@ -79,7 +79,7 @@ def average_at_sites(area, density, elements, star, first, last, log_density):
                     total += area[e]
             mean = np.log(mass / total)
             for j in range(k, star.start[v + 1]):
-                e = star.element[j]
+                e = np.int64(star.element[j])
                 if elements.region[e] == region:
                     log_density[e, corner_of(elements.node, e, v)] = mean
 

@@ -13,11 +13,12 @@ SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
 
 
 @inner_kernel
-def metric_length(position, density, a, b):
+def metric_length(mesh, a, b):
     """Square of the length of an edge in the metric, the same whichever end comes first.
 
     Rounded to 24 bits, so that lengths which only rounding tells apart are the same, and it does not choose the edge.
     """
+    position, density = mesh.position, mesh.origins.density
     dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
     length = (dx * dx + dy * dy) * np.sqrt(density[a] * density[b])
     spread = length * SPLITTER
@@ -25,10 +26,10 @@ def metric_length(position, density, a, b):
 
 
 @inner_kernel
-def gather_around(elements, pool, v, around):
+def gather_around(mesh, v, around):
     """List the elements around v counter-clockwise, at an outline those on both ways from the anchor."""
-    node, neighbour = elements.node, elements.neighbour
-    count, first = 0, np.int64(pool.anchor[v])
+    node, neighbour = mesh.elements.node, mesh.elements.neighbour
+    count, first = 0, np.int64(mesh.pool.anchor[v])
     e = first
     while e >= 0:
         around[count] = e
@@ -45,10 +46,10 @@ def gather_around(elements, pool, v, around):
 
 
 @inner_kernel
-def find_edge(elements, pool, a, b, around):
+def find_edge(mesh, a, b):
     """An element with the edge ab and the local number of the corner opposite to it, or (-1, -1)."""
-    node = elements.node
-    for i in range(gather_around(elements, pool, a, around)):
+    node, around = mesh.elements.node, mesh.scratch.around
+    for i in range(gather_around(mesh, a, around)):
         e = np.int64(around[i])
         k = corner_of(node, e, a)
         if node[e, (k + 1) % 3] == b:
@@ -68,16 +69,18 @@ def half_qualities(position, node, e, k, x, y):
 
 
 @inner_kernel
-def midpoint(position, constraints, c, a, b):
+def midpoint(mesh, c, a, b):
     """The middle of an edge; on a chain the middle in its parameter, which comes third."""
+    position = mesh.position
     if c < 0:
         return 0.5 * (position[a, 0] + position[b, 0]), 0.5 * (position[a, 1] + position[b, 1]), 0.0
-    return middle_on_chain(position, constraints, c, a, b)
+    return middle_on_chain(position, mesh.constraints, c, a, b)
 
 
 @inner_kernel
-def may_split(position, elements, pinned, e, k, floor, x, y):
+def may_split(mesh, e, k, floor, x, y):
     """Whether the edge opposite to corner k of e may be split there under the quality rule."""
+    position, elements, pinned = mesh.position, mesh.elements, mesh.origins.pinned
     node, other = elements.node, np.int64(elements.neighbour[e, k])
     if pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]:
         return False
@@ -90,8 +93,9 @@ def may_split(position, elements, pinned, e, k, floor, x, y):
 
 
 @inner_kernel
-def halve(elements, pool, e, k, p):
+def halve(mesh, e, k, p):
     """Give the half of e at the end of its edge opposite to corner k to a new element; p is the new node there."""
+    elements, pool = mesh.elements, mesh.pool
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     pool.height[1] -= 1
     new = pool.free_elements[pool.height[1]]
@@ -119,15 +123,16 @@ def guide(elements, constraints, e, k):
 
 
 @inner_kernel
-def split(position, elements, constraints, pool, origins, e, k, x, y, parameter):
+def split(mesh, e, k, x, y, parameter):
     """Split the edge opposite to corner k of e at (x, y); returns the new node."""
+    elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
     a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
     c = elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
     p = np.int64(pool.free_nodes[pool.height[0]])
-    position[p, 0], position[p, 1] = x, y
+    mesh.position[p, 0], mesh.position[p, 1] = x, y
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, OWN], constraints.chain[p, OTHER], constraints.parameter[p] = c, -1, parameter
     # either end's will do; the sides' are the outermost, and a node inside with one of those could join less
@@ -137,30 +142,31 @@ def split(position, elements, constraints, pool, origins, e, k, x, y, parameter)
     origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
     origins.pinned[p] = origins.pinched[p] = False
     origins.young[p] = True
-    new = halve(elements, pool, e, k, p)
+    new = halve(mesh, e, k, p)
     pool.anchor[p] = e
     neighbour[new, 0] = other
     if other >= 0:
-        new_other = halve(elements, pool, other, j, p)
+        new_other = halve(mesh, other, j, p)
         neighbour[e, k], neighbour[new_other, 0] = new_other, e
         neighbour[other, j] = new
     return p
 
 
 @inner_kernel
-def collapsed_quality(position, elements, constraints, pool, origins, v, w, longest, floor, scratch):
+def collapsed_quality(mesh, v, w, longest, floor):
     """Worst quality around v were it merged into its neighbour w, or -1 where that is not allowed.
 
     An interior node may go into any neighbour, one on an outline along its own chain only. The only nodes that v and w
     have both for neighbours must be those opposite to their edge (link condition), or the mesh would be pinched. No
     edge may become as long as the one that is split for it, or the two could go on for ever.
     """
-    node, chain = elements.node, elements.chain
+    position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
+    node, chain, origins, scratch = elements.node, elements.chain, mesh.origins, mesh.scratch
     if constraints.kind[v] != FREE and constraints.kind[v] != SLIDING:
         return -1.0
     if origins.pinched[w] or origins.young[v] or constraints.twins.partner[v] >= 0:
         return -1.0
-    count = gather_around(elements, pool, v, scratch.around)
+    count = gather_around(mesh, v, scratch.around)
     scratch.counter[0] += 2
     mark = scratch.counter[0]
     shared, before, after = 0, 2.0, 2.0
@@ -190,19 +196,18 @@ def collapsed_quality(position, elements, constraints, pool, origins, v, w, long
         )
         if not q >= after:
             after = q
-        length = max(metric_length(position, origins.density, w, a), metric_length(position, origins.density, w, b))
-        if length >= longest:
+        if max(metric_length(mesh, w, a), metric_length(mesh, w, b)) >= longest:
             return -1.0
     if after > 1.5 or not allowed(after, before, floor):
         return -1.0
-    return after if count_marked(elements, pool, w, mark, scratch) == shared else -1.0
+    return after if count_marked(mesh, w, mark) == shared else -1.0
 
 
 @inner_kernel
-def count_marked(elements, pool, w, mark, scratch):
+def count_marked(mesh, w, mark):
     """How many neighbours of w carry the mark; they are marked anew, so that none counts twice."""
-    node, count = elements.node, 0
-    for i in range(gather_around(elements, pool, w, scratch.around_other)):
+    node, scratch, count = mesh.elements.node, mesh.scratch, 0
+    for i in range(gather_around(mesh, w, scratch.around_other)):
         e = np.int64(scratch.around_other[i])
         k = corner_of(node, e, w)
         for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
@@ -222,10 +227,11 @@ def joins_within_reach(position, constraints, w, other, c):
 
 
 @inner_kernel
-def collapse(elements, pool, v, w, scratch):
+def collapse(mesh, v, w):
     """Merge node v into its neighbour w; returns the number of elements around v that are left, in scratch.around."""
+    elements, pool, scratch = mesh.elements, mesh.pool, mesh.scratch
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
-    count, left = gather_around(elements, pool, v, scratch.around), 0
+    count, left = gather_around(mesh, v, scratch.around), 0
     for i in range(count):
         e = np.int64(scratch.around[i])
         k = corner_of(node, e, v)

@@ -1,0 +1,134 @@
+"""Make room in the arrays of a movable mesh for splits and collapses, and say which nodes are old in the end."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Elements, OpenMesh, Origins, Pool, SurgeryScratch
+from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
+
+__all__ = ["Recycled", "Surgery", "padded", "unchanged"]
+
+# What stands in rows that are not in use, where it is not -1.
+UNUSED = {
+    "position": 0.0,
+    "pinned": False,
+    "elements.level": 0,
+    "constraints.kind": 0,
+    "constraints.parameter": 0.0,
+    "constraints.inner": False,
+}
+
+
+@dataclass(frozen=True)
+class Recycled:
+    """What recycling, of one kind after another, did to a triangulation.
+
+    Attributes
+    ----------
+    old
+        (n,): number before of every node, -1 for a new one.
+    hint
+        (n,): an element of the triangulation before that is near every node.
+    splits, collapses
+        How often an edge was split and collapsed.
+    """
+
+    old: Ints
+    hint: Ints
+    splits: int
+    collapses: int
+
+
+def unchanged(triangulation: Triangulation) -> Recycled:
+    """Describe a triangulation that is not recycled, before its nodes move."""
+    star = triangulation.star
+    return Recycled(np.arange(triangulation.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
+
+
+@dataclass(frozen=True)
+class Surgery:
+    """The arrays of a movable mesh with room for more nodes and elements, by name and as kernels take them."""
+
+    state: dict[str, NDArray[Any]]
+    mesh: OpenMesh
+
+    @classmethod
+    def on(cls, movable: MovableMesh, density: Floats, target: int, done: Recycled) -> "Surgery":
+        """Copies with one node more than wanted, so that a split can come before its collapse, and elements enough.
+
+        By Euler's formula there is one element more for every node that leaves the outer boundary for the interior.
+        Old nodes and hints go on being those of the mesh before what was `done` already.
+        """
+        n, m = movable.nnodes, len(movable.triangulation.elements.node)
+        on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
+        rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
+        state = {
+            name: padded(array, spare if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
+            for name, array in movable.state().items()
+        }
+        anchor = padded(unchanged(movable.triangulation).hint, rows, -1)
+        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m]))
+        origins = Origins(
+            padded(density, rows, 1.0),
+            padded(done.old, rows, -1),
+            padded(done.hint, rows, -1),
+            state["pinned"],
+            np.zeros(rows, dtype=np.bool_),
+            padded(on_boundary > 2, rows, False),
+        )
+        records = with_state(movable.triangulation.elements, movable.constraints, state)
+        return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
+
+    def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> Ints:
+        """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
+
+        Returns the row of every node.
+        """
+        anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
+        kept = np.flatnonzero(anchor >= 0)
+        if renumbered:
+            kept = kept[along_curve(self.state["position"][kept])]
+        number = ranks(kept, len(anchor))
+        used = np.flatnonzero(node[:, 0] >= 0)
+        used = used[np.argsort(number[node[used]].min(axis=1), kind="stable")]
+        place = np.append(ranks(used, len(node)), np.int32(-1))
+        state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
+        state["elements.node"] = number[state["elements.node"]]
+        state["elements.neighbour"] = place[state["elements.neighbour"]]
+        partner = state["twins.partner"]
+        state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
+        movable.become(state)
+        return kept
+
+
+def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
+    """The place of every row in an order of some of them, -1 for the others, (rows,)."""
+    places = np.full(rows, -1, dtype=np.int32)
+    places[order] = np.arange(len(order))
+    return places
+
+
+def outer_edges(elements: Elements) -> Ints:
+    """The nodes of the edges on the outer boundary, (k, 2)."""
+    e, k = np.nonzero(elements.neighbour < 0)
+    return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+
+
+def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
+    """A copy with rows of a value added."""
+    longer = np.full((rows, *array.shape[1:]), value, dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+def free_rows(used: int, rows: int) -> Ints:
+    """A stack of the rows that are free, with room for all, the first of them on top."""
+    stack = np.empty(rows, dtype=np.int32)
+    stack[: rows - used] = np.arange(rows - 1, used - 1, -1)
+    return stack

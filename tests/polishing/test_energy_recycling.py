@@ -1,0 +1,338 @@
+"""Recycling by energy: gains and costs against slow twins, what is kept, and a functional that falls as told."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.alternatives import functional, signed_quality, size_of_functional
+from helpers.examples import examples
+from helpers.meshes import area_of, disk, generic_square, inset, junction, length_of, named, perturbed, slit, square
+from hypothesis import given
+from hypothesis import strategies as st
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules
+from kohonen_adapt.kernels.arrays import HELD, SLIDING
+from kohonen_adapt.magnetostatics import Brauer, Froehlich
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.surgery import Surgery, unchanged
+from kohonen_adapt.polishing.energy_recycling import offers_of, recycle_by_energy, weighed
+from kohonen_adapt.polishing.functional import Functional
+
+ROOT = Path(__file__).parents[2]
+FLOOR = 0.3
+LAWS = {"none": None, "Brauer": Brauer(100.0, 10.0, 1.8), "Froehlich": Froehlich(4000.0, 2.1)}
+MESHES = {
+    "squares": lambda seed: square(6),
+    "generic": lambda seed: generic_square(6, seed),
+    "regions": lambda seed: perturbed(inset(8), seed),
+    "junction": lambda seed: perturbed(junction(6), seed),
+    "slit": lambda seed: perturbed(slit(6), seed),
+    "named": lambda seed: perturbed(named(8), seed),
+}
+each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
+
+
+class Setting:
+    """A mesh with a functional that changes from region to region, and what is left of it after recycling."""
+
+    def __init__(self, mesh, seed=0, *, values=None, fixed=None, load=1.0, law=None, rules=None):
+        rng, (x, y) = np.random.default_rng(seed), mesh.p
+        self.mesh, self.movable = mesh, MovableMesh.of(mesh, rules or Rules("recycle", FLOOR))
+        region = self.movable.triangulation.elements.region
+        count = region.max() + 1
+        bumps = np.exp(-30.0 * ((x - rng.random()) ** 2 + (y - rng.random()) ** 2)) + 0.01 * rng.normal(size=len(x))
+        ends, scale = (x == x.min()) | (x == x.max()), 1e3 if law else 1.0
+        self.ritz = ka.Ritz(
+            np.where(ends, x, bumps) if values is None else values,
+            ends if fixed is None else fixed,
+            scale * 10.0 ** rng.uniform(-1, 1, count),
+            scale * load * rng.normal(size=count),
+            scale * load * rng.normal(size=(2, count)),
+            region,
+            () if law is None else [law if number == 0 or rng.random() < 0.4 else None for number in range(count)],
+        )
+        self.functional = Functional.of(self.ritz, self.movable)
+        self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
+        self.recycled, self.lowered = unchanged(self.movable.triangulation), 0.0
+
+    @property
+    def arrays(self):
+        tri, ritz = self.movable.triangulation, self.ritz
+        table = np.column_stack([ritz.coefficient, ritz.source, ritz.flux.T])
+        return tri.position, tri.elements.node, table[tri.elements.region], self.values
+
+    def laws(self):
+        laws = self.ritz.laws if self.ritz.laws else [None] * len(self.ritz.coefficient)
+        return np.array(laws, dtype=object)[self.movable.triangulation.elements.region]
+
+    def exact(self):
+        return functional(*self.arrays, self.laws())
+
+    def size(self):
+        return size_of_functional(*self.arrays, self.laws())
+
+    def recycle(self):
+        now = self.movable, self.functional, self.values, self.fixed, self.recycled
+        self.values, self.fixed, self.recycled, self.lowered = recycle_by_energy(*now)
+        return self
+
+    def offers(self):
+        """What splits gain and collapses cost, and the largest gain."""
+        mesh = Surgery.on(self.movable, np.ones(len(self.values)), len(self.values), self.recycled).mesh
+        trial = self.functional.trial(self.movable.triangulation, self.values, self.fixed)
+        offers = offers_of(self.movable, self.functional, self.fixed, mesh)
+        return offers, weighed(self.movable, mesh, trial, offers)
+
+
+def worst(position, node, elements):
+    return min(signed_quality(*position[node[e]]) for e in elements)
+
+
+def may_follow(after, before):
+    return after >= FLOOR or (after > 1e-12 and after >= before)
+
+
+def slow_gain(at, e, k):
+    """What the best value in the middle of an edge takes off; 0 where the quality rule forbids it."""
+    position, node, data, values = at.arrays
+    a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+    beside = [e for e in range(len(node)) if {a, b} <= set(node[e])]
+    new = len(position)
+    position = np.vstack([position, 0.5 * (position[a] + position[b])])
+    halves = [np.where(node[e] == end, new, node[e]) for e in beside for end in (a, b)]
+    if not may_follow(worst(position, np.array(halves), range(len(halves))), worst(position, node, beside)):
+        return 0.0
+    mean, rows = 0.5 * (values[a] + values[b]), np.repeat(beside, 2)
+    trials = [np.append(values, mean + w) for w in (-1, 0, 1)]
+    low, middle, high = (functional(position, np.array(halves), data[rows], trial) for trial in trials)
+    return 0.5 * (0.5 * (high - low)) ** 2 / (high + low - 2 * middle)
+
+
+def slow_cost(at, v):
+    """The least cost of a collapse of a node, inf where none is allowed."""
+    position, node, data, values = at.arrays
+    constraints, elements = at.movable.constraints, at.movable.triangulation.elements
+    star = [e for e in range(len(node)) if v in node[e]]
+    around = lambda u: set(node[[e for e in range(len(node)) if u in node[e]]].ravel())  # noqa: E731
+    least = np.inf
+    for w in around(v) - {v}:
+        shared = [e for e in star if w in node[e]]
+        if constraints.kind[v] == SLIDING:
+            (third,) = set(node[shared[0]]) - {v, w}
+            if elements.chain[shared[0], list(node[shared[0]]).index(third)] != constraints.own_chain[v]:
+                continue
+        left = [e for e in star if e not in shared]
+        merged = np.array([np.where(node[e] == v, w, node[e]) for e in left])
+        if not left or len((around(v) & around(w)) - {v, w}) != len(shared):
+            continue
+        if not may_follow(worst(position, merged, range(len(merged))), worst(position, node, star)):
+            continue
+        before = functional(position, node[star], data[star], values)
+        least = min(least, functional(position, merged, data[left], values) - before)
+    return least
+
+
+@each_mesh
+@pytest.mark.parametrize("load", [0.0, 10.0])
+def test_gains_equal_those_of_the_slow_twin(build, load):
+    at = Setting(build(1), 1, load=load)
+    offers, most = at.offers()
+    elements, inner = at.movable.triangulation.elements, at.movable.constraints.inner
+    for e, k in np.ndindex(*offers.gain.shape):
+        a, b, chain = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3], elements.chain[e, k]
+        is_open = chain < 0 or not (at.functional.given[chain] or at.functional.held[chain])
+        given_inside = at.fixed[a] and at.fixed[b] and (inner[a] or inner[b])
+        once = elements.neighbour[e, k] < e
+        expected = slow_gain(at, e, k) if is_open and once and not given_inside else 0.0
+        assert offers.gain[e, k] == pytest.approx(expected, rel=1e-7, abs=1e-12 * at.size())
+    assert most == offers.gain.max() > 0.0
+
+
+@each_mesh
+@pytest.mark.parametrize("load", [0.0, 10.0])
+def test_costs_equal_those_of_the_slow_twin(build, load):
+    at = Setting(build(2), 2, load=load)
+    offers, most = at.offers()
+    kinds, cheaper = at.functional.kinds(at.movable.outline, at.fixed), 0
+    for v in range(len(at.values)):
+        expected = slow_cost(at, v) if kinds[v] != HELD else np.inf
+        expected = expected if expected < most else np.inf
+        assert offers.cost[v] == pytest.approx(expected, rel=1e-9, abs=1e-12 * at.size())
+        cheaper += expected < np.inf
+    assert cheaper > 3
+
+
+@given(
+    name=st.sampled_from(sorted(MESHES)),
+    seed=st.integers(0, 10**6),
+    load=st.sampled_from([0.0, 1.0, 100.0]),
+    law=st.sampled_from(sorted(LAWS)),
+)
+@examples(60)
+def test_the_functional_falls_by_what_it_says_and_the_rest_is_kept(name, seed, load, law):
+    mesh = MESHES[name](seed % 5)
+    at = Setting(mesh, seed, load=load, law=LAWS[law])
+    before, size = at.exact(), at.size()
+    least, region = ka.quality(mesh).min(), at.movable.triangulation.elements.region
+    areas = np.bincount(region, weights=at.movable.triangulation.areas())
+    for _ in range(2):
+        assert at.recycle().lowered >= 0.0
+        # tables of laws leave out 1e-10 of an energy
+        assert before - at.exact() == pytest.approx(at.lowered, abs=(1e-9 if LAWS[law] else 1e-12) * (size + at.size()))
+        before = at.exact()
+    after, tri, recycled = at.movable.mesh(), at.movable.triangulation, at.recycled
+    assert after.p.shape == mesh.p.shape and recycled.splits == recycled.collapses
+    assert ka.quality(after).min() >= min(FLOOR, least) - 1e-12
+    np.testing.assert_allclose(np.bincount(tri.elements.region, weights=tri.areas()), areas, rtol=1e-12)
+    for sets, measure in (("subdomains", area_of), ("boundaries", length_of)):
+        for known, rows in (getattr(mesh, sets) or {}).items():
+            assert measure(after, getattr(after, sets)[known]) == pytest.approx(measure(mesh, rows), rel=1e-12)
+    kept = recycled.old >= 0
+    assert np.array_equal(after.p[:, kept], mesh.p[:, recycled.old[kept]])
+    assert np.count_nonzero(~kept) <= recycled.splits
+    assert not at.fixed[~kept].any() and np.array_equal(at.values[at.fixed], after.p[0, at.fixed])
+
+
+@each_mesh
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_the_arrays_are_those_of_the_mesh_they_make(build, law):
+    at = Setting(build(3), 3, law=law).recycle().recycle()
+    assert at.recycled.splits > 3
+    again, ours = MovableMesh.of(at.movable.mesh(), Rules("recycle")), at.movable
+    for e, k in np.argwhere(ours.triangulation.elements.neighbour >= 0):
+        assert e in ours.triangulation.elements.neighbour[ours.triangulation.elements.neighbour[e, k]]
+    assert np.array_equal(ours.constraints.kind, again.constraints.kind)
+    assert np.array_equal(ours.constraints.inner, again.constraints.inner)
+    sliding = ours.constraints.kind == SLIDING
+    chain, table = ours.constraints.own_chain[sliding], ours.constraints.chains
+    looked_up = table.origin[chain] + ours.constraints.parameter[sliding, None] * table.direction[chain]
+    np.testing.assert_allclose(looked_up, ours.triangulation.position[sliding], atol=1e-15)
+
+
+def test_a_straight_function_recycles_nothing():
+    mesh = perturbed(generic_square(8), 1)
+    outer = np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    for values in (3 * mesh.p[0] - mesh.p[1], np.ones(mesh.p.shape[1])):
+        at = Setting(mesh, values=values, fixed=outer, load=0.0).recycle()
+        assert (at.recycled.splits, at.lowered) == (0, 0.0)
+        assert np.array_equal(at.movable.triangulation.position.T, mesh.p)
+
+
+def test_a_mesh_without_an_inner_node_stays():
+    at = Setting(MeshTri(), values=np.arange(4.0) ** 2).recycle()
+    assert (at.recycled.splits, at.lowered) == (0, 0.0)
+
+
+def test_pinned_nodes_stay():
+    mesh = perturbed(generic_square(8), 2)
+    pinned = np.arange(0, mesh.p.shape[1], 3)
+    at = Setting(mesh, 2, rules=Rules("recycle", FLOOR, pinned=pinned)).recycle()
+    assert at.recycled.splits > 0
+    assert set(pinned) <= set(at.recycled.old)
+
+
+def test_an_outline_with_given_values_that_are_not_linear_keeps_its_nodes():
+    mesh = generic_square(8)
+    x, y = mesh.p
+    values = np.where(x == 0.0, y * (1 - y), x * np.exp(-20 * (y - 0.5) ** 2))
+    at = Setting(mesh, values=values, fixed=x == 0.0).recycle()
+    assert at.recycled.splits > 0
+    after = at.movable.mesh()
+    assert np.array_equal(np.sort(after.p[1, after.p[0] == 0.0]), np.sort(y[x == 0.0]))
+
+
+def test_values_given_inside_stay_and_so_do_the_edges_between_them():
+    mesh = square(8)
+    x, y = mesh.p
+    wire = (x == 0.5) & (y > 0.2) & (y < 0.8)
+    at = Setting(mesh, 5, fixed=wire, values=np.where(wire, y, np.sin(9 * x * y))).recycle()
+    after = at.movable.mesh()
+    on_wire = (after.p[0] == 0.5) & (after.p[1] > 0.2) & (after.p[1] < 0.8)
+    assert at.recycled.splits > 0
+    assert np.array_equal(np.sort(after.p[1, on_wire]), np.sort(y[wire])) and np.array_equal(at.fixed, on_wire)
+
+
+def test_nodes_on_curves_are_neither_made_nor_taken_away():
+    mesh = disk(8, 1.0)
+    at = Setting(mesh, 6, fixed=np.zeros(mesh.p.shape[1], dtype=bool)).recycle()
+    assert at.recycled.splits > 0
+    after = at.movable.mesh()
+    outer = [set(map(tuple, each.p[:, each.boundary_nodes()].T)) for each in (mesh, after)]
+    assert outer[0] == outer[1]
+
+
+def test_pairs_keep_their_nodes():
+    mesh = square(10).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+    rules = Rules("recycle", FLOOR, periodic=[("left", "right")])
+    x, y = mesh.p
+    values = np.sin(2 * np.pi * x) * y + np.exp(-50 * (y - 0.4) ** 2)
+    at = Setting(mesh, 7, values=values, fixed=y == 0.0, rules=rules)
+    before = at.exact()
+    at.recycle()
+    assert at.recycled.splits > 3
+    assert before - at.exact() == pytest.approx(at.lowered, abs=1e-12 * at.size())
+    partner, position = at.movable.constraints.twins.partner, at.movable.triangulation.position
+    paired = np.flatnonzero(partner >= 0)
+    assert np.array_equal(partner[partner[paired]], paired)
+    assert np.array_equal(position[partner[paired], 1], position[paired, 1])
+    assert len(paired) == np.count_nonzero((x == 0.0) | (x == 1.0))
+
+
+def test_layers_are_kept_that_it_would_lose():
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 17), np.linspace(0, 0.25, 3))
+    mesh = mesh.with_subdomains({"gap": np.arange(mesh.nelements)})
+
+    def is_crossed(layers, seed):
+        """Whether an edge goes from the floor to the ceiling."""
+        values = np.random.default_rng(seed).normal(size=mesh.p.shape[1])
+        at = Setting(mesh, seed, values=values, rules=Rules("recycle", 0.05, layers=layers)).recycle()
+        result = at.movable.mesh()
+        (low, high), ends = np.sort(result.p[1, result.facets], axis=0), result.p[0, result.facets]
+        inside = np.all((ends > 0.0) & (ends < 2.0), axis=0)
+        return np.any((low == 0.0) & (high == 0.25) & inside)
+
+    seeds = range(5)
+    assert any(is_crossed(None, seed) for seed in seeds)
+    assert not any(is_crossed({"gap": 2}, seed) for seed in seeds)
+
+
+def test_a_finer_place_for_a_peak():
+    """Of a uniform mesh nodes go where the function bends."""
+    mesh = square(16)
+    x, y = mesh.p
+    bump = np.exp(-100 * ((x - 0.3) ** 2 + (y - 0.3) ** 2))
+    at = Setting(mesh, values=bump, load=0.0)
+    near = lambda each: np.count_nonzero(np.hypot(each.p[0] - 0.3, each.p[1] - 0.3) < 0.2)  # noqa: E731
+    assert near(at.recycle().recycle().movable.mesh()) > 1.2 * near(mesh)
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    """On a mesh of several parts; numba fixes the number of threads at import, so in processes of their own."""
+    code = """
+import hashlib
+import numpy as np, skfem, kohonen_adapt as ka
+from skfem.models.poisson import laplace, unit_load
+class Load:
+    def solve(self, mesh):
+        basis = skfem.Basis(mesh, skfem.ElementTriP1())
+        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+    def indicators(self, mesh, solution):
+        one = np.ones(mesh.nelements)
+        return ka.estimators.residual(mesh, solution, one, source=one)
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
+ticks = np.linspace(0, 1, 111)
+result = ka.adapt(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), passes=1, schedule=ka.Schedule(()))
+print(hashlib.sha256(result.mesh.p.tobytes() + result.mesh.t.tobytes()).hexdigest(), result.history[1].splits)
+"""
+    hashes = set()
+    for threads in ("1", "2"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        hashes.add(done.stdout)
+    assert len(hashes) == 1
