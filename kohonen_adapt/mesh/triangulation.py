@@ -1,5 +1,6 @@
 """A scikit-fem mesh as arrays (elements by region, neighbours, names), and back with every name."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,10 +65,7 @@ class Triangulation:
     def star(self) -> Star:
         """The elements around every node, worked out when first asked for."""
         if self._star is None:
-            rows = [np.empty(self.elements.node.size, dtype=np.int32) for _ in range(3)]
-            star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
-            fill(star, self.elements.node)
-            self._star = star  # whole, for other threads may ask
+            self._star = star_of(self.elements.node, self.nnodes, [0, self.nnodes])  # by whichever thread asks
         return self._star
 
     def copy(self) -> "Triangulation":
@@ -78,11 +76,13 @@ class Triangulation:
 
     def become(self, position: Floats, elements: Elements) -> None:
         """Take other nodes and elements, of the same regions, which are not copied."""
-        self.position, self.elements, self._star = position, elements, None
+        self.position, self.elements = position, elements
+        if self._star is not None:
+            self._star = star_of(elements.node, len(position), even_cuts(len(position), FEW))
 
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
-        fill(self.star, self.elements.node)
+        fill(self.star, self.elements.node, even_cuts(self.nnodes, FEW))
 
     def areas(self) -> Floats:
         """Area of every element, (m,)."""
@@ -152,12 +152,19 @@ def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
     return neighbour.reshape(m, 3)
 
 
-def fill(star: Star, node: Ints) -> None:
-    """List the elements around every node, of elements (m, 3); each thread those around some of the nodes."""
-    nnodes = len(star.start) - 1
-    cursor = np.empty(nnodes, dtype=np.int32)
+def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:
+    """The elements around every node, of elements (m, 3)."""
+    rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
+    star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
+    fill(star, node, cuts)
+    return star
+
+
+def fill(star: Star, node: Ints, cuts: Sequence[int]) -> None:
+    """List the elements around every node, of elements (m, 3); each thread those around the nodes between two cuts."""
+    cursor = np.empty(len(star.start) - 1, dtype=np.int32)
     find_starts(node, star.start)
-    shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), even_cuts(nnodes, FEW))
+    shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), cuts)
 
 
 def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:

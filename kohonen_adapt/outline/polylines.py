@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
@@ -99,31 +101,32 @@ def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
 def traced(ends: Ints, through: Ints) -> Runs:
     """Trace segments with the ends (m, 2) from node to node.
 
-    `through` (n, 2) has the two that go on into one another at a node, -1 where runs end.
+    `through` (n, 2) has the two that go on into one another at a node, -1 where runs end. Way 2 f + s along segment f
+    begins at its end s; of the ways round a loop, and of the two along an open run, the first in number is taken.
     """
-    node: list[int] = []
-    facet: list[int] = []
-    start, closed, pairs, visited = [0], [], ends.tolist(), [False] * len(ends)
-    for loops in (False, True):
-        for first, both in enumerate(pairs):
-            for begin in both:
-                if visited[first] or (not loops and through[begin, 0] >= 0):
-                    continue
-                v, f = begin, first
-                while True:
-                    visited[f] = True
-                    node.append(v)
-                    facet.append(f)
-                    v = sum(pairs[f]) - v
-                    if through[v, 0] < 0 or v == begin:
-                        break
-                    f = int(through[v].sum()) - f
-                node.append(v)
-                facet.append(-1)
-                start.append(len(node))
-                closed.append(loops)
-    slots = [np.array(array, dtype=np.int32) for array in (node, facet, start)]
-    return Runs(slots[0], slots[1], slots[2], np.array(closed, dtype=np.bool_))
+    begin, end = ends.ravel(), ends[:, ::-1].ravel()
+    way = np.arange(len(begin))
+    back = np.where(through[begin, 0] < 0, way // 2, through[begin].sum(axis=1) - way // 2)  # the segment before
+    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)  # along it to where this one begins
+    before = np.where(through[begin, 0] < 0, way, before)
+    run = connected_components(coo_array((np.ones(len(way)), (way, before)), shape=(len(way),) * 2), directed=False)[1]
+    closed = np.bincount(run, before == way) == 0
+    first = np.full(len(closed), len(way))
+    np.minimum.at(first, run, np.where(closed[run] | (before == way), way, len(way)))
+    before[first], place = first, (way != first[run]).astype(np.int64)
+    while np.any(before != before[before]):  # twice as far back each time
+        place, before = place + place[before], before[before]
+    twin = run[way ^ 1]  # the same run the other way round
+    chosen = np.flatnonzero(first[run] <= first[twin])
+    start = first[run[chosen]]
+    order = chosen[np.lexsort((place[chosen], start, closed[run[chosen]]))]
+    last = np.append(np.diff(run[order]) != 0, True)[: len(order)]
+    count = np.flatnonzero(last) + 1
+    node, facet = (
+        np.insert(array, count, extra) for array, extra in ((begin[order], end[order[last]]), (order // 2, -1))
+    )
+    slots = np.append(0, count + np.arange(1, len(count) + 1))
+    return Runs(node.astype(np.int32), facet.astype(np.int32), slots.astype(np.int32), closed[run[order[last]]])
 
 
 def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:

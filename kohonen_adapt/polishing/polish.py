@@ -237,11 +237,8 @@ def flip_downhill(movable: MovableMesh, trial: Trial) -> float:
     triangulation, floor = movable.triangulation, movable.floor
     position, elements = triangulation.position, triangulation.elements
     gainful = np.empty(len(elements.node), dtype=np.bool_)
-
-    def mark(thread: int, first: int, last: int) -> None:
-        mark_gainful(position, elements, trial, first, last, gainful)
-
-    shared(mark, even_cuts(len(gainful), FEW))
+    cuts = even_cuts(len(gainful), FEW)
+    shared(lambda thread, first, last: mark_gainful(position, elements, trial, first, last, gainful), cuts)
     gain, flips = descend_flips(position, elements, trial, floor, gainful)
     if flips:
         triangulation.refill_star()

@@ -79,11 +79,9 @@ class ElementDensity(OfElements):
         self.values = without_zeros(values, values.max())
         self.masses = self.areas * self.values
         self._log_at_corners = np.empty(self.elements.node.shape)
-        densities = self.areas, self.values, self.elements, triangulation.star
-        shared(
-            lambda thread, first, last: average_at_sites(*densities, first, last, self._log_at_corners),
-            even_cuts(triangulation.nnodes, FEW),
-        )
+        cuts = even_cuts(triangulation.nnodes, FEW)
+        arrays = self.areas, self.values, self.elements, triangulation.star
+        shared(lambda thread, first, last: average_at_sites(*arrays, first, last, self._log_at_corners), cuts)
         self._sites = sites_of(triangulation)
         self._cumulated = np.cumsum(self.masses[self._order])
 

@@ -169,7 +169,7 @@ BANDS = [  # letter, which of its cases, variant, and the band of the ratio of t
     ("C", 0, POLISHED, 0.45, 0.70),
     ("C", 0, DEFAULT, 0.32, 0.42),
     ("F", 0, POLISHED, 0.45, 0.62),
-    ("F", 0, DEFAULT, 0.45, 0.60),
+    ("F", 0, DEFAULT, 0.40, 0.55),
 ]
 
 

@@ -183,16 +183,16 @@ PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[0]
 
 @pytest.mark.slow
 def test_the_force_converges_faster_with_the_goal():
-    """Two magnets: 20 and 26 times less error at 357 and 1353 nodes, so also the greater rate."""
+    """Two magnets: 10 and 13 times less error at 357 and 1353 nodes, so also the greater rate."""
     nodes, found = [], []
     for k in (1, 2):
         mesh, problem = two_magnets(k)
         nodes.append(mesh.p.shape[1])
         found.append(errors(mesh, problem, PULL, PULL_EXACT))
     energy, goal = np.array(found).T
-    assert np.all(goal < energy / 10)
+    assert np.all(goal < energy / 4)
     rates = [-np.polyfit(np.log(nodes), np.log(each), 1)[0] for each in (energy, goal)]
-    assert rates[1] > rates[0] + 0.1
+    assert rates[1] > rates[0] + 0.2
 
 
 @pytest.mark.slow

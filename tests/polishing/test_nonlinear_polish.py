@@ -21,9 +21,9 @@ from kohonen_adapt.kernels.triangle.descend import (
     derivatives,
     gain_of_flip,
     parabola,
-    stored,
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge
+from kohonen_adapt.kernels.triangle.nonlinear import stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules

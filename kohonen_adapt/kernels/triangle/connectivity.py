@@ -58,10 +58,7 @@ def find_starts(node, start):
 
 @kernel
 def fill_star(node, star, first, last, cursor):
-    """List the elements around each of the nodes `first` to `last`, in the order of their numbers, from their starts.
-
-    `cursor` (n,) is scratch.
-    """
+    """List the elements around the nodes `first` to `last` by number, from the starts; `cursor` (n,) is scratch."""
     for v in range(first, last):
         cursor[v] = star.start[v]
     for e in range(node.shape[0]):

@@ -15,7 +15,6 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import (
-    DENSITY,
     DIRECTION_X,
     DIRECTION_Y,
     FREE,
@@ -24,7 +23,6 @@ from kohonen_adapt.kernels.arrays import (
     HALF_FLUX_Y,
     HELD,
     OWN,
-    RATE,
     SIXTH_SOURCE,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
@@ -32,13 +30,12 @@ from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.geometry import may_move
+from kohonen_adapt.kernels.triangle.nonlinear import stored, stored_in
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation; 8 sweeps do the work of 16
-STEPS = 2048  # of a table of W in every octave of |grad u|^2
 TRIES = 4  # of a Newton step of a value, each half of the one before
-LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
 LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count as curved as that, or steps are too wild
 
 
@@ -261,7 +258,6 @@ def descend_flips(position, elements, trial, floor, gainful):
                     gain += lowered
                     flips += 1
                     for changed in (e, other):
-                        gainful[changed] = True
                         for j in range(3):
                             if elements.neighbour[changed, j] >= 0:
                                 gainful[elements.neighbour[changed, j]] = True
@@ -303,33 +299,6 @@ def dirichlet(ax, ay, u, bx, by, v):
     """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
-
-
-@kernel
-def stored(laws, law, s):
-    """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
-    table = laws.table
-    last = table.shape[1] - 1
-    begin = math.ldexp(0.5, laws.first)
-    end = math.ldexp(begin, last // STEPS)
-    if not s > begin:
-        rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
-        bend = (rate - chord) / begin
-        return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
-    if s >= end:  # of a flat triangle without bound
-        return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
-    mantissa, exponent = math.frexp(s)
-    place = (2.0 * mantissa - 1.0) * STEPS
-    step = np.int64(place)
-    i = (np.int64(exponent) - laws.first) * STEPS + step
-    width, t = math.ldexp(0.5 / STEPS, exponent), place - step
-    low, low_rate = table[law, i, DENSITY], table[law, i, RATE]
-    high, high_rate = table[law, i + 1, DENSITY], table[law, i + 1, RATE]
-    chord = (high - low) / width
-    second, third = 3.0 * chord - 2.0 * low_rate - high_rate, low_rate + high_rate - 2.0 * chord
-    rate = low_rate + t * (2.0 * second + 3.0 * t * third)
-    bend = max((high_rate - low_rate) / width, LEAST_BEND * rate / s)
-    return low + width * t * (low_rate + t * (second + t * third)), rate, bend
 
 
 @kernel
@@ -399,10 +368,3 @@ def least_parabola(position, star, trial, v, x, y, w, given):
     if value < c:
         c, w = value, further
     return c + 0.5 * k * w * w, -k * w, k
-
-
-@inner_kernel
-def stored_in(laws, law, ax, ay, u, bx, by, v):
-    """int W over the triangle (0, a, b) for the values 0, u, v."""
-    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
-    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

@@ -1,0 +1,45 @@
+"""Look up the energy density of nonlinear laws in their tables."""
+
+import math
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import DENSITY, RATE
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+
+STEPS = 2048  # of a table of W in every octave of |grad u|^2
+LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
+
+
+@kernel
+def stored(laws, law, s):
+    """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
+    table = laws.table
+    last = table.shape[1] - 1
+    begin = math.ldexp(0.5, laws.first)
+    end = math.ldexp(begin, last // STEPS)
+    if not s > begin:
+        rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
+        bend = (rate - chord) / begin
+        return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
+    if s >= end:  # of a flat triangle without bound
+        return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
+    mantissa, exponent = math.frexp(s)
+    place = (2.0 * mantissa - 1.0) * STEPS
+    step = np.int64(place)
+    i = (np.int64(exponent) - laws.first) * STEPS + step
+    width, t = math.ldexp(0.5 / STEPS, exponent), place - step
+    low, low_rate = table[law, i, DENSITY], table[law, i, RATE]
+    high, high_rate = table[law, i + 1, DENSITY], table[law, i + 1, RATE]
+    chord = (high - low) / width
+    second, third = 3.0 * chord - 2.0 * low_rate - high_rate, low_rate + high_rate - 2.0 * chord
+    rate = low_rate + t * (2.0 * second + 3.0 * t * third)
+    bend = max((high_rate - low_rate) / width, LEAST_BEND * rate / s)
+    return low + width * t * (low_rate + t * (second + t * third)), rate, bend
+
+
+@inner_kernel
+def stored_in(laws, law, ax, ay, u, bx, by, v):
+    """int W over the triangle (0, a, b) for the values 0, u, v."""
+    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
+    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]
