@@ -53,7 +53,8 @@ def turned(mesh, step, further):
     new = MeshTri(np.stack([-z.imag, z.real]), t.reshape(3, -1))
     radius, side = np.abs(z[new.facets]), np.zeros(new.facets.shape[1], dtype=bool)
     side[new.boundary_facets()] = True
-    names = {"outer": side & (radius.min(axis=0) > 0.079), "inner": side & (radius.max(axis=0) < 0.016)}
+    round_ = side & (np.ptp(radius, axis=0) < 1e-9)  # the other sides are radial
+    names = {"outer": round_ & (radius[0] > 0.079), "inner": round_ & (radius[0] < 0.016)}
     side &= ~names["outer"] & ~names["inner"]
     right = np.angle(z[new.facets].mean(axis=0)) < 0.5 * POLE * (step + further) / STEPS
     names |= {"ring": np.all(np.abs(radius - RING) < 1e-9, axis=0), "right": side & right, "left": side & ~right}
