@@ -1,5 +1,6 @@
 """Time the first compile, a start from the cache, and the import, each in a process of its own."""
 
+import json
 import os
 import subprocess
 import sys
@@ -15,6 +16,30 @@ _COMPILE = (
 _IMPORT = (
     "import time, skfem, numba; start = time.perf_counter(); import kohonen_adapt; print(time.perf_counter() - start)"
 )
+# Seconds of processor time of every function, what it calls left out, when one process compiles them all.
+_EACH = """
+import json, time
+from numba.core import event
+
+spent, open_ = {}, []
+
+class Timed(event.Listener):
+    def on_start(self, event):
+        open_.append([time.process_time(), 0.0])
+    def on_end(self, event):
+        begun, inside = open_.pop()
+        seconds, function = time.process_time() - begun, event.data["dispatcher"].py_func
+        name = f"{function.__module__.removeprefix('kohonen_adapt.kernels.')}.{function.__name__}"
+        spent[name] = spent.get(name, 0.0) + seconds - inside
+        if open_:
+            open_[-1][1] += seconds
+
+event.register("numba:compile", Timed())
+import kohonen_adapt as ka
+ka.warmup()
+print(json.dumps(spent))
+"""
+DEAREST = 15
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
@@ -29,7 +54,21 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         ["that process as a whole, imports included", whole, None],
         ["import beyond scikit-fem and numba", extra, 1.0],
     ]
-    return aligned(["warmup", "seconds", "target", ""], [[*row, _verdict(*row[1:])] for row in rows])
+    table = aligned(["warmup", "seconds", "target", ""], [[*row, _verdict(*row[1:])] for row in rows])
+    return f"{table}\n\n{_dearest()}"
+
+
+def _dearest() -> str:
+    """The functions that take longest to compile, by one process."""
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "NUMBA_NUM_THREADS": "1"}
+        command = [sys.executable, "-c", _EACH]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    spent = json.loads(done.stdout)
+    order = sorted(spent, key=spent.__getitem__, reverse=True)
+    rows = [[name, spent[name]] for name in order[:DEAREST]]
+    rows.append([f"all {len(order)}", sum(spent.values())])
+    return aligned(["the dearest functions", "seconds"], rows)
 
 
 def seconds_of_first_use() -> float:

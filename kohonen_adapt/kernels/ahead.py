@@ -4,6 +4,7 @@ numba keeps machine code on disk, where a process finds it when it calls a loop 
 forward through `ENTRIES` as it needs them, the other one backward, until they meet.
 """
 
+import gc
 import logging
 import subprocess
 import sys
@@ -43,6 +44,7 @@ def expect(*chapters: str) -> None:
 def compile_each(names: Iterable[str]) -> None:
     """Compile entries by name, or find them on disk, and write a line for each."""
     event.unregister("numba:compile", _compiling)  # this is the help, and needs none
+    gc.disable()
     entries = {entry.name: entry for chapter in ENTRIES.values() for entry in chapter}
     for name in names:
         entries[name].loop.compile(entries[name].types)
@@ -59,9 +61,13 @@ class _Compiling(event.Listener):
         self._number = 0
         self._since = 0.0
         self._depth = 0
+        self._collects = True
 
     def on_start(self, event: Any) -> None:
         """Begin a function, which may have others inside it."""
+        if not self._depth:
+            self._collects = gc.isenabled()
+            gc.disable()  # what numba makes is kept, and looking through it takes a twentieth of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
         if self._depth == 1 and function.__module__.startswith(__package__) and function.__name__ not in self._waiting:
@@ -71,6 +77,8 @@ class _Compiling(event.Listener):
         """End a function."""
         self._depth -= 1
         if self._depth == 0:
+            if self._collects:
+                gc.enable()
             self._finish(event.data["dispatcher"].py_func.__name__)
 
     def _begin(self, name: str) -> None:
