@@ -82,14 +82,15 @@ class _Compiling(event.Listener):
             self._finish(event.data["dispatcher"].py_func.__name__)
 
     def _begin(self, name: str) -> None:
-        """Have a second process compile what is expected beside this function."""
+        """Have a second process compile what is expected beside this function, and its own chapter."""
+        self.chapters.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
         entries = [entry for chapter in ENTRIES if chapter in self.chapters for entry in ENTRIES[chapter]]
         missing = [entry for entry in entries if not is_kept(entry.loop, entry.types)]
         self._waiting = {name, *(entry.name for entry in missing)}
         self._number, self._since = len(self._waiting), time.perf_counter()
         helped = len(missing) > 1 and number_of_threads() > 1 and may_be_kept(missing[0].loop) and self._help(missing)
         seconds = SECONDS * self._number / (2 if helped else 1)
-        logger.warning("compiling %d loops of kohonen_adapt, once: about %.0f s", self._number, max(1.0, seconds))
+        logger.warning("compiling loops of kohonen_adapt, once (%d, about %.0f s)", self._number, max(1.0, seconds))
 
     def _help(self, missing: list[Entry]) -> bool:
         """Start the second process, if that can be."""

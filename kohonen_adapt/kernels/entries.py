@@ -65,9 +65,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),
         Entry(recycle.recycle, OPEN_MESH, HEAP, HEAP, int64, float64, float64, int64),
         Entry(connectivity.spread_starts, ELEMENTS, I1, I1),
-        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1),
-        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
-        Entry(locate.find, R2, ELEMENTS, R2, R1, R1, UniTuple(int64, 2), L1, I1, I1),
     ),
     "map": (
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
@@ -111,8 +108,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
     ),
     "polish": (
-        Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
-        Entry(locate.barycentric, R2, I2, R2, I1, R2),
         Entry(descend.mark_gainful, R2, ELEMENTS, TRIAL, int64, int64, B1),
         Entry(descend.descend_flips, R2, ELEMENTS, TRIAL, float64, B1),
         Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIAL, I1, float64),
@@ -122,4 +117,13 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
+    "carrying": (
+        Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
+        Entry(locate.barycentric, R2, I2, R2, I1, R2),
+    ),
+    "locating": (
+        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1),
+        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
+        Entry(locate.find, R2, ELEMENTS, R2, R1, R1, UniTuple(int64, 2), L1, I1, I1),
+    ),
 }

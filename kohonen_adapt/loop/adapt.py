@@ -155,7 +155,7 @@ def adapt(
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect_loops(rules.topology, *(["polish"] if polish else []))
+    expect_loops(rules.topology, *(["polish", "carrying"] if polish else []))
     adaptation = Adaptation(problem, movable, settings, steps, PLAN if rules.topology == "recycle" else (SWEEPS,))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 

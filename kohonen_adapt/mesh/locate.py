@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as kernels
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -147,6 +148,7 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
         raise ValueError(f"values must have shape (nodes,) = ({triangulation.nnodes},); got {values.shape}.")
     if values.dtype.kind not in "biuf":
         raise ValueError(f"values must be real numbers; got {values.dtype}. Interpolate the parts of complex ones.")
+    expect("locating", "carrying")
     locator, points = Locator(triangulation), as_rows(x)
     found = locator.find(points)
     weights = np.empty((len(points), 3))
