@@ -3,7 +3,8 @@
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.kernels.ahead import expect
+from kohonen_adapt.kernels.ahead import compile_ahead
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
@@ -18,6 +19,9 @@ from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["warmup"]
+
+
+compile_ahead()  # of any first use, not of `warmup` alone
 
 
 def warmup() -> None:

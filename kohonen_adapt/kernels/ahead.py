@@ -15,10 +15,10 @@ from typing import Any
 
 from numba.core import event
 
-from kohonen_adapt.kernels.compilation import is_kept, may_be_kept, number_of_threads
+from kohonen_adapt.kernels.compilation import expected, is_kept, may_be_kept, number_of_threads
 from kohonen_adapt.kernels.entries import ENTRIES, Entry
 
-__all__ = ["compile_each", "expect"]
+__all__ = ["compile_ahead", "compile_each"]
 
 logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
@@ -36,9 +36,9 @@ compile_each({names!r})
 """
 
 
-def expect(*chapters: str) -> None:
-    """Say of which chapters of `ENTRIES` all will be needed soon; if one has to be compiled, so are the others."""
-    _compiling.chapters.update(chapters)
+def compile_ahead() -> None:
+    """From now on have a second process compile what is `expected` beside what is compiled here, and say so."""
+    event.register("numba:compile", _compiling)
 
 
 def compile_each(names: Iterable[str]) -> None:
@@ -56,7 +56,6 @@ class _Compiling(event.Listener):
     """Hears of every function that numba compiles here, which it does only where there is nothing on disk."""
 
     def __init__(self) -> None:
-        self.chapters: set[str] = set()
         self._waiting: set[str] = set()
         self._number = 0
         self._since = 0.0
@@ -83,8 +82,8 @@ class _Compiling(event.Listener):
 
     def _begin(self, name: str) -> None:
         """Have a second process compile what is expected beside this function, and its own chapter."""
-        self.chapters.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
-        entries = [entry for chapter in ENTRIES if chapter in self.chapters for entry in ENTRIES[chapter]]
+        expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
+        entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
         missing = [entry for entry in entries if not is_kept(entry.loop, entry.types)]
         self._waiting = {name, *(entry.name for entry in missing)}
         self._number, self._since = len(self._waiting), time.perf_counter()
@@ -122,4 +121,3 @@ class _Compiling(event.Listener):
 
 
 _compiling = _Compiling()
-event.register("numba:compile", _compiling)

@@ -12,7 +12,9 @@ import numba
 from numba import config, njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
+__all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
+
+expected: set[str] = set()
 
 
 def kernel(function: Callable) -> Callable:
@@ -26,6 +28,11 @@ def kernel(function: Callable) -> Callable:
 def inner_kernel(function: Callable) -> Callable:
     """Compile a loop that only kernels call: it needs no wrapper for Python, which would take long to compile."""
     return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True))
+
+
+def expect(*chapters: str) -> None:
+    """Say of which chapters of `kernels/entries.py` all will be needed soon: if one is compiled, so are the others."""
+    expected.update(chapters)
 
 
 @functools.cache

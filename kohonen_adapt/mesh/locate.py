@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.ahead import expect
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as kernels
 from kohonen_adapt.mesh.triangulation import Triangulation

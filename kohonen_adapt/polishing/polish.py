@@ -8,8 +8,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import check_count
-from kohonen_adapt.kernels.ahead import expect
 from kohonen_adapt.kernels.arrays import Constraints, Trial
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.kernels.ahead import expect
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, as_rows
 from kohonen_adapt.outline.curves import Curve

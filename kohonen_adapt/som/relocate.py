@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.ahead import expect
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh, Work
