@@ -14,7 +14,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, lower_getattr_generic, register_model, typeof_impl, unbox
 from numba.np import numpy_support
 
-__all__ = ["record"]
+__all__ = ["RecordType", "record"]
 
 Record = TypeVar("Record", bound=type)
 

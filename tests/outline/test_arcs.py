@@ -1,15 +1,12 @@
 """Arcs and curves: what is taken for one, and that nodes slide on it without leaving or shrinking it."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.meshes import area_of, circle, closed, peak, ring, shells, square, with_lines
+from helpers.processes import output_with
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
@@ -19,7 +16,6 @@ from kohonen_adapt.kernels.arrays import HELD, ROUND, SLIDING
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 
-ROOT = Path(__file__).parents[2]
 HUNDRED = np.deg2rad(100.0)
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
 
@@ -441,8 +437,7 @@ def test_no_epochs_and_no_sweeps_move_no_node(kind):
 def test_any_number_of_threads_gives_the_same_bits():
     """Numba fixes the number of threads at import, so in processes of their own."""
     code = """
-import hashlib, sys
-sys.path.insert(0, "tests")
+import hashlib
 import numpy as np, kohonen_adapt as ka
 from helpers.meshes import peak, ring
 class Own:
@@ -453,13 +448,7 @@ for topology in ("flip", "recycle"):
     mesh = ka.relocate(mesh, peak(mesh, 0.6, 0.3), topology=topology, curves={"inner": Own()})
 print(mesh.t.shape[1], hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
 """
-    said = set()
-    for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(
-            [sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True, check=True
-        )
-        said.add(done.stdout)
+    said = {output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}
     assert len(said) == 1
     assert int(said.pop().split()[0]) > 10_000
 

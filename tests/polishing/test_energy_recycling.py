@@ -1,15 +1,11 @@
 """Recycling by energy: gains and costs against slow twins, what is kept, and a functional that falls as told."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from helpers.alternatives import functional, signed_quality, size_of_functional
 from helpers.examples import examples
 from helpers.meshes import area_of, disk, generic_square, inset, junction, length_of, named, perturbed, slit, square
+from helpers.processes import output_with
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
@@ -23,7 +19,6 @@ from kohonen_adapt.outline.surgery import Surgery, unchanged
 from kohonen_adapt.polishing.energy_recycling import offers_of, recycle_by_energy, weighed
 from kohonen_adapt.polishing.functional import Functional
 
-ROOT = Path(__file__).parents[2]
 FLOOR = 0.3
 LAWS = {"none": None, "Brauer": Brauer(100.0, 10.0, 1.8), "Froehlich": Froehlich(4000.0, 2.1)}
 MESHES = {
@@ -330,9 +325,4 @@ ticks = np.linspace(0, 1, 111)
 result = ka.adapt(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), passes=1, schedule=ka.Schedule(()))
 print(hashlib.sha256(result.mesh.p.tobytes() + result.mesh.t.tobytes()).hexdigest(), result.history[1].splits)
 """
-    hashes = set()
-    for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-        hashes.add(done.stdout)
-    assert len(hashes) == 1
+    assert len({output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}) == 1

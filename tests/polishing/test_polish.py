@@ -1,16 +1,13 @@
 """`polish`: the error never grows, the geometry stays, and given values stay what they are."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.alternatives import ritz_solution
 from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
+from helpers.processes import output_with
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshQuad, MeshTri
@@ -26,8 +23,6 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
-
-ROOT = Path(__file__).parents[2]
 
 
 class Diffusion:
@@ -370,9 +365,4 @@ ticks = np.linspace(0, 1, 111)
 mesh = ka.polish(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), sweeps=3)
 print(hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
 """
-    hashes = set()
-    for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-        hashes.add(done.stdout)
-    assert len(hashes) == 1
+    assert len({output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}) == 1

@@ -1,15 +1,12 @@
 """The map: equation 1 of the paper with its neighbourhoods, regions, errors and guard."""
 
-import os
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.alternatives import SlowMap, barycentre, circumcentre, nearest_node, rings, slow_sweep
 from helpers.meshes import centres, doubled_areas, generic_square, holed, inset, outline_nodes, perturbed, square
+from helpers.processes import output_with
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
@@ -322,22 +319,8 @@ print(mesh.p.shape[1], hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdi
 """
 
 
-def output_with(script=SCRIPT, **variables):
-    tests = Path(__file__).parents[1]
-    paths = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        env={**os.environ, "PYTHONPATH": paths, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout
-
-
 def arrays_with(**variables):
-    fields = output_with(**variables).split()
+    fields = output_with(SCRIPT, **variables).split()
     assert len(fields) == 4
     return [np.frombuffer(bytes.fromhex(field), dtype) for field, dtype in zip(fields, "didi", strict=True)]
 
