@@ -39,8 +39,8 @@ LAST_RELEASE = {  # 0.4.0, its files counted for the chapters that they have mov
     WARMUP: 61,
 }
 LIMITS = {  # what has none here may not grow beyond the last release, lines of chapters apart
-    "lines": 21_700,
-    "files": 150,
+    "lines": 20_700,
+    "files": 140,
     "files that are too long": 0,
     "crumbs": 10,
     "longest chain of imports": 18,
