@@ -9,11 +9,20 @@ from typing import Any
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.outline.movable import Work
 
-__all__ = ["energy_error", "html_table", "pass_figures", "table_columns", "table_lines"]
+__all__ = [
+    "change_of_output",
+    "energy_error",
+    "has_turned",
+    "html_table",
+    "pass_figures",
+    "table_columns",
+    "table_lines",
+]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
 DASH = "-"
+TURNED = "sign"
 
 Columns = list[tuple[str, list[str]]]
 
@@ -34,6 +43,16 @@ def pass_figures(step: Pass) -> dict[str, Any]:
 def energy_error(step: Pass) -> float | None:
     """The estimate as a share of the energy norm, in per cent; None where there is no such norm."""
     return 100.0 * step.estimate / step.energy_norm if step.energy_norm else None
+
+
+def change_of_output(before: float, after: float) -> float | None:
+    """What an output has gained in magnitude, in per cent; None from 0 and to the other sign."""
+    return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not has_turned(before, after) else None
+
+
+def has_turned(before: float, after: float) -> bool:
+    """Whether an output has changed its sign."""
+    return min(before, after) < 0.0 < max(before, after)
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
@@ -76,12 +95,17 @@ def _solved(history: tuple[Pass, ...]) -> Columns:
 
 
 def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
-    """One group per output: its values and their changes."""
+    """One group per output: its values and the changes of their magnitude."""
     return [
-        [(name, [f"{value:.5g}" for value in values]), ("Delta %", _changes(values, ".2f"))]
+        [(name, [f"{value:.5g}" for value in values]), ("Delta %", [DASH, *map(_gain, values, values[1:])])]
         for name in history[0].outputs
         for values in [[step.outputs[name] for step in history]]
     ]
+
+
+def _gain(before: float, after: float) -> str:
+    change = change_of_output(before, after)
+    return f"{change:+.2f}" if change is not None else TURNED if has_turned(before, after) else DASH
 
 
 def _done(history: tuple[Pass, ...]) -> Columns:

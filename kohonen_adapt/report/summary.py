@@ -8,7 +8,7 @@ from kohonen_adapt.display import counted
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import energy_error
+from kohonen_adapt.loop.table import change_of_output, energy_error, has_turned
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 
@@ -66,8 +66,14 @@ def _from_to(first: int, last: int) -> str:
 
 def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
-    change = f", by {100.0 * (after - before) / abs(before):+.3g}\u00a0%" if before else ""
-    return f"{name} went from {before:.5g} to {after:.5g}{change}." if last is not first else f"{name} is {after:.5g}."
+    if last is first:
+        return f"{name} is {after:.5g}."
+    change, said = change_of_output(before, after), ""
+    if has_turned(before, after):
+        said = ", so it changed its sign"
+    elif change is not None:
+        said = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
+    return f"{name} went from {before:.5g} to {after:.5g}{said}."
 
 
 def versions() -> dict[str, str]:

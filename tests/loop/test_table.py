@@ -37,14 +37,22 @@ def test_the_table_with_outputs_has_their_changes():
     ).splitlines() == [
         "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  force  Delta %    flux  Delta %",
         "   0     25         4         -           40.00               -     -2        -       0        -",
-        "   1     25         2     -50.0           20.00           +0.00   -2.5   -25.00       1        -  <- result",
-        "   2     25         3     +50.0           30.00           +0.00   -2.4    +4.00  1.2346   +23.46",
+        "   1     25         2     -50.0           20.00           +0.00   -2.5   +25.00       1        -  <- result",
+        "   2     25         3     +50.0           30.00           +0.00   -2.4    -4.00  1.2346   +23.46",
         "pass  elements  min quality  mean quality  seconds",
         "   0        32         0.87          0.90     1.50",
         "   1        32         0.87          0.90     1.50  <- result",
         "   2        32         0.87          0.90     1.50",
         "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
     ]
+
+
+def test_the_change_of_an_output_is_that_of_its_size():
+    """A force that becomes weaker falls, whichever way it points; one that turns round has no percentage."""
+    outputs = {"pull": script_of(-5.18, -5.08, 5.0, 6.0, 0.0)}
+    result = adapt(MESH, Script([5.0, 4.0, 3.0, 2.0, 1.0]), passes=4, outputs=outputs)
+    columns = dict(table_columns(result.history)[2])
+    assert columns["Delta %"] == ["-", "-1.93", "sign", "+20.00", "-100.00"]
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 8])
