@@ -1,7 +1,7 @@
 """Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
 
 from kohonen_adapt import estimators
-from kohonen_adapt.io import read_curves, read_groups, read_mesh, write_mesh
+from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
@@ -42,6 +42,7 @@ __all__ = [
     "polish",
     "quality",
     "read_curves",
+    "read_field",
     "read_groups",
     "read_mesh",
     "relocate",

@@ -1,8 +1,18 @@
 """Read and write mesh files: Gmsh MSH 2.2 and 4.1 with physical groups, second order too; VTU for ParaView."""
 
 from kohonen_adapt.io.content import MSH_VERSION
+from kohonen_adapt.io.fields import FIELD_SUFFIXES, read_field
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.read import read_curves, read_groups, read_mesh
 from kohonen_adapt.io.write import write_mesh
 
-__all__ = ["MSH_VERSION", "Groups", "read_curves", "read_groups", "read_mesh", "write_mesh"]
+__all__ = [
+    "FIELD_SUFFIXES",
+    "MSH_VERSION",
+    "Groups",
+    "read_curves",
+    "read_field",
+    "read_groups",
+    "read_mesh",
+    "write_mesh",
+]

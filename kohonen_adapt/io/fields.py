@@ -1,5 +1,6 @@
 """Read a field of another program, one number per node or element, onto the mesh at hand."""
 
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.vtu import read_arrays
+from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 
@@ -19,7 +21,7 @@ FIELD_SUFFIXES = (".vtu", ".msh", ".msh2", ".pos")
 NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
 
 
-def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floats:
+def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: float = 1.0) -> Floats:
     """Read a scalar field from a file, one number per element.
 
     Parameters
@@ -27,11 +29,11 @@ def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floa
     path
         A VTU file, or one with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write). Cells other
         than triangles, and points that no triangle uses, have no say.
-    name
-        Of the data of cells or elements, or of points or nodes: then the mean over each element is taken.
     mesh
         The mesh that it must be on: the same nodes and triangles, in any order. Other programs number them as they
         like, so triangles are known by their centres.
+    name
+        Of the data of cells or elements, or of points or nodes: then the mean over each element is taken.
     scale
         Units of the file per unit of the mesh; 1e-3 for a file in metres and a mesh in millimetres.
 
@@ -47,7 +49,17 @@ def read_field(path: Path, name: str, mesh: MeshTri, scale: float = 1.0) -> Floa
     ValueError
         If it is no such file, is on another mesh, lacks the field, has two of that name, or the field is no scalar; or
         the scale is no finite number > 0.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(1)
+    >>> ka.write_mesh("height.vtu", mesh, point_data={"height": mesh.p[1]})
+    >>> ka.read_field("height.vtu", mesh, "height").shape
+    (8,)
     """
+    path = Path(path)
+    check_mesh(mesh)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")
     if not path.is_file():

@@ -13,7 +13,6 @@ from skfem.models.poisson import laplace
 
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
-from kohonen_adapt.io.fields import read_field
 
 
 def solved(file):
@@ -115,7 +114,7 @@ def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
     points = np.vstack([[[9.0, 9.0, 0.0]], np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])])
     cells = [("line", [[1, 2]]), ("triangle", mesh.t.T + 1)]
     meshio.Mesh(points, cells, cell_data={"rho": [[7.0], rho]}).write(tmp_path / "f.vtu")
-    assert_array_equal(read_field(tmp_path / "f.vtu", "rho", mesh), rho)
+    assert_array_equal(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), rho)
 
 
 @pytest.mark.parametrize("kind", ["cell_data", "point_data"])
@@ -126,13 +125,13 @@ def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
     rho = np.arange(1.0, mesh.t.shape[1] + 1) if kind == "cell_data" else 1.0 + mesh.p[0]
     write_field(tmp_path / "f.vtu", other, **{kind: {"rho": [rho[triangles]] if kind == "cell_data" else rho[nodes]}})
     wanted = rho if kind == "cell_data" else rho[mesh.t].mean(axis=0)
-    assert np.allclose(read_field(tmp_path / "f.vtu", "rho", mesh), wanted, rtol=1e-14)
+    assert np.allclose(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), wanted, rtol=1e-14)
 
 
 def test_nodal_fields_are_averaged_over_elements(source, tmp_path):
     mesh = ka.read_mesh(source)
     write_field(tmp_path / "f.vtu", mesh, point_data={"rho": 1.0 + mesh.p[0]})
-    got = read_field(tmp_path / "f.vtu", "rho", mesh)
+    got = ka.read_field(tmp_path / "f.vtu", mesh, "rho")
     assert np.allclose(got, 1.0 + mesh.p[0][mesh.t].mean(axis=0), rtol=1e-14)
 
 

@@ -22,7 +22,6 @@ from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.io.fields import read_field
 from kohonen_adapt.magnetostatics import read_bh
 
 PATIENCE = 20_000  # ms: none of these files takes a tenth of a second; a loop without end does
@@ -90,7 +89,7 @@ def test_spoilt_mesh_files(seeds, tmp_path_factory, suffix, data):
         mesh = refused_or_read(ka.read_mesh, path)
         refused_or_read(ka.read_groups, path)
         for name in ("e", "n"):
-            refused_or_read(read_field, path, name, mesh or two_rooms())
+            refused_or_read(ka.read_field, path, mesh or two_rooms(), name)
         if suffix == ".msh":  # of the mesh of the seeds, as what came of the file may be no mesh to work with
             refused_or_read(ka.read_curves, path, two_rooms())
 
@@ -118,7 +117,7 @@ def test_spoilt_curves(tmp_path_factory, content):
 def test_spoilt_lists(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("spoilt") / "f.pos"
     path.write_bytes(content)
-    within_memory(lambda: refused_or_read(read_field, path, "f", two_rooms()))
+    within_memory(lambda: refused_or_read(ka.read_field, path, two_rooms(), "f"))
 
 
 def special(kind, folder, suffix):
@@ -140,7 +139,7 @@ READERS = {
     "vtu": (ka.read_mesh, ".vtu"),
     "groups": (ka.read_groups, ".msh"),
     "curves": (lambda path: ka.read_curves(path, two_rooms()), ".msh"),
-    "field": (lambda path: read_field(path, "f", two_rooms()), ".vtu"),
+    "field": (lambda path: ka.read_field(path, two_rooms(), "f"), ".vtu"),
     "bh": (read_bh, ".csv"),
     "case": (read_case, ".toml"),
 }
@@ -230,9 +229,7 @@ def test_keys_of_any_length_and_lines(tmp_path):
 def limited(code, path):
     """What a process says that may have two gigabytes more than it has after its imports."""
     limit = (
-        "import resource, sys, kohonen_adapt as ka\n"
-        "from pathlib import Path\n"
-        "from kohonen_adapt.io.fields import read_field\n"
+        "import resource, sys, skfem, kohonen_adapt as ka\n"
         "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, resource.RLIM_INFINITY))\n"
     )
@@ -247,7 +244,7 @@ def limited(code, path):
     [
         (".msh", "ka.read_mesh(sys.argv[1])"),
         (".vtu", "ka.read_mesh(sys.argv[1])"),
-        (".pos", "read_field(Path(sys.argv[1]), 'f', None)"),
+        (".pos", "ka.read_field(sys.argv[1], skfem.MeshTri(), 'f')"),
     ],
 )
 def test_a_file_that_does_not_fit_into_memory(suffix, read, tmp_path):
@@ -390,14 +387,14 @@ def test_every_form_of_vtu(options, tmp_path):
     rtol = 1e-10 if options.get("binary") is False else 0.0  # meshio writes eleven digits
     np.testing.assert_allclose(back.p, mesh.p, rtol=rtol)
     assert_array_equal(back.t, mesh.t)
-    np.testing.assert_allclose(read_field(path, "e", mesh), field, rtol=rtol)
+    np.testing.assert_allclose(ka.read_field(path, mesh, "e"), field, rtol=rtol)
 
 
 def test_raw_data_as_paraview_appends_it(tmp_path):
     (tmp_path / "m.vtu").write_bytes(raw_vtu())
     mesh = ka.read_mesh(tmp_path / "m.vtu")
     assert_same(mesh, type(mesh)(np.array([[0.0, 1, 0, 1], [0, 0, 1, 1]]), np.array([[0, 1], [1, 3], [2, 2]])))
-    assert_array_equal(read_field(tmp_path / "m.vtu", "e", mesh), [1.5, 2.5])
+    assert_array_equal(ka.read_field(tmp_path / "m.vtu", mesh, "e"), [1.5, 2.5])
 
 
 def test_pieces_are_put_together(tmp_path):
@@ -414,4 +411,4 @@ def test_pieces_are_put_together(tmp_path):
     )
     assert ka.read_mesh(tmp_path / "m.vtu").p.shape == (2, 6)
     (tmp_path / "one.vtu").write_bytes(raw_vtu())
-    assert_array_equal(read_field(tmp_path / "m.vtu", "e", ka.read_mesh(tmp_path / "one.vtu")), [1.5, 2.5])
+    assert_array_equal(ka.read_field(tmp_path / "m.vtu", ka.read_mesh(tmp_path / "one.vtu"), "e"), [1.5, 2.5])

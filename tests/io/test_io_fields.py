@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
-from kohonen_adapt.io.fields import read_field
 
 
 def ramp(mesh):
@@ -22,12 +21,12 @@ def test_what_write_mesh_writes(tmp_path, suffix):
     nodal, cellwise = ramp(mesh)
     path = tmp_path / f"f{suffix}"
     ka.write_mesh(path, mesh, point_data={"n": nodal}, cell_data={"e": cellwise, "v": np.stack([cellwise] * 2)})
-    assert_array_equal(read_field(path, "e", mesh), cellwise)
-    assert_allclose(read_field(path, "n", mesh), cellwise, rtol=1e-14)
+    assert_array_equal(ka.read_field(path, mesh, "e"), cellwise)
+    assert_allclose(ka.read_field(path, mesh, "n"), cellwise, rtol=1e-14)
     with pytest.raises(ValueError, match=r"'v' of '.*' must be one real number per node or element; got 3"):
-        read_field(path, "v", mesh)
+        ka.read_field(path, mesh, "v")
     with pytest.raises(ValueError, match=r"has no field 'x'; its fields are: .*'e', 'n', "):
-        read_field(path, "x", mesh)
+        ka.read_field(path, mesh, "x")
 
 
 @needs_gmsh
@@ -48,7 +47,7 @@ def test_views_that_gmsh_saves(tmp_path, binary, kind, version):
         view = gmsh.view.add("f")
         gmsh.view.addHomogeneousModelData(view, 0, model.getCurrent(), kind, tags, values)
         gmsh.view.write(view, str(tmp_path / "f.msh"))
-    assert_allclose(read_field(tmp_path / "f.msh", "f", mesh), cellwise, rtol=1e-14)
+    assert_allclose(ka.read_field(tmp_path / "f.msh", mesh, "f"), cellwise, rtol=1e-14)
 
 
 def as_list(mesh, values, name="f"):
@@ -66,8 +65,8 @@ def test_lists_of_triangles(tmp_path):
     nodal, cellwise = ramp(mesh)
     both = as_list(mesh, nodal[mesh.t].T) + as_list(mesh, nodal[mesh.t].T + 1.0, "g")
     (tmp_path / "f.pos").write_text(both)
-    assert_allclose(read_field(tmp_path / "f.pos", "f", mesh), cellwise, rtol=1e-14)
-    assert_allclose(read_field(tmp_path / "f.pos", "g", mesh), cellwise + 1.0, rtol=1e-14)
+    assert_allclose(ka.read_field(tmp_path / "f.pos", mesh, "f"), cellwise, rtol=1e-14)
+    assert_allclose(ka.read_field(tmp_path / "f.pos", mesh, "g"), cellwise + 1.0, rtol=1e-14)
 
 
 def test_lists_that_do_not_fit(tmp_path):
@@ -75,16 +74,16 @@ def test_lists_that_do_not_fit(tmp_path):
     values = ramp(mesh)[0][mesh.t].T
     path.write_text(as_list(mesh, values[:, [0, 1, 2, 0, 1, 2]]))
     with pytest.raises(ValueError, match="must have triangles of nine coordinates and three values, one step"):
-        read_field(path, "f", mesh)
+        ka.read_field(path, mesh, "f")
     path.write_text(as_list(mesh, values) + as_list(mesh, values))
     with pytest.raises(ValueError, match="has 2 fields or steps 'f'; write one only"):
-        read_field(path, "f", mesh)
+        ka.read_field(path, mesh, "f")
     path.write_text(as_list(mesh, values) + as_list(mesh.translated((1.0, 0.0)), values, "g"))
     with pytest.raises(ValueError, match="has views on other triangles; write each to a file of its own"):
-        read_field(path, "f", mesh)
+        ka.read_field(path, mesh, "f")
     path.write_text('View "f" {\n};')
     with pytest.raises(ValueError, match=r"expected a field on the mesh, of 45 nodes and 64 triangles; .* 0 and 0"):
-        read_field(path, "f", mesh)
+        ka.read_field(path, mesh, "f")
 
 
 def test_data_for_a_part_only_is_refused(tmp_path, capsys):
@@ -124,7 +123,7 @@ def test_one_meaning_only(tmp_path):
 def test_fields_in_other_files(tmp_path):
     (tmp_path / "f.xdmf").write_text("")
     with pytest.raises(ValueError, match=r"read_field expected a file name that ends in \.vtu, \.msh, \.msh2, \.pos"):
-        read_field(tmp_path / "f.xdmf", "f", two_rooms())
+        ka.read_field(tmp_path / "f.xdmf", two_rooms(), "f")
     (tmp_path / "f.pos").write_text("something")
     with pytest.raises(ValueError, match=r"expected a Gmsh file; '.*' has no section \$MeshFormat"):
-        read_field(tmp_path / "f.pos", "f", two_rooms())
+        ka.read_field(tmp_path / "f.pos", two_rooms(), "f")

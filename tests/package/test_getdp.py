@@ -11,7 +11,6 @@ from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
-from kohonen_adapt.io.fields import read_field
 from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.slow
@@ -62,7 +61,7 @@ def test_every_form_in_which_getdp_writes_a_field(options, tmp_path):
         folder.mkdir()
         run = ["getdp", EXAMPLES / "getdp.pro", "-msh", EXAMPLES / "getdp.msh", "-name", folder / "getdp", "-v", "1"]
         subprocess.run([*run, *form, "-solve", "Field", "-pos", "Indicators"], check=True)
-        fields.append(read_field(folder / "eta.pos", "eta", mesh))
+        fields.append(ka.read_field(folder / "eta.pos", mesh, "eta"))
     assert fields[0].shape == (mesh.t.shape[1],) and np.all(fields[0] > 0.0)
     assert_allclose(fields[1], fields[0], rtol=1e-6)
 
