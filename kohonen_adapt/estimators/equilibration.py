@@ -15,7 +15,14 @@ from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["duality_gap", "equilibrated", "equilibrated_correction", "equilibrated_flux", "weighted_product"]
+__all__ = [
+    "duality_gap",
+    "equilibrated",
+    "equilibrated_correction",
+    "equilibrated_flux",
+    "fixed_nodes",
+    "weighted_product",
+]
 
 # What a free node may leave unbalanced, of the largest balance of any node. Direct solvers leave 1e-15, iterative ones
 # and Newton 1e-8; a node whose value was given, but is not in `fixed`, leaves 1e-2 and more.
@@ -213,7 +220,7 @@ def equilibrated_correction(
 ) -> tuple[DiscreteFlux, Floats]:
     """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    held = _fixed_nodes(mesh, fixed)
+    held = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, held)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
     seen = np.zeros(mesh.t.T.shape, dtype=np.bool_)
@@ -230,7 +237,8 @@ def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floa
     return discrete.area / 12.0 * product / discrete.reluctivity
 
 
-def _fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
+def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
+    """Where the value is given, (nnodes,), checked; None stands for the whole boundary."""
     if fixed is None:
         held = np.zeros(mesh.p.shape[1], dtype=bool)
         held[mesh.facets[:, mesh.f2t[1] < 0]] = True

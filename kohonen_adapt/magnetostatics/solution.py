@@ -7,13 +7,21 @@ from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.elements import Quadratic
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.ritz import Ritz
 
-__all__ = ["NotConverged", "functional_of", "linkage_slope", "solution_of", "tangent_solution"]
+__all__ = [
+    "NotConverged",
+    "functional_of",
+    "linkage_slope",
+    "quadratic_solution",
+    "solution_of",
+    "tangent_solution",
+]
 
 
 class NotConverged(np.linalg.LinAlgError):
@@ -97,6 +105,15 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
     energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
     return newton.whole_step(energy, field.unknown, -load[conditions.free])
+
+
+def quadratic_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
+    """The solution by quadratic elements of the problem that a field of order 1 solves, on its mesh."""
+    elements = Quadratic(field.mesh)
+    conditions = conditions_of(elements, boundaries, field.symmetry)
+    return solution_of(
+        EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton
+    )
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:

@@ -8,11 +8,12 @@ from helpers.examples import examples
 from helpers.meshes import generic_square, square
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import Basis, ElementTriP1
+from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, LinearForm, condense, solve
+from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
 from benchmarks.problems import c_core, p1
-from kohonen_adapt.estimators import equilibrated, goal_error, goal_oriented, residual
+from kohonen_adapt.estimators import equilibrated, equilibrated_flux, goal_error, goal_oriented, residual
 from kohonen_adapt.mesh.measures import area
 
 
@@ -64,6 +65,17 @@ class Pair:
             for nodal, data in both
         ]
 
+    def products(self):
+        """What each element adds to the product of both corrections ``sigma* - sigma_h``, by their corners."""
+        corrections = []
+        for nodal, data in ((self.potential, self.primal), (self.weight, self.dual)):
+            given = (self.mesh, nodal, self.reluctivity)
+            strength = self.reluctivity * p1.gradient(self.mesh, nodal) - data[1]
+            corrections.append(equilibrated_flux(*given, source=data[0], flux=data[1]) - strength[:, None])
+        one, other = corrections
+        product = np.sum(one * other, axis=(0, 1)) + np.sum(one.sum(axis=1) * other.sum(axis=1), axis=0)
+        return area(self.mesh) / 12.0 * product / self.reluctivity
+
     def error(self):
         values, names = self.arguments()
         return goal_error(*values, **names)
@@ -79,16 +91,43 @@ class Pair:
 @examples(40)
 @given(n=st.integers(3, 8), seed=st.integers(0, 10**6))
 def test_the_goal_lies_between_two_bounds(n, seed):
-    """|J(u) - J(u_h) - estimate / 2| <= product of the equilibrated estimates / 2, on finer and finer meshes."""
+    """|J(u) - J(u_h) - sum / 2| <= product of the equilibrated estimates / 2, on finer and finer meshes."""
     pair = Pair.random(n, seed)
-    radius = 0.5 * np.prod(pair.estimates())
+    middle, radius = 0.5 * np.sum(pair.products()), 0.5 * np.prod(pair.estimates())
     for finer in (pair.refined(), pair.refined().refined()):
-        assert abs(finer.goal() - pair.goal() - 0.5 * pair.error()) <= radius * (1 + 1e-9)
+        assert abs(finer.goal() - pair.goal() - middle) <= radius * (1 + 1e-9)
+    assert abs(pair.error() - middle) <= radius * (1 + 1e-9)
+
+
+@examples(10)
+@given(n=st.integers(3, 8), seed=st.integers(0, 10**6), varying=st.booleans())
+def test_the_estimate_is_the_change_of_the_goal_from_linear_to_quadratic_elements(n, seed, varying):
+    """With a weight that is constant in the elements, and one that is linear in them."""
+    pair, rng = Pair.random(n, seed), np.random.default_rng(seed)
+    values, names = pair.arguments()
+    corners = np.repeat(pair.dual[1][:, None], 3, axis=1)
+    if varying:
+        wave = rng.normal(size=corners.shape)
+        corners += wave - wave.mean(axis=1, keepdims=True)
+    basis = Basis(pair.mesh, ElementTriP2(), intorder=4)
+    source, flux = (part[..., None] for part in pair.primal)
+    nu, outer = pair.reluctivity[:, None], basis.get_dofs().all()
+    load = LinearForm(lambda v, w: w.f * v + dot(w.g, grad(v)))
+    given_values = np.concatenate((pair.values, pair.values[pair.mesh.facets].mean(axis=0)))
+    x = np.zeros(basis.N)
+    x[np.concatenate((basis.nodal_dofs[0], basis.facet_dofs[0]))] = given_values
+    stiffness = BilinearForm(lambda u, v, w: w.nu * dot(grad(u), grad(v))).assemble(basis, nu=nu)
+    better = solve(*condense(stiffness, load.assemble(basis, f=source, g=flux), x=x, D=outer))
+    share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
+    weight = load.assemble(basis, f=pair.dual[0][:, None], g=np.einsum("cik,iq->ckq", corners, share))
+    estimate = goal_error(*values, **names | {"dual_flux": corners})
+    assert estimate == pytest.approx(weight @ better - pair.goal(), rel=1e-6, abs=1e-9)
 
 
 def test_indicators_are_the_sizes_of_what_the_estimate_adds_up():
     pair = Pair.random(6, 1)
     indicators, (primal, dual) = pair.indicators(), pair.estimates()
+    np.testing.assert_allclose(indicators**2, np.abs(pair.products()), rtol=1e-9)
     assert abs(pair.error()) < np.sum(indicators**2) < primal * dual
 
 
@@ -99,7 +138,7 @@ def test_where_the_goal_is_the_load_the_indicators_are_those_of_the_energy():
     energy = equilibrated(pair.mesh, pair.potential, pair.reluctivity, source=pair.primal[0], flux=pair.primal[1])
     np.testing.assert_allclose(pair.indicators(), energy, rtol=1e-10)
     finest = pair.refined().refined().refined()
-    assert pair.error() >= finest.goal() - pair.goal() > 0.5 * pair.error()
+    assert np.sum(pair.products()) >= finest.goal() - pair.goal() > pair.error() > 0.8 * (finest.goal() - pair.goal())
 
 
 def test_primal_and_dual_may_change_places():
@@ -155,8 +194,15 @@ class Goal:
         return goal_oriented(*values, **names)
 
     def estimate(self, mesh):
-        values, names = self.arguments(mesh, self.solve(mesh))
-        return goal_error(*values, **names)
+        """With the derivative as the nearest function that is linear in every element: its mean is the same."""
+        solution = self.solve(mesh)
+        values, names = self.arguments(mesh, solution)
+        basis = Basis(mesh, ElementTriP1(), intorder=14)
+        weight = self.matrix(np.asarray(basis.global_coordinates())) * basis.dx / area(mesh)[:, None]
+        share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
+        moments = np.einsum("ijkq,mq,jk->imk", weight, share, p1.gradient(mesh, solution[0]))
+        nearest = 12.0 * moments - 3.0 * moments.sum(axis=1, keepdims=True)
+        return goal_error(*values, **names | {"dual_flux": nearest})
 
 
 class Energy(Goal):
@@ -242,15 +288,27 @@ def test_the_error_of_the_goal_falls_faster_than_with_the_energy(case, smaller):
     assert abs(Goal(*parts).value(start()) / exact - 1.0) > 7 * np.max(by_goal)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("case", "seeds"), [("force", 9), ("yoke", 3)])
-def test_the_estimate_of_the_goal_is_of_the_right_sign_and_size_on_its_mesh(case, seeds):
-    """The error of the force is a difference of large ones, so from seed to seed the ratio varies by a factor of 2."""
+def estimates_and_errors(case, meshes):
     _, parts, exact = CASES[case]
     problem = Goal(*parts)
-    meshes = [adapted(Goal, case, seed) for seed in range(seeds)]
-    ratios = [problem.estimate(mesh) / (exact - problem.value(mesh)) for mesh in meshes]
-    assert 0.5 < np.median(ratios) < 3.0
+    return np.array([(problem.estimate(mesh), exact - problem.value(mesh)) for mesh in meshes]).T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_estimate_of_the_goal_is_of_the_right_sign_and_size_on_its_mesh_and_on_the_first(case):
+    """0.77 to 1.67 times the error. It was 1.9 to 4.1 times that of the force where adapted."""
+    meshes = [CASES[case][0](), *(adapted(Goal, case, seed) for seed in range(5))]
+    found, error = estimates_and_errors(case, meshes)
+    assert np.all((found / error > 0.5) & (found / error < 2.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_estimate_makes_the_goal_better_on_meshes_for_the_energy(case):
+    """Some of these have errors of the yoke of 2 %, some next to none by chance, as they do not resolve its weight."""
+    found, error = estimates_and_errors(case, [adapted(Energy, case, seed) for seed in range(3)])
+    assert np.linalg.norm(error - found) < 0.3 * np.linalg.norm(error)
 
 
 # --- arguments ---------------------------------------------------------------------------------------------------

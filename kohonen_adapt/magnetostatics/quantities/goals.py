@@ -31,7 +31,7 @@ class Goal(Protocol):
     """
 
     def __call__(self, field: Field) -> float:
-        """J of a field."""
+        """J of a field; `Magnetostatics.goal_error` asks for that of a `QuadraticField`, too."""
 
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element."""
