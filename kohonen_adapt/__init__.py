@@ -18,6 +18,8 @@ from kohonen_adapt.som.density import density_from_indicators, density_from_size
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
+from kohonen_adapt.sweeps.result import SweepResult
+from kohonen_adapt.sweeps.sweep import sweep
 
 __all__ = [
     "AdaptResult",
@@ -33,6 +35,7 @@ __all__ = [
     "Spline",
     "Stage",
     "Status",
+    "SweepResult",
     "adapt",
     "density_from_indicators",
     "density_from_sizes",
@@ -46,6 +49,7 @@ __all__ = [
     "read_groups",
     "read_mesh",
     "relocate",
+    "sweep",
     "warmup",
     "write_mesh",
 ]

@@ -10,11 +10,14 @@ from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.outline.movable import Work
 
 __all__ = [
+    "DASH",
+    "Columns",
     "change_of_output",
     "energy_error",
     "has_turned",
     "html_table",
     "pass_figures",
+    "table_blocks",
     "table_columns",
     "table_lines",
 ]
@@ -64,7 +67,7 @@ def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
 def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
     """The table as lines no wider than 120 characters, with a mark behind the row of every pass."""
     behind = ["", *marks]
-    blocks = _blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
+    blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
     return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
 
 
@@ -154,7 +157,7 @@ def _gain_of_map(before: Pass, after: Pass) -> float:
     return (before.functional or 0.0) - (after.functional or 0.0) - after.polish_gain
 
 
-def _blocks(groups: list[Columns], width: int) -> Iterator[list[str]]:
+def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str]]:
     """The lines of tables that are not wider than that, each with the first group; a group is never divided."""
     first, *others = (_aligned(group) for group in groups)
     block = first

@@ -24,6 +24,7 @@ LAYERS = [
     ("som", "polishing", "magnetostatics", "io"),
     ("loop",),
     ("precompile",),
+    ("sweeps",),
     ("__init__",),
     ("plotting", "cases"),
     ("report",),
@@ -36,6 +37,7 @@ GUESTS = {
     "meshio": {"io"},
     "matplotlib": {"plotting"},
     "pyamg": {"magnetostatics"},
+    "distributed": {"commands"},
     "gmsh": set(),
 }
 
@@ -102,7 +104,7 @@ import sys
 from numba.core import event
 with event.install_recorder("numba:compile") as recorder:
     import kohonen_adapt
-print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg"} & set(sys.modules)))
+print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg", "distributed"} & set(sys.modules)))
 """
     assert in_a_fresh_process(code, tmp_path) == ["0"]
     assert not list(tmp_path.rglob("*.nb[ic]"))

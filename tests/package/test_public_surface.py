@@ -126,7 +126,19 @@ def test_what_people_start_with_has_an_example():
     assert (
         without
         & {
-            *("adapt", "relocate", "polish", "KohonenMap", "Schedule", "Stage", "Ritz", "Arc", "Line", "Spline"),
+            *(
+                "adapt",
+                "relocate",
+                "polish",
+                "KohonenMap",
+                "Schedule",
+                "Stage",
+                "Ritz",
+                "Arc",
+                "Line",
+                "Spline",
+                "sweep",
+            ),
             *("density_from_indicators", "density_from_sizes", "interpolate", "find_elements", "quality"),
             *(
                 "read_mesh",

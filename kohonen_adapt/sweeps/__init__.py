@@ -1,0 +1,1 @@
+"""Compute a function of many cases, on this machine or a cluster, none of them twice."""

@@ -1,0 +1,195 @@
+"""Run tasks in processes of this machine, each with its share of the threads; none of them outlives this one."""
+
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import connection, get_context, parent_process
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+from kohonen_adapt.checks import is_count
+from kohonen_adapt.kernels.threads import number_of_threads
+from kohonen_adapt.precompile import warmup
+
+__all__ = ["CannotBeginError", "LocalPool", "cannot_be_pickled", "check_pickled"]
+
+Result = TypeVar("Result")
+
+SPAWN = get_context("spawn")
+
+THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables of the environment that say how many threads libraries begin; they read them when they are imported."""
+
+REMEDY = (
+    "Define it at the top level of a module or a script: no lambda, and not within a function or at a prompt. Or give "
+    "an executor that sends nothing to other processes, such as ThreadPoolExecutor(1)."
+)
+
+_starting = threading.Lock()  # what processes start with is the environment of this one
+
+
+class CannotBeginError(ValueError):
+    """No process can take up the function, so that no case will ever be computed."""
+
+
+def check_pickled(function: Callable[..., Any]) -> None:
+    """Refuse what cannot be pickled and sent to another process.
+
+    Raises
+    ------
+    CannotBeginError
+        With the remedy.
+    """
+    try:
+        pickle.dumps(function)
+    except Exception as error:  # an object may refuse in any way
+        raise cannot_be_pickled(error) from error
+
+
+def cannot_be_pickled(error: Exception) -> CannotBeginError:
+    """What to raise of a function whose pickling ended with that error."""
+    return CannotBeginError(f"function must be one that can be pickled: {error}. {REMEDY}")
+
+
+class LocalPool(Executor):
+    """Processes started by spawn, each for one task at a time; all is compiled before the first of them starts.
+
+    A process that dies ends its own task only, with a RuntimeError, and another takes its place. Tasks must not raise.
+
+    Parameters
+    ----------
+    processes
+        How many; by default as many as this process has threads for compiled loops, which they share evenly.
+
+    Raises
+    ------
+    ValueError
+        If `processes` is no integer of at least 1.
+    """
+
+    def __init__(self, processes: int | None = None) -> None:
+        count = number_of_threads() if processes is None else processes
+        if not is_count(count) or count < 1:
+            raise ValueError(f"the number of processes must be an integer >= 1; got {processes!r}.")
+        warmup()
+        self._share = max(1, number_of_threads() // count)
+        self._tasks: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
+        self._lock, self._ended = threading.Lock(), False
+        self._workers = [_Worker(self._share) for _ in range(count)]
+        self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(count)]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> "Future[Result]":
+        """Have a process call the function with these arguments, as soon as one is free."""
+        future: Future[Result] = Future()
+        self._tasks.put((future, partial(fn, *args, **kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all processes at once, whatever they are at."""
+        with self._lock:
+            self._ended = True
+            for worker in self._workers:
+                worker.process.kill()
+        for _ in self._threads:
+            self._tasks.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _serve(self, number: int) -> None:
+        """Hand tasks to the process of that number, or to the one that takes its place."""
+        while (task := self._tasks.get()) is not None:
+            future, call = task
+            if self._ended or not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(self._living(number).answer(call))
+            except Exception as error:
+                future.set_exception(error)
+
+    def _living(self, number: int) -> "_Worker":
+        with self._lock:
+            if not self._ended and not self._workers[number].process.is_alive():
+                self._workers[number] = _Worker(self._share)
+            return self._workers[number]
+
+
+class _Worker:
+    """One process, and the line to it."""
+
+    def __init__(self, threads: int) -> None:
+        self._line, there = SPAWN.Pipe()
+        self.process = SPAWN.Process(target=_work, args=(there,), daemon=True)
+        with _sharing(threads):
+            self.process.start()
+        there.close()  # so that the line ends with the process
+        self._begun = False
+
+    def answer(self, call: Callable[[], Any]) -> Any:
+        """Have the process make a call, and return what that returns."""
+        task = pickle.dumps(call)
+        try:
+            self._begun = self._begun or self._line.recv()
+            self._line.send_bytes(task)
+            result, refused = self._line.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            raise self._ending() from None
+        if refused:
+            raise CannotBeginError(f"function must be one that other processes can import: {refused}. {REMEDY}")
+        return result
+
+    def _ending(self) -> Exception:
+        code = self.process.exitcode
+        if self._begun:
+            return RuntimeError(f"the process that computed it ended with exit code {code}.")
+        return CannotBeginError(
+            f"the processes of a sweep end with exit code {code} as they begin. They import the script that started "
+            'them: it must begin a sweep only below `if __name__ == "__main__":`.'
+        )
+
+
+@contextmanager
+def _sharing(threads: int) -> Iterator[None]:
+    """Let processes that start inside have so many threads; what the user has set for other libraries stays."""
+    with _starting:
+        before = {name: os.environ.get(name) for name in THREADS}
+        ours = [name for name in THREADS if before[name] is None or name == THREADS[0]]
+        os.environ.update(dict.fromkeys(ours, str(threads)))
+        try:
+            yield
+        finally:
+            for name in ours:
+                os.environ.pop(name)
+            os.environ.update({name: value for name, value in before.items() if value is not None})
+
+
+def _work(line: connection.Connection) -> None:
+    """Make the calls that come along the line until that ends; what a process of the pool does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the first process to hear
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    line.send(True)
+    while True:
+        try:
+            task = line.recv_bytes()
+        except EOFError:
+            return
+        try:
+            call = pickle.loads(task)
+        except Exception as error:  # as its module fails to be imported
+            line.send((None, f"{type(error).__name__}: {error}"))
+        else:
+            line.send((call(), None))
+
+
+def _end_with_parent() -> None:
+    """End this process when the first one has ended, however that came, and whatever is under way."""
+    if parent := parent_process():
+        connection.wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,79 @@
+"""Functions that sweeps call in processes of their own, which must find them in a module."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+from numba.core import event
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+
+
+def product(x, y):
+    return {"product": x * y, "sum": x + y}
+
+
+def square(x):
+    return x**2
+
+
+def noted(x, log):
+    """Leaves a line in a file whenever it is called."""
+    with Path(log).open("a") as stream:
+        stream.write(f"{x}\n")
+    return float(x)
+
+
+def fails_at_two(x):
+    if x == 2:
+        raise KeyError("two")
+    return x
+
+
+class UnsendableError(Exception):
+    """Cannot be made again of its arguments, which is how exceptions are unpickled."""
+
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")
+
+
+def unsendable(x):
+    raise UnsendableError(1, 2)
+
+
+def dies_at_two(x):
+    if x == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def returns(x):
+    return {1: "text", 2: {"a": "text"}, 3: {"seconds": 1.0}, 4: {"x": 1.0}, 5: None, 6: np.float32(0.5), 7: {}}[x]
+
+
+def compilations(x):
+    """How many functions numba compiles for a relocation, and the threads that compiled loops have."""
+    mesh = MeshTri().refined(4)
+    with event.install_recorder("numba:compile") as recorder:
+        ka.relocate(mesh, lambda place: 1.0 + place[0])
+    return {"compiled": len(recorder.buffer), "threads": int(os.environ["NUMBA_NUM_THREADS"])}
+
+
+def slow(x, folder, seconds):
+    """Tells in a file that it has begun, and in which process."""
+    (Path(folder) / f"begun {x} {os.getpid()}").touch()
+    time.sleep(seconds)
+    return {"square": x**2, "root": x**0.5}
+
+
+def dies_once(x, folder):
+    """The process of the case 5 is killed when it computes that for the first time."""
+    mark = Path(folder) / "died"
+    if x == 5 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.1)
+    return {"square": x**2, "process": os.getpid()}
