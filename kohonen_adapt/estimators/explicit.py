@@ -21,7 +21,6 @@ __all__ = [
     "DiscreteFlux",
     "corner_averages",
     "discrete_flux",
-    "linear_between",
     "recovery",
     "residual",
 ]
@@ -201,22 +200,16 @@ def recovery(
 
 
 def corner_averages(mesh: MeshTri, values: Floats, region: Ints) -> Floats:
-    """Area-weighted averages of values per element (k, nelements) at the corners of the elements, (k, 3, nelements).
+    """Area-weighted averages of values per element (k, nelements), or per corner of each (k, 3, nelements), at the
+    corners of the elements, (k, 3, nelements).
 
     A corner takes the elements around its node that are of its own region, so that jumps between regions stay jumps.
     """
     pair = region * mesh.p.shape[1] + mesh.t
     corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
     weight = np.bincount(corner.ravel(), np.tile(size, 3))
-    totals = [np.bincount(corner.ravel(), np.tile(size * component, 3)) for component in values]
+    totals = [np.bincount(corner.ravel(), np.broadcast_to(size * each, corner.shape).ravel()) for each in values]
     return np.stack([(total / weight)[corner] for total in totals])
-
-
-def linear_between(mesh: MeshTri, corners: Floats, x: Floats, element: Ints) -> Floats:
-    """Values at points x (2, n) of these elements, linear between corner values (k, 3, nelements)."""
-    offset = x - mesh.p[:, mesh.t[:, element]].mean(axis=1)
-    share = 1.0 / 3.0 + np.einsum("cin,cn->in", hat_gradients(mesh)[:, :, element], offset)
-    return np.einsum("kin,in->kn", corners[:, :, element], share)
 
 
 def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:

@@ -116,28 +116,11 @@ def quadratic_residual(field: Field, joined: Facets | None) -> Floats:
     mesh, given = field.mesh, field.coefficients
     number_facets(mesh)
     size, hats = area(mesh), hat_gradients(mesh)
-    density = _corner_flux_density(mesh, field.unknown).reshape(2, -1)
-    everywhere = given.repeated(3)
-    flux = PLANAR.flux(everywhere.field_strength(density)).reshape(2, -1, 3)
-    pair = everywhere.reluctivities(density)
-    weight = np.sqrt(pair[0] * pair[1]).reshape(-1, 3).mean(axis=1)
-    load = size**2 * (given.current_density + np.einsum("cki,cik->k", flux, hats)) ** 2 / weight
+    flux = PLANAR.flux(field.at_corners.field_strength).reshape(2, 3, -1)
+    secant, differential = field.at_corners.reluctivities
+    weight = np.sqrt(secant * differential).reshape(3, -1).mean(axis=0)
+    load = size**2 * (given.current_density + np.einsum("cik,cik->k", flux, hats)) ** 2 / weight
     return np.sqrt(load + _jumps(mesh, flux, weight, size * hats, joined))
-
-
-def _corner_flux_density(mesh: MeshTri, values: Floats) -> Floats:
-    """B at the corners of every element, from inside it, (2, nelements, 3)."""
-    hats, nodes = hat_gradients(mesh), mesh.p.shape[1]
-    node, middle = values[mesh.t], values[nodes + mesh.t2f]
-    at = []
-    for corner in range(3):
-        slope = np.einsum("ik,cik->ck", -node, hats) + 4.0 * node[corner] * hats[:, corner]
-        for side, ends in enumerate(ENDS):
-            if corner in ends:
-                other = ends[0] if ends[1] == corner else ends[1]
-                slope += 4.0 * middle[side] * hats[:, other]
-        at.append(PLANAR.flux_density(mesh.p[:, mesh.t[corner]], slope))
-    return np.stack(at, axis=-1)
 
 
 def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joined: Facets | None) -> Floats:
@@ -149,7 +132,7 @@ def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joi
         facet = mesh.t2f[side]
         first = mesh.t[ends[0]] == mesh.facets[0, facet]
         normal = -2.0 * scaled_hats[:, OPPOSITE[side]]
-        at = [np.einsum("ck,ck->k", flux[:, :, end], normal) for end in ends]
+        at = [np.einsum("ck,ck->k", flux[:, end], normal) for end in ends]
         np.add.at(outflow[0], facet, np.where(first, at[0], at[1]))
         np.add.at(outflow[1], facet, np.where(first, at[1], at[0]))
         np.maximum.at(largest, facet, weight)

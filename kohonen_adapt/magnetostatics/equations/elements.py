@@ -5,7 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import Basis, ElementTriP2, MeshTri
+from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
+from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets
@@ -31,6 +32,31 @@ class _Polynomials:
         self.unknowns = unknowns  # (k, nelements): numbers of the unknowns of every element
         self.places = places  # (2, nunknowns): where the unknowns are
 
+    @cached_property
+    def hats(self) -> Floats:
+        """Gradients of the hat functions, (2, 3, nelements)."""
+        return hat_gradients(self.mesh)
+
+    @cached_property
+    def rule(self) -> tuple[Floats, Floats]:
+        """Points of a triangle, (3, q) by barycentric coordinates, and weights that add up to 1: they integrate the
+        product of two gradients and two coordinates exactly.
+        """
+        (x, y), weights = get_quadrature(ElementTriP1, 2 * self.order)
+        return np.stack((1.0 - x - y, x, y)), weights / np.sum(weights)
+
+    def shares(self, element: Ints, x: Floats) -> Floats:
+        """Barycentric coordinates of points (2, n), each in one of these elements: (3, n)."""
+        corner = self.mesh.p[:, self.mesh.t[:, element]]
+        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+        x0, y0 = x - corner[:, 0]
+        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
+        return np.stack((1.0 - second - third, second, third))
+
+    def points_at(self, element: Ints, share: Floats) -> Floats:
+        """The points of these elements and barycentric coordinates, (2, n)."""
+        return np.einsum("in,cin->cn", share, self.mesh.p[:, self.mesh.t[:, element]])
+
     def added(self, terms: Floats) -> Floats:
         """Sum the terms (k, nelements) of the elements by unknowns, (nunknowns,)."""
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
@@ -46,9 +72,9 @@ class Linear(_Polynomials):
         super().__init__(mesh, mesh.t, mesh.p)
 
     @cached_property
-    def hats(self) -> Floats:
-        """Gradients of the functions, (2, 3, nelements)."""
-        return hat_gradients(self.mesh)
+    def rule(self) -> tuple[Floats, Floats]:
+        """The middles of the sides, as of other orders."""
+        return np.array([[0.5, 0.0, 0.5], [0.5, 0.5, 0.0], [0.0, 0.5, 0.5]]), np.full(3, 1.0 / 3.0)
 
     @cached_property
     def points(self) -> Floats:
@@ -179,16 +205,18 @@ class Quadratic(_Polynomials):
         """The mean of a function over every element, (nelements,): that of the values at the middles of its facets."""
         return u[self.unknowns[3:]].mean(axis=0)
 
-    def at(self, u: Floats, x: Floats, element: Ints) -> Floats:
-        """Values of a function at points (2, n) of these elements, (n,)."""
-        corner = self.mesh.p[:, self.mesh.t[:, element]]
-        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-        x0, y0 = x - corner[:, 0]
-        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
-        share = np.stack((1.0 - second - third, second, third))
+    def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
+        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
         # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
         functions = np.vstack((share * (2.0 * share - 1.0), 4.0 * share * share[[1, 2, 0]]))
         return np.sum(functions * u[self.unknowns[:, element]], axis=0)
+
+    def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
+        """Its gradient there, (2, n)."""
+        node, middle = u[self.unknowns[:, element]].reshape(2, 3, -1)
+        other, last = [1, 2, 0], [2, 0, 1]
+        by_share = (4.0 * share - 1.0) * node + 4.0 * (share[other] * middle + share[last] * middle[last])
+        return np.einsum("in,cin->cn", by_share, self.hats[:, :, element])
 
     def against_functions(self, source: Floats) -> Floats:
         """``int source phi`` for a source (nelements,): (6, nelements)."""

@@ -41,14 +41,20 @@ class Coefficients:
         """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
         return np.stack((-self.coercivity[1], self.coercivity[0]))
 
+    def at_points(self, element: Ints) -> "Coefficients":
+        """The same point by point, for points of these elements, (n,)."""
+        names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
+        arrays = {name: getattr(self, name)[..., element] for name in names}
+        pieces = []
+        for piece in self.pieces:
+            inside = np.zeros(self.number.size, dtype=bool)
+            inside[piece.elements] = True
+            pieces.append(Piece(piece.law, np.flatnonzero(inside[element])))
+        return replace(self, **arrays, pieces=tuple(pieces))
+
     def repeated(self, times: int) -> "Coefficients":
         """The same for `times` points in every element, those of an element together."""
-        if times == 1:
-            return self
-        names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
-        arrays = {name: np.repeat(getattr(self, name), times, axis=-1) for name in names}
-        pieces = [Piece(each.law, (each.elements[:, None] * times + np.arange(times)).ravel()) for each in self.pieces]
-        return replace(self, **arrays, pieces=tuple(pieces))
+        return self if times == 1 else self.at_points(np.repeat(np.arange(self.number.size), times))
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""

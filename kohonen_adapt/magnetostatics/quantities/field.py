@@ -1,5 +1,6 @@
 """Ask a solved magnetic field: values at points, forces, torques and flux linkages."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -7,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.explicit import corner_averages, linear_between
+from kohonen_adapt.estimators.explicit import corner_averages
 from kohonen_adapt.magnetostatics.equations.elements import Quadratic
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, PointField
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -22,7 +23,7 @@ __all__ = ["Field", "QuadraticField"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Field(LocalField):
-    """A solved field, of a P1 potential and so constant in every element; `Magnetostatics.solve` returns it.
+    """A solved field; `Magnetostatics.solve` returns it. Of a P1 potential B is constant in every element.
 
     Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`; with one, and of an
     axisymmetric field, they are totals, in J.
@@ -47,7 +48,7 @@ class Field(LocalField):
 
     def __repr__(self) -> str:
         per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
-        largest = np.max(np.hypot(*self.flux_density))
+        largest = np.max(np.hypot(*self.at_corners.flux_density))
         return (
             f"<{type(self).__name__} on {self.mesh.p.shape[1]} nodes: |B| up to {largest:.4g} T, "
             f"energy {self.energy:.4g} J{per_metre}>"
@@ -63,25 +64,28 @@ class Field(LocalField):
         """B recovered at the corners of the elements in the order of ``mesh.t``, (2, 3, nelements) in T.
 
         At every node the area-weighted average over the elements around it, for each region (connected, with the same
-        subdomain names) by itself, so that B still jumps between materials. Nearer to the truth than the constants of
-        the elements, but for nodes at sharp corners of iron and magnets.
+        subdomain names) by itself, so that B still jumps between materials. Of order 1 it is nearer to the truth than
+        the constants of the elements, but for nodes at sharp corners of iron and magnets.
         """
-        return corner_averages(self.mesh, self.flux_density, self._regions)
+        return self._recovered(self.at_corners.flux_density)
 
     @cached_property
     def corner_field_strength(self) -> Floats:
         """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
-        return corner_averages(self.mesh, self.field_strength, self._regions)
+        return self._recovered(self.at_corners.field_strength)
+
+    def _recovered(self, at_corners: Floats) -> Floats:
+        return corner_averages(self.mesh, at_corners.reshape(2, 3, -1), self._regions)
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Flux density at points.
+        """Flux density at points: that of the elements, of order 1 constant in each, of order 2 linear.
 
         Parameters
         ----------
         x : (2, n)
             Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
         recovered
-            Whether to interpolate `corner_flux_density` in place of the constants of the elements.
+            Whether to interpolate `corner_flux_density` in place of the field of the elements.
 
         Returns
         -------
@@ -104,13 +108,46 @@ class Field(LocalField):
         >>> np.allclose(field.flux_density_at(line), [[0.0], [-1.0]])
         True
         """
+        return self._at(x, self.corner_flux_density if recovered else None, lambda at: at.flux_density)
+
+    def field_strength_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
+        """Field strength at points, of the flux density there.
+
+        Parameters
+        ----------
+        x, recovered
+            As of `flux_density_at`; `corner_field_strength` is what is interpolated.
+
+        Returns
+        -------
+        ndarray (2, n)
+            In A/m; nan outside the mesh. It raises what `flux_density_at` does.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"iron": lambda x: x[0] > 0.0})
+        >>> problem = Magnetostatics({"iron": Material(1000.0)}, potential={"left": 0.0, "right": 1.0})
+        >>> problem.solve(mesh).field_strength_at([[0.3], [0.5]])[1].round(1).tolist()  # B / mu, of -1 T along y
+        [-795.8]
+        """
+        return self._at(x, self.corner_field_strength if recovered else None, lambda at: at.field_strength)
+
+    def _at(self, x: ArrayLike, corners: Floats | None, of_points: Callable[[PointField], Floats]) -> Floats:
+        """What the field has at points (2, n), or linear between corner values (2, 3, nelements); nan outside."""
+        element, share = self._located(x)
+        if corners is None:
+            values = of_points(self.at_shares(element, share))
+        else:
+            values = np.einsum("kin,in->kn", corners[:, :, element], share)
+        return np.where(element >= 0, values, np.nan)
+
+    def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
+        """The element of every point, -1 outside the mesh, and the barycentric coordinates there."""
         points = np.asarray(x, dtype=float)
         element = find_elements(self.mesh, points)
-        if recovered:
-            values = linear_between(self.mesh, self.corner_flux_density, points, element)
-        else:
-            values = self.flux_density[:, element]
-        return np.where(element >= 0, values, np.nan)
+        return element, self.elements.shares(element, points)
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Potential at points, a polynomial of the order of the elements in each.
@@ -256,7 +293,7 @@ class Field(LocalField):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
-    """A planar field that is linear in every element; what is given per element is its mean there.
+    """A planar field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
 
     Parameters
     ----------
@@ -278,5 +315,5 @@ class QuadraticField(Field):
         return self.values
 
     def _interpolated(self, x: Floats) -> Floats:
-        element = find_elements(self.mesh, x)
-        return np.where(element >= 0, self.elements.at(self.values, x, element), np.nan)
+        element, share = self._located(x)
+        return np.where(element >= 0, self.elements.at(self.values, element, share), np.nan)

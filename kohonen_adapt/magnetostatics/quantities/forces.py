@@ -38,10 +38,10 @@ ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be fro
 
 
 class Component(NamedTuple):
-    """One component of an eggshell force, ``-int arm . T slope`` over the volume."""
+    """One component of an eggshell force, ``-int arm . T slope`` over the volume, at the quadrature points."""
 
-    slope: Floats  # (2, nelements) in 1/m: gradient of the weight
-    arm: Floats  # (2, nelements): the direction of a force; of a torque (-y, x) in m, from the centre
+    slope: Floats  # (2, npoints) in 1/m: gradient of the weight
+    arm: Floats  # (2, npoints): the direction of a force; of a torque (-y, x) in m, from the centre
 
 
 def force_component(field: LocalField, body: Names, direction: Floats) -> Component:
@@ -56,22 +56,23 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
     slope = weight_gradient(field, inside, sector_cut(field.mesh, inside, middle))
-    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - middle[:, None]
-    return Component(slope, np.stack((-y, x)))
+    x, y = field.at_quadrature.x - middle[:, None]
+    return Component(slope[:, field.at_quadrature.element], np.stack((-y, x)))
 
 
 def component_change(field: LocalField, component: Component) -> Floats:
-    """How ``-arm . T slope`` changes with B, (2, nelements): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
+    """How ``-arm . T slope`` changes with B, (2, npoints): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
     / mu0``.
     """
-    b, (slope, arm) = field.flux_density, component
+    b, (slope, arm) = field.at_quadrature.flux_density, component
     normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
 def component_value(field: LocalField, component: Component) -> float:
     """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
-    return 0.5 * float(np.sum(field.volume * component_change(field, component) * field.flux_density))
+    change = component_change(field, component)
+    return 0.5 * float(np.sum(field.point_volumes * change * field.at_quadrature.flux_density))
 
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
@@ -88,7 +89,7 @@ def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.
 def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
     """Torque on what a ring of air encloses (Arkkio, Acta Polytechnica Scandinavica El. 59, 1987).
 
-    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o, B constant per element.
+    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
         more than 5 % of its width.
     """
     _check_planar(field)
-    mesh, ring, middle = field.mesh, elements_in(field.mesh, gap), checked_point("centre", centre)
+    ring, middle = elements_in(field.mesh, gap), checked_point("centre", centre)
     solid = int(np.count_nonzero(~air_elements(field)[ring]))
     if solid:
         raise ValueError(
@@ -119,12 +120,12 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
             f"{solid} of {len(ring)}. Name a ring of air around the rotor."
         )
     inner, outer = _radii(field, ring, middle, gap)
-    # The middles of the sides integrate the products of two coordinates exactly.
-    corner = mesh.p[:, mesh.t[:, ring]] - middle[:, None, None]
-    x, y = 0.5 * (corner + np.roll(corner, 1, axis=1))
-    right, up = field.flux_density[:, ring]
-    product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
-    return float(np.sum(field.volume[ring] * product.mean(axis=0)) / (VACUUM_PERMEABILITY * (outer - inner)))
+    share, weight = field.elements.rule
+    rows = np.flatnonzero(ring)
+    at = field.at_shares(np.repeat(rows, weight.size), np.tile(share, rows.size))
+    (x, y), (right, up) = at.x - middle[:, None], at.flux_density
+    product = np.reshape((x * right + y * up) * (x * up - y * right) / np.hypot(x, y), (rows.size, -1)) @ weight
+    return float(np.sum(field.volume[rows] * product) / (VACUUM_PERMEABILITY * (outer - inner)))
 
 
 def lorentz_force(field: LocalField, coil: Names) -> Floats:
@@ -185,22 +186,22 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
     """
     _check_planar(field)
     force = _current_force(field, coil)
-    x, y = field.mesh.p[:, field.mesh.t].mean(axis=1) - checked_point("centre", centre)[:, None]
+    x, y = field.at_quadrature.x - checked_point("centre", centre)[:, None]
     return float(np.sum(x * force[1] - y * force[0]))
 
 
 def _pull(field: LocalField, slope: Floats) -> Floats:
-    """``T grad w`` times the volume of every element, (2, nelements), with Maxwell's stress tensor T of air."""
-    b = field.flux_density
+    """``T grad w`` times the volume of every quadrature point, (2, npoints), with Maxwell's stress tensor T of air."""
+    b = field.at_quadrature.flux_density
     normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
-    return field.volume / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
+    return field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
 
 
 def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
-    """Gradient of the weight around a body that a mirror plane may cut, (2, nelements) in 1/m."""
+    """Gradient of the weight around a body that a mirror plane may cut, (2, npoints) in 1/m."""
     inside = isolated_body(field, body)
     cut = mirror_cut(field.mesh, inside)
-    return weight_gradient(field, inside, cut), cut
+    return weight_gradient(field, inside, cut)[:, field.at_quadrature.element], cut
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
@@ -220,7 +221,7 @@ def _check_planar(field: LocalField) -> None:
 
 
 def _current_force(field: LocalField, coil: Names) -> Floats:
-    """``J x B`` times the volume of every element, (2, nelements)."""
+    """``J x B`` times the volume of every quadrature point, (2, npoints)."""
     inside = elements_in(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
     if not current.any():
@@ -229,8 +230,9 @@ def _current_force(field: LocalField, coil: Names) -> Floats:
     if not plain[inside].all():
         raise ValueError(f"the coil {coil!r} is magnetic, so Lorentz's force is not all; ask for field.force instead.")
     # Out of the page and along phi are opposite: x, y, z and r, phi, z are both right-handed.
-    right, up = field.flux_density * (-1.0 if field.axisymmetric else 1.0)
-    return field.volume * current * np.stack((-up, right))
+    at = field.at_quadrature
+    right, up = at.flux_density * (-1.0 if field.axisymmetric else 1.0)
+    return field.point_volumes * current[at.element] * np.stack((-up, right))
 
 
 def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:

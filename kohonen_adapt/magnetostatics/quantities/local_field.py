@@ -1,4 +1,4 @@
-"""Evaluate a solved field element by element: flux density, field strength, energies."""
+"""Evaluate a solved field: B at points of its elements, what follows from it there, and the means of the elements."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,20 +6,51 @@ from functools import cached_property
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.elements import Elements, Linear
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.mesh.measures import area
 
-__all__ = ["LocalField"]
+__all__ = ["LocalField", "PointField"]
+
+
+@dataclass(frozen=True, eq=False)
+class PointField:
+    """A field at points, each in one element whose material it has."""
+
+    element: Ints  # (n,): of every point
+    x: Floats  # (2, n) in m
+    flux_density: Floats  # (2, n) in T
+    coefficients: Coefficients  # of the points, in place of elements
+
+    @cached_property
+    def field_strength(self) -> Floats:
+        """``H = nu B - Hc``, (2, n) in A/m."""
+        return self.coefficients.field_strength(self.flux_density)
+
+    @cached_property
+    def energy_density(self) -> Floats:
+        """``int H . dB`` since the remanent state, (n,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
+        return self.coefficients.energy_density(self.flux_density)
+
+    @property
+    def coenergy_density(self) -> Floats:
+        """``H . B`` less the energy density, (n,) in J/m^3."""
+        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
+
+    @cached_property
+    def reluctivities(self) -> tuple[Floats, Floats]:
+        """The secant one, ``|H + Hc| / |B|``, and the differential one along B, (n,) in m/H each."""
+        return self.coefficients.reluctivities(self.flux_density)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalField:
-    """A potential and what follows from it element by element; see `Field`, which can tell more.
+    """A potential and what follows from it; see `Field`, which can tell more.
 
-    Where it changes inside an element, as it does of order 2, the value of the element is the mean.
+    B is a polynomial in every element, of one degree less than the potential: `at_shares` has it at any points of
+    elements, from which everything is evaluated and integrated. What is (nelements,) is the mean of each element.
     """
 
     mesh: MeshTri
@@ -54,31 +85,46 @@ class LocalField:
         return self.elements.mean_function(self.unknown)
 
     @cached_property
-    def _materials(self) -> Coefficients:
-        """Those at the quadrature points, where all that begins with an underscore is."""
-        return self.coefficients.repeated(self.elements.weights.size // self.mesh.t.shape[1])
+    def at_quadrature(self) -> PointField:
+        """The field at the quadrature points of the elements, whose volumes are `point_volumes`."""
+        elements, count = self.elements, self.mesh.t.shape[1]
+        each = elements.weights.size // count
+        density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
+        return PointField(np.repeat(np.arange(count), each), elements.points, density, self.coefficients.repeated(each))
 
     @cached_property
-    def _flux_density(self) -> Floats:
-        return self.symmetry.flux_density(self.elements.points, self.elements.gradient(self.unknown))
+    def point_volumes(self) -> Floats:
+        """What the quadrature points stand for, (npoints,), in m^2 per metre of depth, else in m^3: see `volume`."""
+        elements = self.elements
+        return self.symmetry.volume(elements.points, elements.weights) * (1.0 if self.depth is None else self.depth)
+
+    def at_shares(self, element: Ints, share: Floats) -> PointField:
+        """The field at points of these elements (n,) that have these barycentric coordinates (3, n).
+
+        B is that of the elements there are: constant in those of order 1, a polynomial in others.
+        """
+        x = self.elements.points_at(element, share)
+        if isinstance(self.elements, Linear):
+            density = self.at_quadrature.flux_density[:, element]
+        else:
+            density = self.symmetry.flux_density(x, self.elements.gradient_at(self.unknown, element, share))
+        return PointField(element, x, density, self.coefficients.at_points(element))
 
     @cached_property
-    def _field_strength(self) -> Floats:
-        return self._materials.field_strength(self._flux_density)
-
-    @cached_property
-    def _energy_density(self) -> Floats:
-        return self._materials.energy_density(self._flux_density)
+    def at_corners(self) -> PointField:
+        """The field at the corners of the elements, from inside each, in the order of ``mesh.t.ravel()``."""
+        count = self.mesh.t.shape[1]
+        return self.at_shares(np.tile(np.arange(count), 3), np.repeat(np.eye(3), count, axis=1))
 
     @cached_property
     def flux_density(self) -> Floats:
-        """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T."""
-        return self.elements.mean(self._flux_density)
+        """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T, the mean of each."""
+        return self.elements.mean(self.at_quadrature.flux_density)
 
     @cached_property
     def field_strength(self) -> Floats:
-        """``H = nu B - Hc``, (2, nelements) in A/m."""
-        return self.elements.mean(self._field_strength)
+        """``H = nu B - Hc``, (2, nelements) in A/m, the mean of each."""
+        return self.elements.mean(self.at_quadrature.field_strength)
 
     @cached_property
     def _reluctivities(self) -> tuple[Floats, Floats]:
@@ -131,20 +177,19 @@ class LocalField:
     @cached_property
     def energy_density(self) -> Floats:
         """``int H . dB`` since the remanent state, (nelements,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
-        return self.elements.mean(self._energy_density)
+        return self.elements.mean(self.at_quadrature.energy_density)
 
     @cached_property
     def coenergy_density(self) -> Floats:
         """``H . B`` less the energy density, (nelements,) in J/m^3."""
-        whole = np.sum(self._field_strength * self._flux_density, axis=0)
-        return self.elements.mean(whole - self._energy_density)
+        return self.elements.mean(self.at_quadrature.coenergy_density)
 
     @property
     def squared_norm(self) -> float:
         """``int nu |B|^2`` over the mesh, in J/m whatever the depth; axisymmetric in J."""
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
-        secant, _ = self._materials.reluctivities(self._flux_density)
-        return float(np.sum(volume * secant * self._flux_density**2))
+        at = self.at_quadrature
+        return float(np.sum(volume * at.reluctivities[0] * at.flux_density**2))
 
     @property
     def energy(self) -> float:
