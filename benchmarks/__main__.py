@@ -6,6 +6,7 @@ from pathlib import Path
 from benchmarks.checks import (
     budget,
     drift,
+    engineer,
     files,
     fingerprints,
     force,
@@ -40,6 +41,7 @@ CHECKS = {
     "magnification": magnification.report,
     "outlines": outlines.report,
     "force": force.report,
+    "engineer": engineer.report,
     "oracle": ngsolve_oracle.report,
     "large": large.report,
     "files": files.report,

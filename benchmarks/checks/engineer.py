@@ -1,0 +1,96 @@
+"""Rerun published models as an engineer would: what their meshes give before and after adapting."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from benchmarks.problems.elastic_l import ElasticL
+from benchmarks.problems.getdp_magnet import GetdpMagnet
+from benchmarks.problems.magnet_torque import MagnetTorque
+from benchmarks.problems.slotless_motor import SlotlessMotor
+from benchmarks.problems.stokes_cavity import StokesCavity
+from benchmarks.problems.thick_coil import ThickCoil
+from benchmarks.problems.undulator import Undulator
+from benchmarks.table import Cell, aligned
+from kohonen_adapt.magnetostatics import Goal
+
+Values = Mapping[str, np.ndarray]  # of every quantity, one or more
+
+
+class Model(Protocol):
+    """A problem with published values, at one setting or several (angles)."""
+
+    title: str
+    settings: Sequence[Any]
+    goal: Goal | None  # what to adapt for besides the energy
+
+    def start(self, setting: Any) -> MeshTri:
+        """The mesh to begin with."""
+
+    def problem(self, setting: Any) -> ka.Problem:
+        """What is to be solved."""
+
+    def published(self, setting: Any) -> Values:
+        """What should be found."""
+
+    def measured(self, mesh: MeshTri, setting: Any) -> Values:
+        """What is found on a mesh."""
+
+
+MODELS: tuple[Model, ...] = (
+    Undulator(),
+    SlotlessMotor(),
+    MagnetTorque(),
+    ThickCoil(),
+    GetdpMagnet(),
+    ElasticL(),
+    StokesCavity(),
+)
+NUMBERS = "nodes", "published", "as meshed", "adapted", "by goal=", "off by %", "adapted, by %", "by goal=, by %"
+REMARKS = """\
+of more values than one the largest is shown; they are off by the largest difference from those published, in % of that
+by goal=: adapted for the force, torque or flux linkage itself, in place of the energy"""
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Every quantity of every model, adapted with the first of the seeds; quick: the first setting of each model."""
+    rows = [row for model in MODELS for row in rows_of(model, seeds[0], model.settings[: 1 if quick else None])]
+    return "\n".join([aligned(["published model", "", *NUMBERS], rows), REMARKS])
+
+
+def rows_of(model: Model, seed: int, settings: Sequence[Any]) -> list[list[Cell]]:
+    """One row of the table for every quantity."""
+    found = [values_of(model, seed, setting) for setting in settings]
+    nodes = max(model.start(setting).p.shape[1] for setting in settings)
+    published = _joined([model.published(setting) for setting in settings])
+    columns = [_joined([values[k] for values in found]) for k in range(len(found[0]))]
+    rows: list[list[Cell]] = []
+    for name, exact in published.items():
+        at = np.argmax(np.abs(exact))
+        values: list[Cell] = [f"{column[name][at]:#.5g}" for column in (published, *columns)]
+        errors: list[Cell] = [100 * error(column[name], exact) for column in columns]
+        missing: list[Cell] = [None] * (3 - len(columns))
+        rows.append([model.title, name, nodes, *values, *missing, *errors, *missing])
+    return rows
+
+
+def values_of(model: Model, seed: int, setting: Any) -> list[Values]:
+    """Of the mesh as it comes, of the adapted one, and where there is a goal of the one adapted for it."""
+    mesh, problem = model.start(setting), model.problem(setting)
+    problems = [problem] if model.goal is None else [problem, dataclasses.replace(problem, goal=model.goal)]
+    adapted = [ka.adapt(mesh, asked, seed=seed).mesh for asked in problems]
+    return [model.measured(mesh, setting) for mesh in (mesh, *adapted)]
+
+
+def error(values: np.ndarray, exact: np.ndarray) -> float:
+    """Largest difference, as a fraction of the largest exact value."""
+    return float(np.max(np.abs(values - exact)) / np.max(np.abs(exact)))
+
+
+def _joined(parts: Sequence[Values]) -> dict[str, np.ndarray]:
+    """The values of all settings, by quantity."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

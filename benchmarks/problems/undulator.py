@@ -1,0 +1,107 @@
+"""Model a Halbach undulator: two arrays of magnets over one period, with its field and force in closed form."""
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
+
+PERIOD, HEIGHT, GAP = 0.04, 0.01, 0.01  # of an array, of its magnets, between the arrays; metres
+AIR = 0.03  # beyond each array, where 1e-6 of the field in the gap is left
+REMANENCE, BLOCKS = 1.2, 4  # T, blocks per period; their permeability is 1
+VACUUM_PERMEABILITY = 4e-7 * np.pi
+UPPER = [f"upper_{k}" for k in range(BLOCKS)]
+POINTS = np.stack((np.linspace(0.0005, 0.0395, 14), np.full(14, 0.0017)))  # in the gap, off its middle
+
+
+class Undulator:
+    """The arrays face each other with their strong sides; blocks of one turn to the left, of the other to the right.
+
+    Halbach (Nucl. Instrum. Methods 187, 1981, 109): in the gap, between x = 0 in the middle of a block that points
+    across it, with k = 2 pi / period and M blocks in it,
+
+    ``B_y = sum over n = 1, 1 + M, ... of 2 Br (1 - exp(-n k height)) sin(n pi / M) / (n pi / M) exp(-n k gap / 2)
+    cosh(n k y) cos(n k x)``
+
+    and B_x with -sinh and sin. The arrays attract each other by ``int B_y^2 / (2 mu0)`` over the middle of the gap.
+    """
+
+    title = "Halbach undulator"
+    settings = (0.0,)
+    goal = Force(UPPER, (0.0, 1.0))
+
+    def start(self, setting: float) -> MeshTri:
+        """Squares of 2.5 mm, cut in two."""
+        top, size = GAP / 2 + HEIGHT + AIR, 2.5e-3
+        lines = (np.linspace(0.0, length, round(length / size) + 1) for length in (PERIOD, 2 * top))
+        mesh = MeshTri.init_tensor(*lines).translated((0.0, -top)).with_defaults()
+        return mesh.with_subdomains(_subdomains(mesh))
+
+    def problem(self, setting: float) -> Magnetostatics:
+        """As `of_order` has it."""
+        return of_order(1)
+
+    def published(self, setting: float) -> dict[str, np.ndarray]:
+        """What `measured` should find."""
+        peak, points = flux_density(np.array([[PERIOD / 8], [0.0]])), flux_density(POINTS)
+        return {
+            "field at its peak (T)": peak[1],
+            "field at 14 points, order 1 (T)": points.ravel(),
+            "field at 14 points, order 2 (T)": points.ravel(),
+            "force on an array, order 1 (N/m)": np.array([-attraction()]),
+            "force on an array, order 2 (N/m)": np.array([-attraction()]),
+        }
+
+    def measured(self, mesh: MeshTri, setting: float) -> dict[str, np.ndarray]:
+        """The same of solutions on a mesh."""
+        field, quadratic = (of_order(order).solve(mesh) for order in (1, 2))
+        return {
+            "field at its peak (T)": field.flux_density_at([[PERIOD / 8], [0.0]])[1],
+            "field at 14 points, order 1 (T)": field.flux_density_at(POINTS).ravel(),
+            "field at 14 points, order 2 (T)": quadratic.flux_density_at(POINTS).ravel(),
+            "force on an array, order 1 (N/m)": field.force(UPPER)[1:],
+            "force on an array, order 2 (N/m)": quadratic.force(UPPER)[1:],
+        }
+
+
+def of_order(order: int) -> Magnetostatics:
+    """A = 0 above and below; a period apart everything is the same."""
+    materials = {"air": Material()}
+    for array, sense in (("lower", 1), ("upper", -1)):
+        for k in range(BLOCKS):
+            angle = np.pi / 2 + 2 * np.pi * sense * k / BLOCKS
+            materials[f"{array}_{k}"] = Material(remanence=(REMANENCE * np.cos(angle), REMANENCE * np.sin(angle)))
+    return Magnetostatics(materials, potential={"top": 0.0, "bottom": 0.0}, periodic=[("left", "right")], order=order)
+
+
+def flux_density(x: np.ndarray) -> np.ndarray:
+    """The closed form at points (2, n) of the gap, (2, n) in T."""
+    total = np.zeros_like(x)
+    for n, amplitude in _harmonics():
+        along, across = 2 * np.pi * n / PERIOD * (x[0] - PERIOD / 8), 2 * np.pi * n / PERIOD * x[1]
+        total += 2 * amplitude * np.stack((-np.sinh(across) * np.sin(along), np.cosh(across) * np.cos(along)))
+    return total
+
+
+def attraction() -> float:
+    """Of the arrays over a period, in N per metre of depth."""
+    return sum(PERIOD * amplitude**2 for _, amplitude in _harmonics()) / VACUUM_PERMEABILITY
+
+
+def _harmonics() -> list[tuple[int, float]]:
+    """Numbers, and amplitudes of one array's field in the middle of the gap in T."""
+    n = 1 + BLOCKS * np.arange(12)
+    height, gap = 2 * np.pi * n / PERIOD * np.array([[HEIGHT], [GAP / 2]])
+    values = REMANENCE * (1 - np.exp(-height)) * np.sinc(n / BLOCKS) * np.exp(-gap)
+    return list(zip(n.tolist(), values.tolist(), strict=True))
+
+
+def _subdomains(mesh: MeshTri) -> dict[str, np.ndarray]:
+    """Names of blocks by array and number, "lower_0" to "upper_3"; the rest is "air"."""
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    in_array = np.abs(np.abs(y) - GAP / 2 - HEIGHT / 2) < HEIGHT / 2
+    names = {
+        f"{array}_{k}": np.flatnonzero(in_array & (sign * y > 0) & (np.floor(BLOCKS * x / PERIOD) == k))
+        for array, sign in (("lower", -1), ("upper", 1))
+        for k in range(BLOCKS)
+    }
+    return names | {"air": np.flatnonzero(~in_array)}

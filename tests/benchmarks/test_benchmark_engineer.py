@@ -1,0 +1,95 @@
+"""The published models come out as published once their meshes are adapted."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.mesh_files import WHY_NOT, needs_gmsh
+from skfem import MeshTri
+
+from benchmarks.checks.engineer import MODELS, error, rows_of, values_of
+from benchmarks.problems import elastic_l, slotless_motor, thick_coil, undulator
+
+WITHOUT_GMSH = ("Undulator", "ElasticL", "StokesCavity")  # Gmsh draws the other meshes
+BY_CLASS = {type(model).__name__: model for model in MODELS}
+BOUNDS = [  # in percent, of the mesh adapted by default and of the one that is adapted for a goal
+    ("Undulator", "force on an array, order 1 (N/m)", 2.5, 0.7),
+    ("Undulator", "force on an array, order 2 (N/m)", 0.3, 0.01),
+    ("SlotlessMotor", slotless_motor.TORQUE, 0.6, 1.2),
+    ("MagnetTorque", "torque at ten angles (N m)", 0.15, 0.05),
+    ("ThickCoil", "inductance (mH)", 0.8, 0.8),
+    ("GetdpMagnet", "flux through the gap (mWb/m)", 0.8, None),
+    ("GetdpMagnet", "flux through the magnet (mWb/m)", 0.1, None),
+    ("ElasticL", "compliance", 0.3, None),
+    ("StokesCavity", "stream function at the centre", 0.08, None),
+]
+
+
+@pytest.fixture(scope="module")
+def found():
+    kept = {}
+
+    def of(name):
+        if WHY_NOT and name not in WITHOUT_GMSH:
+            pytest.skip(WHY_NOT)
+        if name not in kept:
+            model = BY_CLASS[name]
+            kept[name] = model.published(model.settings[0]), values_of(model, 0, model.settings[0])
+        return kept[name]
+
+    return of
+
+
+@pytest.mark.parametrize(("name", "quantity", "adapted", "by_goal"), BOUNDS)
+def test_adapted_meshes_give_what_is_published(found, name, quantity, adapted, by_goal):
+    published, (_, *columns) = found(name)
+    errors = [100 * error(values[quantity], published[quantity]) for values in columns]
+    assert len(errors) == (1 if by_goal is None else 2)
+    assert all(off < bound for off, bound in zip(errors, (adapted, by_goal), strict=False)), errors
+
+
+def test_the_undulator_has_the_peak_field_of_halbach():
+    quarter = np.pi / 2  # of a period, as high as the magnets and as wide as the gap
+    first = 2 * 1.2 * (1 - np.exp(-quarter)) * np.sinc(1 / 4) * np.exp(-quarter / 2)
+    fifth = 2 * 1.2 * (1 - np.exp(-5 * quarter)) * np.sinc(5 / 4) * np.exp(-5 * quarter / 2)
+    peak = undulator.flux_density(np.array([[undulator.PERIOD / 8], [0.0]]))
+    np.testing.assert_allclose(peak, [[0.0], [first + fifth]], atol=2e-4)  # of the ninth harmonic
+    assert undulator.attraction() == pytest.approx(
+        (first**2 + fifth**2) / 4 / 4e-7 / np.pi * undulator.PERIOD, rel=1e-5
+    )
+
+
+def test_the_coil_has_the_field_and_inductance_of_the_literature():
+    assert 1e3 * thick_coil.inductance() == pytest.approx(22.945, abs=1e-3)
+    radius, height = np.linspace(thick_coil.INNER, thick_coil.OUTER, 201), np.linspace(-0.5, 0.5, 401)[:, None]
+    loops = 4e-7 * np.pi * radius**2 / (2 * np.hypot(radius, height * thick_coil.LENGTH) ** 3)
+    mean = np.trapezoid(np.trapezoid(loops, height, axis=0), radius) / np.ptp(radius)
+    assert thick_coil.flux_density_on_axis(np.zeros(1))[0] == pytest.approx(thick_coil.TURNS * mean, rel=1e-4)
+
+
+def test_the_torque_of_the_motor_turns_its_sign_after_a_pole():
+    pole = 2 * np.pi / slotless_motor.POLES
+    values = [slotless_motor.torque(part * pole) for part in (0.0, 0.3, 0.5, 1.0, 1.3)]
+    np.testing.assert_allclose(values[3:], np.negative(values[:2]))
+    assert values[2] == pytest.approx(0.0, abs=1e-9)
+
+
+@needs_gmsh
+def test_elements_of_order_2_find_the_torque_of_the_motor():
+    model, steps = BY_CLASS["SlotlessMotor"], 3
+    quadratic = dataclasses.replace(model.problem(steps), order=2)
+    torque = quadratic.solve(model.start(steps)).torque("rotor")
+    assert torque == pytest.approx(slotless_motor.torque(slotless_motor.angle_of(steps)), rel=3e-4)
+
+
+def test_the_load_of_the_elastic_l_is_in_equilibrium():
+    mesh = MeshTri.init_lshaped().refined(2)
+    forces = elastic_l.load(mesh).reshape(-1, 2)
+    (fx, fy), (x, y) = forces.T, mesh.p
+    np.testing.assert_allclose([fx.sum(), fy.sum(), np.sum(x * fy - y * fx)], 0.0, atol=1e-6)
+
+
+def test_a_row_has_what_it_says():
+    (row,) = rows_of(BY_CLASS["ElasticL"], 0, (0.0,))
+    assert row[:4] == ["elasticity, L", "compliance", 833, "8.3091"]
+    assert row[6] is None and row[9] is None
