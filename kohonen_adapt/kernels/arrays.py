@@ -25,7 +25,8 @@ ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH, CURVATURE, REACH, MERGED, 
 SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces that outlines are cut into
-HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y = range(4)  # of `Trial.data`
+HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
+CONSTANTS, RATES_X, RATES_Y, VARYING = 4, 6, 11, 16  # of its columns: how many, where fluxes vary more of them
 DENSITY, RATE = 0, 1  # of `Laws.table`
 
 
@@ -243,7 +244,9 @@ class Trial(NamedTuple):
     value: np.ndarray  # (n,)
     fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
     on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
-    data: np.ndarray  # (m, 4): of every element a half of the coefficient, a sixth of the source, a half of the flux
+    # (m, CONSTANTS): of every element a half of the coefficient, a sixth of the source, a half of the flux. Where
+    # fluxes vary inside regions (m, VARYING): then a centre, where that half is, and the derivatives of both its parts.
+    data: np.ndarray
     bent: np.ndarray  # (n,) bool: the node touches nonlinear material
     laws: Laws  # where there is one, the coefficient has no say
 

@@ -290,8 +290,8 @@ class Magnetostatics(Arguments):
         Returns
         -------
         Ritz
-            In J/m, one number per material. Nodes of periodic and antiperiodic sides count as given, for the polish
-            looks at one side at a time.
+            In J/m, one number per material; its flux is a function where a magnet turns. Nodes of periodic and
+            antiperiodic sides count as given, for the polish looks at one side at a time.
 
         Raises
         ------
@@ -307,4 +307,4 @@ class Magnetostatics(Arguments):
             raise NotOffered("its elements are of order 2")
         if self.open_boundary is not None:
             raise NotOffered("its open boundary adds to the energy, which the polish does not see")
-        return functional_of(field, self.boundaries, list(self.materials.values()))
+        return functional_of(field, self.boundaries, self.materials)

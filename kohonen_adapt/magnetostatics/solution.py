@@ -1,6 +1,6 @@
 """Solve a problem on a mesh, state the functional that its solution minimises, and linearise it there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -9,10 +9,11 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import Quadratic
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
+from kohonen_adapt.magnetostatics.materials.coefficients import varying_flux
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.ritz import Flux, Ritz
 
 __all__ = [
     "NotConverged",
@@ -84,16 +85,17 @@ def carried(x: Floats, old: Field) -> Floats:
     return values
 
 
-def functional_of(field: Field, boundaries: Boundaries, materials: Sequence[Material]) -> Ritz:
-    """State the functional of a planar field of order 1: one number per material, or per element where magnets turn."""
-    number = field.coefficients.number
-    if any(material.turns for material in materials):
-        number = np.arange(number.size)
+def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
+    """State the functional of a planar field of order 1: one number per material, and a function where magnets turn."""
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
-    _, first, place = np.unique(number, return_index=True, return_inverse=True)
-    tables = given.reluctivity[first], given.current_density[first], given.flux[:, first]
-    laws = tuple(materials[index].bh for index in given.number[first]) if given.pieces else ()
-    return Ritz(field.potential, conditions.held, *tables, place, laws)
+    used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
+    present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
+    turns = any(material.turns for material in present.values())
+    flux: Flux = varying_flux(present) if turns else given.flux[:, first]
+    laws = tuple(material.bh for material in present.values()) if given.pieces else ()
+    return Ritz(
+        field.potential, conditions.held, given.reluctivity[first], given.current_density[first], flux, place, laws
+    )
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:

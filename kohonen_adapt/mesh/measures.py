@@ -6,7 +6,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 
-__all__ = ["area", "gradient", "hat_gradients", "quality", "signed_area"]
+__all__ = ["area", "gradient", "hat_gradients", "inner_points", "quality", "signed_area"]
 
 
 def signed_area(mesh: MeshTri) -> Floats:
@@ -71,3 +71,11 @@ def gradient(mesh: MeshTri, values: ArrayLike, hats: Floats | None = None) -> Fl
     """
     hats = hat_gradients(mesh) if hats is None else hats
     return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)
+
+
+def inner_points(corners: Floats) -> Floats:
+    """Half-way from the middle of every element to its corners, (2, 3, m), for corners (2, 3, m).
+
+    The mean over the three is that over the element for polynomials of degree 2 (Strang and Fix, 1973).
+    """
+    return 0.5 * (corners + corners.mean(axis=1, keepdims=True))

@@ -1,17 +1,32 @@
 """Express a Ritz functional in terms of a movable mesh: constants by region, given values by chain."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, STRAIGHT, Laws, Trial
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import (
+    CENTRE_X,
+    CONSTANTS,
+    FREE,
+    HALF_FLUX_X,
+    HELD,
+    RATES_X,
+    RATES_Y,
+    SLIDING,
+    STRAIGHT,
+    VARYING,
+    Laws,
+    Trial,
+)
+from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, gradients
+from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, flux_at, gradients, value_on
 
 __all__ = ["Functional", "VariesInside"]
 
@@ -30,8 +45,12 @@ class Functional:
     ----------
     values, fixed
         Nodal values of the solution, and whether they are given, (n,), on the mesh it was found on.
+    ritz
+        As its user states it.
+    number
+        Region number, in its tables, of every region of the triangulation, (nregions,).
     constants
-        Coefficient, source and flux of every region of the triangulation, (nregions, 4).
+        Coefficient, source and flux of every region of the triangulation, (nregions, 4); no flux where that varies.
     given
         Chains whose values are given, (c,) bool.
     linear
@@ -52,6 +71,8 @@ class Functional:
 
     values: Floats
     fixed: Mask
+    ritz: Ritz
+    number: NDArray[np.int64]
     constants: Floats
     given: Mask
     linear: Mask
@@ -84,9 +105,21 @@ class Functional:
         given = (whole & ~bare) | partly
         comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         held = ~straight | (given & ~linear) | (whole & bare)
-        constants = constants_of_regions(ritz, triangulation)
-        law, tables = laws_of_regions(ritz, triangulation)
-        return cls(values, fixed, constants, given, linear, held, on_chain, comparable, law, tables)
+        number = numbers_of_regions(ritz, triangulation)
+        law, tables = laws_of_regions(ritz, number, triangulation)
+        constants = constants_of(ritz, number)
+        return cls(values, fixed, ritz, number, constants, given, linear, held, on_chain, comparable, law, tables)
+
+    @property
+    def varies(self) -> bool:
+        """Whether the flux varies inside regions, so that elements that move have another one."""
+        return callable(self.ritz.flux)
+
+    def value(self, triangulation: Triangulation, values: Floats) -> float:
+        """The functional of a function with these nodal values, (n,)."""
+        node = triangulation.elements.node.T
+        number = self.number[triangulation.elements.region]
+        return value_on(triangulation.position.T[:, node], values[node], number, self.ritz)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""
@@ -96,8 +129,13 @@ class Functional:
         return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), bent, laws)
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
-        """A half of the coefficient, a sixth of the source and a half of the flux of every element, (m, 4)."""
-        return (self.constants / np.array([2.0, 6.0, 2.0, 2.0]))[triangulation.elements.region]
+        """What `Trial` calls its data, of the triangulation as it is now."""
+        region = triangulation.elements.region
+        constants = (self.constants / np.array([2.0, 6.0, 2.0, 2.0]))[region]
+        if not callable(self.ritz.flux):
+            return constants
+        corners = triangulation.position.T[:, triangulation.elements.node.T]
+        return expanded(constants, corners, self.number[region], self.ritz.flux)
 
     def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
         """What each node may do, (n,), when those are held whose given values no formula would carry along."""
@@ -108,40 +146,72 @@ class Functional:
         return np.where(held, HELD, kind).astype(kind.dtype)
 
 
-def constants_of_regions(ritz: Ritz, triangulation: Triangulation) -> Floats:
-    """Coefficient, source and flux of every region of the triangulation, (nregions, 4)."""
-    region, number = triangulation.elements.region, numbers(ritz, triangulation)
-    first = first_of_regions(triangulation)
+def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
+    """The number of every region of the triangulation in the tables of the functional, (nregions,)."""
+    region = triangulation.elements.region
+    first = np.unique(region, return_index=True)[1]
+    number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
     if len(stray):
         e = int(stray[0])
         raise VariesInside(
             f"region of Ritz must be one number on each region of the mesh; elements {first[region[e]]} and {e} are of "
-            f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the mesh."
+            f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the "
+            "mesh; a flux that varies inside one is a function."
         )
-    tables = (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
-    rows = [np.broadcast_to(table, max(1, np.size(table)))[number[first] * (np.ndim(table) > 0)] for table in tables]
+    return number[first]
+
+
+def constants_of(ritz: Ritz, number: NDArray[np.int64]) -> Floats:
+    """Coefficient, source and flux of regions of these numbers, (nregions, 4)."""
+    flux = np.zeros(2) if callable(ritz.flux) else np.asarray(ritz.flux)
+    tables = (ritz.coefficient, ritz.source, *flux)
+    rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
     return np.stack(rows, axis=1)
 
 
-def numbers(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
-    """The region number of every element in the tables of the functional."""
-    count = len(triangulation.elements.region)
-    return np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """What `Trial` calls its data, (m, VARYING), where a function gives the flux, of the constants (m, CONSTANTS).
+
+    The polynomial has the values of the function at the points of `inner_points` and at the middles between them. Its
+    mean over the element is that of the function over the three points, as in the functional itself. The function is
+    asked inside of elements only: an element moves by less than its size until it is asked again.
+    """
+    points = inner_points(corners)
+    sampled = flux_at(np.concatenate([points, 0.5 * (points + np.roll(points, -1, axis=1))], axis=1), number, flux)
+    data = np.zeros((len(constants), VARYING))
+    data[:, :CONSTANTS] = constants
+    data[:, CENTRE_X : CENTRE_X + 2] = corners.mean(axis=1).T
+    for part, rates in enumerate((RATES_X, RATES_Y)):
+        value, increase = polynomial(points, 0.5 * sampled[part])
+        data[:, HALF_FLUX_X + part] = value
+        data[:, rates : rates + len(increase)] = increase.T
+    return data
 
 
-def first_of_regions(triangulation: Triangulation) -> NDArray[np.intp]:
-    """The first element of every region."""
-    return np.unique(triangulation.elements.region, return_index=True)[1]
+def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The quadratic polynomial of values (6, m) at corners (2, 3, m) and then at the middles after each.
+
+    Returns its value at the centre (m,), and gradient and Hessian there, by x, y, xx, xy and yy, (5, m).
+    """
+    corner, middle = values[:3], values[3:]
+    units = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, points.shape[2]))
+    hat = np.stack([np.stack(gradients(points, unit)[1:]) for unit in units])
+    after = np.roll(hat, -1, axis=0)
+    slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
+    bend = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
+    value = (4.0 * middle.sum(axis=0) - corner.sum(axis=0)) / 9.0
+    return value, np.stack([*slope / 3.0, 4.0 * bend[0, 0], 2.0 * (bend[0, 1] + bend[1, 0]), 4.0 * bend[1, 1]])
 
 
-def laws_of_regions(ritz: Ritz, triangulation: Triangulation) -> tuple[NDArray[np.int32], Tables]:
+def laws_of_regions(
+    ritz: Ritz, number: NDArray[np.int64], triangulation: Triangulation
+) -> tuple[NDArray[np.int32], Tables]:
     """The law of every region as a place among tables, -1 for none, and the tables."""
-    used = numbers(ritz, triangulation)[first_of_regions(triangulation)]
     distinct: list[EnergyLaw] = []
-    law = np.full(len(used), -1, dtype=np.int32)
-    for place, number in enumerate(used if ritz.laws else ()):
-        found = ritz.laws[number]
+    law = np.full(len(number), -1, dtype=np.int32)
+    for place, row in enumerate(number if ritz.laws else ()):
+        found = ritz.laws[row]
         if found is not None:
             same = [k for k, other in enumerate(distinct) if other is found]
             law[place] = same[0] if same else len(distinct)

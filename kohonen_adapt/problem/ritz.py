@@ -1,6 +1,6 @@
 """The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.measures import inner_points
 
-__all__ = ["EnergyLaw", "Ritz", "check_fits", "functional_value", "gradients"]
+__all__ = ["EnergyLaw", "Flux", "Ritz", "check_fits", "flux_at", "functional_value", "gradients", "value_on"]
+
+Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
 
 class EnergyLaw(Protocol):
@@ -43,11 +46,13 @@ class Ritz:
     source
         A constant, or one value per region number, (nregions,).
     flux
-        A constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``.
+        A constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``. Where it varies
+        inside regions of the mesh, a function of x (2, n) and the region numbers there (n,) that returns (2, n), smooth
+        in each: an element has the mean over three points (half-way from its middle to its corners).
     region
         (nelements,) of integers >= 0: the number that each element looks its constants up by. None where there are no
         tables to look up. The constants must not change inside a region of the mesh, a connected set of elements that
-        carry the same subdomain names.
+        carry the same subdomain names; a flux that does is a function.
     laws
         None or a law per region number, (nregions,); a law is an object with the methods ``field_strength(b)``, which
         rises from 0, and its integral ``energy(b)``, both for arrays of b >= 0. Where there is one the coefficient has
@@ -73,7 +78,7 @@ class Ritz:
     fixed: ArrayLike
     coefficient: ArrayLike
     source: ArrayLike = 0.0
-    flux: ArrayLike = (0.0, 0.0)
+    flux: Flux = (0.0, 0.0)
     region: ArrayLike | None = None
     laws: Sequence[EnergyLaw | None] = ()
 
@@ -90,7 +95,8 @@ class Ritz:
         coefficient = _constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
-        source, flux = _constants("source", self.source, (), region), _constants("flux", self.flux, (2,), region)
+        source = _constants("source", self.source, (), region)
+        flux = self.flux if callable(self.flux) else _constants("flux", self.flux, (2,), region)
         # Copies: what the caller does to his arrays later must not change a functional in use.
         names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
         laws = _laws(self.laws, region)
@@ -170,14 +176,16 @@ def check_fits(ritz: Ritz, nodes: int, elements: int) -> None:
 def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     """The functional of the solution on its own mesh, or an error if that is another one."""
     check_fits(ritz, mesh.p.shape[1], mesh.t.shape[1])
-    values, number = np.asarray(ritz.values)[mesh.t], np.zeros(mesh.t.shape[1], dtype=np.int64)
-    number = number if ritz.region is None else np.asarray(ritz.region)
-    doubled, along_x, along_y = gradients(mesh.p[:, mesh.t], values)
+    number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    return value_on(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], number, ritz)
+
+
+def value_on(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
+    """The functional on elements with these corners (2, 3, m), values there (3, m) and region numbers (m,)."""
+    doubled, along_x, along_y = gradients(corners, values)
     u0, u1, u2 = values
-    coefficient, source, flux_x, flux_y = (
-        table if np.ndim(table) == 0 else np.asarray(table)[number]
-        for table in (ritz.coefficient, ritz.source, *np.asarray(ritz.flux))
-    )
+    coefficient, source = (_looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
+    flux_x, flux_y = _flux_on(corners, number, ritz)
     stored = 0.5 * coefficient * (along_x**2 + along_y**2)
     for k, law in enumerate(ritz.laws):
         if law is not None:
@@ -186,6 +194,36 @@ def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     density = stored - source * (u0 + u1 + u2) / 3.0
     density -= flux_x * along_x + flux_y * along_y
     return 0.5 * float(np.sum(np.abs(doubled) * density))
+
+
+def _flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """The mean flux over elements, (2, m), or a constant (2,)."""
+    if callable(ritz.flux):
+        return flux_at(inner_points(corners), number, ritz.flux).mean(axis=1)
+    return np.stack([_looked_up(part, number) for part in np.asarray(ritz.flux)])
+
+
+def _looked_up(table: Floats, number: Ints) -> Floats:
+    """A constant as it is, of a table what it has for every number."""
+    return table if table.ndim == 0 else table[number]
+
+
+def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """A varying flux at k points of every element, x (2, k, m), (2, k, m).
+
+    Raises
+    ------
+    ValueError
+        If the function returns another shape, or what is not finite.
+    """
+    flat = x.reshape(2, -1)
+    values = np.asarray(flux(flat, np.tile(number, x.shape[1])), dtype=float)
+    if values.shape != flat.shape:
+        raise ValueError(f"flux of Ritz must return the shape of x, (2, n) = {flat.shape}; got {values.shape}.")
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
+    if bad.size:
+        raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
+    return values.reshape(x.shape)
 
 
 def gradients(corners: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:

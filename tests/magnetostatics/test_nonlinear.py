@@ -358,8 +358,7 @@ def test_a_halbach_ring_has_a_uniform_field_inside():
     np.testing.assert_allclose(field.flux_density[0, middle < 0.015], np.log(2), rtol=0.01)
     assert np.abs(field.flux_density[:, middle > 0.042]).max() < 0.03
     assert np.linalg.norm(problem.indicators(mesh, field)) < 0.05 * problem.energy_norm(mesh, field)
-    result = ka.adapt(mesh, problem, passes=1)
-    assert "there was no polish: its coefficients vary inside a region of the mesh" in result.message
+    assert "there was no polish" not in ka.adapt(mesh, problem, passes=1).message
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,11 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import (
+    CONSTANTS,
     DIRECTION_X,
     DIRECTION_Y,
     FREE,
     HALF_COEFFICIENT,
-    HALF_FLUX_X,
-    HALF_FLUX_Y,
     HELD,
     OWN,
     SIXTH_SOURCE,
@@ -31,6 +30,7 @@ from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.nonlinear import stored, stored_in
+from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates, pushed
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -80,7 +80,7 @@ def derivatives(position, star, trial, v):
         doubled = ax * by - ay * bx
         inverse = 1.0 / doubled
         weight, load = trial.data[e, HALF_COEFFICIENT] * inverse, trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+        flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         qx, qy = inverse * nx, inverse * ny
         energy = 0.5 * weight * (nx * nx + ny * ny)
@@ -114,6 +114,15 @@ def derivatives(position, star, trial, v):
         xw += weight * (x_x * ex + x_y * ey) + load * ey
         yw += weight * (y_x * ex + y_y * ey) - load * ex
         ww += weight * (ex * ex + ey * ey)
+        if trial.data.shape[1] > CONSTANTS:
+            x_by_x, x_by_y, y_by_x, y_by_y = half_flux_rates(trial.data, e, x, y, ax, ay, bx, by)
+            by_x -= y_by_x * nx - x_by_x * ny
+            by_y -= y_by_y * nx - x_by_y * ny
+            xx -= 2.0 * difference * y_by_x
+            xy -= difference * (y_by_y - x_by_x)
+            yy += 2.0 * difference * x_by_y
+            xw -= y_by_x * ex - x_by_x * ey
+            yw -= y_by_y * ex - x_by_y * ey
     return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
 
 
@@ -132,7 +141,7 @@ def quadratic(position, star, trial, v, x, y):
         ex, ey = bx - ax, by - ay
         doubled = ax * by - ay * bx
         weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+        flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
         r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
@@ -268,7 +277,7 @@ def descend_flips(position, elements, trial, floor, gainful):
 def gain_of_flip(position, node, value, data, laws, e, k, other):
     """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
 
-    The flux adds the same to both: the mean gradient of two elements is a matter of their outline.
+    A constant flux adds the same to both: the mean gradient of two elements is a matter of their outline.
     """
     p, q, r, s = corners_around(node, e, k, other)
     x, y, own = position[r, 0], position[r, 1], value[r]
@@ -290,6 +299,10 @@ def gain_of_flip(position, node, value, data, laws, e, k, other):
         return 0.0
     pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
     gain = coefficient * (before - after) + pulled
+    if data.shape[1] > CONSTANTS:
+        gain += pushed(data, e, x, y, px, py, u, sx, sy, w) + pushed(data, e, x, y, sx, sy, w, qx, qy, v)
+        gain -= pushed(data, e, x, y, px, py, u, qx, qy, v)
+        gain -= pushed(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
     size = coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
     return gain if gain > ROUNDING * size else 0.0
 
@@ -328,7 +341,7 @@ def triangle_parabola(position, trial, e, a, b, x, y, own, w):
     ex, ey = bx - ax, by - ay
     doubled = ax * by - ay * bx
     load = doubled * trial.data[e, SIXTH_SOURCE]
-    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
     nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
     along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
     weight, bent = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0

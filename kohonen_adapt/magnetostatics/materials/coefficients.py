@@ -1,6 +1,6 @@
 """Tell every element its material, and work out field strength and energy density from flux density."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +11,10 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.materials.laws import Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements"]
+__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements", "varying_flux"]
 
 
 @dataclass(frozen=True)
@@ -127,18 +127,57 @@ def coefficients(
     return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces))
 
 
+def varying_flux(materials: Mapping[str, Material]) -> Callable[[Floats, Ints], Floats]:
+    """``(-Hc_y, Hc_x)`` as a function of x (2, n) and the places of the materials there in the mapping (n,), (2, n)."""
+
+    def flux(x: Floats, number: Ints) -> Floats:
+        coercivity = np.zeros_like(x)
+        for index, (name, material) in enumerate(materials.items()):
+            rows = number == index
+            coercivity[:, rows] = _coercivity_at(material, x[:, rows], name)
+        return np.stack((-coercivity[1], coercivity[0]))
+
+    return flux
+
+
 def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
-    """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given."""
-    given = material.remanence if material.coercivity is None else material.coercivity
-    kind = "remanence" if material.coercivity is None else "coercivity"
-    vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[:, rows]].mean(axis=1))
+    """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given.
+
+    Of a magnet that turns the mean coercivity counts, for that is what the equations ask of an element, and its middle
+    is off that by as much as the solution is by itself.
+    """
+    if material.turns:
+        x = inner_points(mesh.p[:, mesh.t[:, rows]])
+        coercivity = np.mean([_coercivity_at(material, x[:, k], name) for k in range(3)], axis=0)
+        return _converted(material, coercivity, "coercivity"), coercivity
+    kind, given = _given(material)
+    vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[0, rows]])
+    other = _converted(material, vector, kind)
+    return (vector, other) if kind == "remanence" else (other, vector)
+
+
+def _given(material: Material) -> tuple[str, Vector]:
+    """Which of the two was given, and that."""
+    if material.coercivity is None:
+        return "remanence", material.remanence
+    return "coercivity", material.coercivity
+
+
+def _coercivity_at(material: Material, x: Floats, name: str) -> Floats:
+    """Coercivity at points (2, n)."""
+    kind, given = _given(material)
+    vector = _evaluated(f"{kind} of {name!r}", given, x)
+    return _converted(material, vector, kind) if kind == "remanence" else vector
+
+
+def _converted(material: Material, vector: Floats, kind: str) -> Floats:
+    """The coercivity of a remanence (2, n), or the remanence of a coercivity."""
     size = np.hypot(*vector)
     if material.bh is None:
         other = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
     else:
         other = material.bh.field_strength(size) if kind == "remanence" else flux_density_of(material.bh, size)
-    converted = vector / np.where(size > 0.0, size, 1.0) * other
-    return (vector, converted) if kind == "remanence" else (converted, vector)
+    return vector / np.where(size > 0.0, size, 1.0) * other
 
 
 def _evaluated(name: str, given: Vector, x: Floats) -> Floats:

@@ -28,8 +28,8 @@ class Material:
     permeability
         Relative to vacuum, > 0. Of a magnet: the recoil permeability.
     remanence
-        Remanent flux density Br (x, y) in T, or a callable of x (2, n) in metres that gives (2, n); it is evaluated at
-        the middle of every element. See `radial` and `halbach`.
+        Remanent flux density Br (x, y) in T, or a callable of x (2, n) in metres that gives (2, n), smooth in each
+        region of the mesh: elements have its mean, from three points inside. See `radial` and `halbach`.
     current_density
         In A/m^2, positive out of the page (axisymmetric: along phi).
     bh
