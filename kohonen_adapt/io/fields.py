@@ -139,5 +139,8 @@ def _field(content: Sampled, name: str, path: Path) -> Field:
 def _scalar(values: Floats, name: str, path: Path) -> Floats:
     flat = values.reshape(len(values), -1)
     if flat.shape[1] != 1 or flat.dtype.kind not in "iuf":
-        raise ValueError(f"'{name}' of '{path}' must be one real number per node or element; got {flat.shape[1]}.")
+        raise ValueError(
+            f"'{name}' of '{path}' must be one real number per node or element; got {flat.shape[1]}. Write a "
+            "component, or the magnitude, as a field of its own."
+        )
     return flat[:, 0].astype(float)

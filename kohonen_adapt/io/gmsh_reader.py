@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import (
     LARGEST_TAG,
     TRIANGLE,
@@ -42,8 +43,9 @@ NO_GROUPS = np.empty(0, np.int64)
 
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
-TRIANGLES = re.compile(rb"\bST\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
-CORNERS, VALUES = 9, 3  # numbers of a triangle of a list, and of its scalar
+LISTED = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
+TRIANGLES = {b"ST": 1, b"VT": 3, b"TT": 9}  # components of scalars, vectors and tensors at their corners
+CORNERS = 9  # coordinates of a triangle of a list
 
 
 def read_msh(path: Path) -> Content:
@@ -199,10 +201,11 @@ def _listed(data: bytes, path: Path) -> Sampled:
         raise ValueError(f"read_field expected lists of triangles; '{path}' begins like one and has none.")
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
-        name, rows = view[1], TRIANGLES.findall(data, view.end(), end)
+        name, rows = view[1].decode("utf-8", "replace"), LISTED.findall(data, view.end(), end)
+        components = _components(name, {kind for kind, _, _ in rows}, path)
         try:
-            places = _numbers([place for place, _ in rows]).reshape(len(rows), CORNERS)
-            table = _numbers([value for _, value in rows]).reshape(len(rows), VALUES)
+            places = _numbers([place for _, place, _ in rows]).reshape(len(rows), CORNERS)
+            table = _numbers([value for _, _, value in rows]).reshape(len(rows), 3, components)
         except ValueError:
             raise ValueError(
                 f"'{path}' must have triangles of nine coordinates and three values, one step; write one step only."
@@ -210,9 +213,21 @@ def _listed(data: bytes, path: Path) -> Sampled:
         if len(fields) and not np.array_equal(places, corners):
             raise ValueError(f"'{path}' has views on other triangles; write each to a file of its own.")
         corners = places
-        fields.append(Field(name.decode("utf-8", "replace"), False, table.mean(axis=1)[:, None]))
+        fields.append(Field(name, False, table.mean(axis=1)))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return Sampled(points, node.reshape(-1, 3), fields)
+
+
+def _components(name: str, kinds: set[bytes], path: Path) -> int:
+    """How many numbers a view has at every corner; refused if it is of anything but triangles of one kind."""
+    others = sorted(kind.decode() for kind in kinds if kind not in TRIANGLES)
+    if others or len(kinds) > 1:
+        what = listed(others) if others else listed(kind.decode() for kind in kinds)
+        raise ValueError(
+            f"read_field expected triangles of one kind (ST, VT or TT); the view '{name}' of '{path}' has {what}. "
+            "Write it on triangles alone."
+        )
+    return TRIANGLES[kinds.pop()] if kinds else 1
 
 
 def _numbers(lists: list[bytes]) -> Floats:

@@ -86,6 +86,21 @@ def test_lists_that_do_not_fit(tmp_path):
         ka.read_field(path, mesh, "f")
 
 
+def test_views_of_vectors_and_of_other_shapes(tmp_path):
+    """A vector view beside a scalar one does no harm; asked for, it is a vector, and not one of 0 nodes."""
+    mesh, path = two_rooms(), tmp_path / "f.pos"
+    values = ramp(mesh)[0][mesh.t].T
+    vectors = as_list(mesh, np.repeat(values, 3, axis=1), "b").replace("ST(", "VT(")
+    path.write_text(as_list(mesh, values) + vectors)
+    assert_allclose(ka.read_field(path, mesh, "f"), ramp(mesh)[1], rtol=1e-14)
+    with pytest.raises(ValueError, match=r"'b' of '.*' must be one real number per node or element; got 3\. Write a "):
+        ka.read_field(path, mesh, "b")
+    for text, said in (("SP(0,0,0){1};", "SP"), ("SL(0,0,0,1,0,0){1,2};VT2(0){1};", "'SL', 'VT2'")):
+        path.write_text(f'View "p" {{\n{text}\n}};')
+        with pytest.raises(ValueError, match=rf"the view 'p' of '.*' has '?{said}'?\. Write it on triangles alone"):
+            ka.read_field(path, mesh, "p")
+
+
 def test_data_for_a_part_only_is_refused(tmp_path, capsys):
     mesh = two_rooms()
     ka.write_mesh(tmp_path / "f.msh", mesh, cell_data={"f": np.ones(64)})
