@@ -42,7 +42,8 @@ class Model(Protocol):
 
 
 MODELS: tuple[Model, ...] = (
-    Undulator(),
+    Undulator(1),
+    Undulator(2),
     SlotlessMotor(),
     MagnetTorque(),
     ThickCoil(),
@@ -50,7 +51,7 @@ MODELS: tuple[Model, ...] = (
     ElasticL(),
     StokesCavity(),
 )
-NUMBERS = "nodes", "published", "as meshed", "adapted", "by goal=", "off by %", "adapted, by %", "by goal=, by %"
+NUMBERS = "nodes", "published", "as meshed", "adapted", "by goal=", "error %", "adapted", "by goal="
 REMARKS = """\
 of more values than one the largest is shown; they are off by the largest difference from those published, in % of that
 by goal=: adapted for the force, torque or flux linkage itself, in place of the energy"""

@@ -15,6 +15,7 @@ TURNS, CURRENT = 1000, 1.0
 RIM, NEAR = 0.8, 0.08  # radius of the sphere where A = 0, where 8e-5 of the inductance is lost; of smaller elements
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 HEIGHTS = np.linspace(-0.04, 0.04, 9)  # on the axis, m
+INDUCTANCE, ON_AXIS = "inductance (mH)", "field on the axis, 9 points (mT)"
 DENSITY = TURNS * CURRENT / ((OUTER - INNER) * LENGTH)
 
 
@@ -62,14 +63,14 @@ class ThickCoil:
     def published(self, setting: float) -> dict[str, np.ndarray]:
         """What `measured` should find."""
         on_axis = flux_density_on_axis(HEIGHTS)
-        return {"inductance (mH)": np.array([1e3 * inductance()]), "field on the axis, 9 points (mT)": 1e3 * on_axis}
+        return {INDUCTANCE: np.array([1e3 * inductance()]), ON_AXIS: 1e3 * on_axis}
 
     def measured(self, mesh: MeshTri, setting: float) -> dict[str, np.ndarray]:
         """The same of a solution on a mesh."""
         field = self.problem(setting).solve(mesh)
         on_axis = field.flux_density_at(np.stack((np.zeros(HEIGHTS.size), HEIGHTS)))[1]
         found = apparent_inductance(field, {"coil": TURNS})
-        return {"inductance (mH)": np.array([1e3 * found]), "field on the axis, 9 points (mT)": 1e3 * on_axis}
+        return {INDUCTANCE: np.array([1e3 * found]), ON_AXIS: 1e3 * on_axis}
 
 
 def flux_density_on_axis(height: np.ndarray) -> np.ndarray:

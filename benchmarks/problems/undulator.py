@@ -10,7 +10,10 @@ AIR = 0.03  # beyond each array, where 1e-6 of the field in the gap is left
 REMANENCE, BLOCKS = 1.2, 4  # T, blocks per period; their permeability is 1
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 UPPER = [f"upper_{k}" for k in range(BLOCKS)]
+TOP = np.array([[PERIOD / 8], [0.0]])  # where the field is at its peak
 POINTS = np.stack((np.linspace(0.0005, 0.0395, 14), np.full(14, 0.0017)))  # in the gap, off its middle
+
+PEAK, FIELD, FORCE = "peak field (T)", "field at 14 points (T)", "force on an array (N/m)"
 
 
 class Undulator:
@@ -25,9 +28,12 @@ class Undulator:
     and B_x with -sinh and sin. The arrays attract each other by ``int B_y^2 / (2 mu0)`` over the middle of the gap.
     """
 
-    title = "Halbach undulator"
     settings = (0.0,)
-    goal = Force(UPPER, (0.0, 1.0))
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.title = f"Halbach undulator, order={order}"
+        self.goal = Force(UPPER, (0.0, 1.0)) if order == 1 else None
 
     def start(self, setting: float) -> MeshTri:
         """Squares of 2.5 mm, cut in two."""
@@ -37,40 +43,32 @@ class Undulator:
         return mesh.with_subdomains(_subdomains(mesh))
 
     def problem(self, setting: float) -> Magnetostatics:
-        """As `of_order` has it."""
-        return of_order(1)
+        """A = 0 above and below; a period apart everything is the same."""
+        materials = {"air": Material()}
+        for array, sense in (("lower", 1), ("upper", -1)):
+            for k in range(BLOCKS):
+                angle = np.pi / 2 + 2 * np.pi * sense * k / BLOCKS
+                materials[f"{array}_{k}"] = Material(remanence=(REMANENCE * np.cos(angle), REMANENCE * np.sin(angle)))
+        return Magnetostatics(
+            materials, potential={"top": 0.0, "bottom": 0.0}, periodic=[("left", "right")], order=self.order
+        )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:
         """What `measured` should find."""
-        peak, points = flux_density(np.array([[PERIOD / 8], [0.0]])), flux_density(POINTS)
         return {
-            "field at its peak (T)": peak[1],
-            "field at 14 points, order 1 (T)": points.ravel(),
-            "field at 14 points, order 2 (T)": points.ravel(),
-            "force on an array, order 1 (N/m)": np.array([-attraction()]),
-            "force on an array, order 2 (N/m)": np.array([-attraction()]),
+            PEAK: flux_density(TOP)[1],
+            FIELD: flux_density(POINTS).ravel(),
+            FORCE: np.array([-attraction()]),
         }
 
     def measured(self, mesh: MeshTri, setting: float) -> dict[str, np.ndarray]:
-        """The same of solutions on a mesh."""
-        field, quadratic = (of_order(order).solve(mesh) for order in (1, 2))
+        """The same of a solution on a mesh."""
+        field = self.problem(setting).solve(mesh)
         return {
-            "field at its peak (T)": field.flux_density_at([[PERIOD / 8], [0.0]])[1],
-            "field at 14 points, order 1 (T)": field.flux_density_at(POINTS).ravel(),
-            "field at 14 points, order 2 (T)": quadratic.flux_density_at(POINTS).ravel(),
-            "force on an array, order 1 (N/m)": field.force(UPPER)[1:],
-            "force on an array, order 2 (N/m)": quadratic.force(UPPER)[1:],
+            PEAK: field.flux_density_at(TOP)[1],
+            FIELD: field.flux_density_at(POINTS).ravel(),
+            FORCE: field.force(UPPER)[1:],
         }
-
-
-def of_order(order: int) -> Magnetostatics:
-    """A = 0 above and below; a period apart everything is the same."""
-    materials = {"air": Material()}
-    for array, sense in (("lower", 1), ("upper", -1)):
-        for k in range(BLOCKS):
-            angle = np.pi / 2 + 2 * np.pi * sense * k / BLOCKS
-            materials[f"{array}_{k}"] = Material(remanence=(REMANENCE * np.cos(angle), REMANENCE * np.sin(angle)))
-    return Magnetostatics(materials, potential={"top": 0.0, "bottom": 0.0}, periodic=[("left", "right")], order=order)
 
 
 def flux_density(x: np.ndarray) -> np.ndarray:

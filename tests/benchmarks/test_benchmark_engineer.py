@@ -8,20 +8,31 @@ from helpers.mesh_files import WHY_NOT, needs_gmsh
 from skfem import MeshTri
 
 from benchmarks.checks.engineer import MODELS, error, rows_of, values_of
-from benchmarks.problems import elastic_l, slotless_motor, thick_coil, undulator
+from benchmarks.problems import (
+    elastic_l,
+    getdp_magnet,
+    magnet_torque,
+    slotless_motor,
+    stokes_cavity,
+    thick_coil,
+    undulator,
+)
 
-WITHOUT_GMSH = ("Undulator", "ElasticL", "StokesCavity")  # Gmsh draws the other meshes
-BY_CLASS = {type(model).__name__: model for model in MODELS}
+BY_TITLE = {model.title: model for model in MODELS}
+HALBACH, QUADRATIC, MOTOR, TORQUE, COIL, GETDP, ELASTIC, STOKES = BY_TITLE
+WITHOUT_GMSH = HALBACH, QUADRATIC, ELASTIC, STOKES  # Gmsh draws the other meshes
 BOUNDS = [  # in percent, of the mesh adapted by default and of the one that is adapted for a goal
-    ("Undulator", "force on an array, order 1 (N/m)", 2.5, 0.7),
-    ("Undulator", "force on an array, order 2 (N/m)", 0.3, 0.01),
-    ("SlotlessMotor", slotless_motor.TORQUE, 0.6, 1.2),
-    ("MagnetTorque", "torque at ten angles (N m)", 0.15, 0.05),
-    ("ThickCoil", "inductance (mH)", 0.8, 0.8),
-    ("GetdpMagnet", "flux through the gap (mWb/m)", 0.8, None),
-    ("GetdpMagnet", "flux through the magnet (mWb/m)", 0.1, None),
-    ("ElasticL", "compliance", 0.3, None),
-    ("StokesCavity", "stream function at the centre", 0.08, None),
+    (HALBACH, undulator.FORCE, 2.5, 0.7),
+    (QUADRATIC, undulator.PEAK, 1.0, None),
+    (QUADRATIC, undulator.FIELD, 2.0, None),
+    (QUADRATIC, undulator.FORCE, 0.05, None),
+    (MOTOR, slotless_motor.TORQUE, 0.6, 1.2),
+    (TORQUE, magnet_torque.TORQUE, 0.15, 0.05),
+    (COIL, thick_coil.INDUCTANCE, 0.8, 0.8),
+    (GETDP, getdp_magnet.THROUGH_GAP, 0.8, None),
+    (GETDP, getdp_magnet.THROUGH_MAGNET, 0.1, None),
+    (ELASTIC, elastic_l.COMPLIANCE, 0.3, None),
+    (STOKES, stokes_cavity.CENTRE, 0.08, None),
 ]
 
 
@@ -33,7 +44,7 @@ def found():
         if WHY_NOT and name not in WITHOUT_GMSH:
             pytest.skip(WHY_NOT)
         if name not in kept:
-            model = BY_CLASS[name]
+            model = BY_TITLE[name]
             kept[name] = model.published(model.settings[0]), values_of(model, 0, model.settings[0])
         return kept[name]
 
@@ -76,7 +87,7 @@ def test_the_torque_of_the_motor_turns_its_sign_after_a_pole():
 
 @needs_gmsh
 def test_elements_of_order_2_find_the_torque_of_the_motor():
-    model, steps = BY_CLASS["SlotlessMotor"], 3
+    model, steps = BY_TITLE[MOTOR], 3
     quadratic = dataclasses.replace(model.problem(steps), order=2)
     torque = quadratic.solve(model.start(steps)).torque("rotor")
     published = model.published(steps)[slotless_motor.TORQUE].item()
@@ -91,6 +102,6 @@ def test_the_load_of_the_elastic_l_is_in_equilibrium():
 
 
 def test_a_row_has_what_it_says():
-    (row,) = rows_of(BY_CLASS["ElasticL"], 0, (0.0,))
+    (row,) = rows_of(BY_TITLE[ELASTIC], 0, (0.0,))
     assert row[:4] == ["elasticity, L", "compliance", 833, "8.3091"]
     assert row[6] is None and row[9] is None
