@@ -6,7 +6,7 @@ import numpy as np
 from skfem import MeshTri
 
 from helpers import meshes
-from helpers.sheets import MU0, rectangle_potential
+from helpers.sheets import MU0, quadrupole_potential, rectangle_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 
@@ -15,6 +15,7 @@ INCH = 0.0254
 MM = 1e-3
 MAGNET_HALF = (0.005, 0.0025)
 PLACES = {"a": (-0.0075, -0.0025), "b": (0.0075, 0.0025)}
+STATOR_PLACE = (0.0025, 0.005)
 BRAUER = Brauer(100.0, 10.0, 1.8)
 WIRE, BORE, RIM, OUTER, CURRENT = 0.005, 0.01, 0.03, 0.05, 2000.0
 TURNS = 5e4  # A in a coil side of the actuator
@@ -77,6 +78,17 @@ def turned_magnet(cells, degrees):
     mesh = box(ticks, ticks, {"magnet": (-0.005, 0.005, -0.0025, 0.0025)})
     magnet = Material(remanence=(MU0 * 1e6, 0.0))
     return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": uniform(degrees)})
+
+
+def stator_magnet(k, degrees):
+    """A magnet of 10 x 5 mm off the centre of a stator of two pole pairs, along y."""
+    wide, high = MAGNET_HALF
+    x, y = STATOR_PLACE
+    ticks = np.linspace(-0.02, 0.02, 16 * k + 1)
+    mesh = box(ticks, ticks, {"magnet": (x - wide, x + wide, y - high, y + high)})
+    magnet = Material(remanence=(0.0, MU0 * 1e6))
+    outer = lambda x: rectangle_potential(x, STATOR_PLACE, MAGNET_HALF) + quadrupole_potential(x, degrees)  # noqa: E731
+    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": outer})
 
 
 def two_magnets(k):

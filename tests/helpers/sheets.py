@@ -30,19 +30,39 @@ def rectangle_potential(x, centre, half, magnetisation=1e6):
     return -MU0 * magnetisation / (2 * np.pi) * (left - right)
 
 
-def rectangle_force(centre, other, half, magnetisation=1e6):
-    """Force in N/m on one rectangle by an equal one: J x B of the other's field over its own sheets."""
+def pull(field, centre, half, magnetisation=1e6):
+    """Force (2,) in N/m and torque about the origin in N m/m on a rectangle in a field: J x B over its own sheets."""
 
-    def pull(component, side, height):
-        field = rectangle_field(np.array([[centre[0] + side], [centre[1] + height]]), other, half, magnetisation)
-        return -np.sign(side) * magnetisation * (-field[1, 0], field[0, 0])[component]
+    def density(side, height):
+        x = np.array([centre[0] + side, centre[1] + height])
+        right, up = field(x[:, None])[:, 0]
+        force = -np.sign(side) * magnetisation * np.array([-up, right])
+        return *force, x[0] * force[1] - x[1] * force[0]
 
-    return np.array(
+    found = np.array(
         [
-            sum(quad(lambda h, i=i, s=s: pull(i, s, h), -half[1], half[1])[0] for s in (-half[0], half[0]))
-            for i in range(2)
+            sum(quad(lambda h, i=i, s=s: density(s, h)[i], -half[1], half[1])[0] for s in (-half[0], half[0]))
+            for i in range(3)
         ]
     )
+    return found[:2], found[2]
+
+
+def rectangle_force(centre, other, half, magnetisation=1e6):
+    """Force in N/m on one rectangle by an equal one."""
+    return pull(lambda x: rectangle_field(x, other, half, magnetisation), centre, half, magnetisation)[0]
+
+
+def quadrupole_potential(x, degrees, strength=25.0):
+    """A inside a stator whose current sheet goes with cos(2 phi - angle): that times r^2 / 2 times T/m."""
+    turned = (x[0] + 1j * x[1]) ** 2 * np.exp(-1j * np.deg2rad(degrees))
+    return 0.5 * strength * turned.real
+
+
+def quadrupole_field(x, degrees, strength=25.0):
+    """Its flux density (dA/dy, -dA/dx)."""
+    slope = strength * (x[0] + 1j * x[1]) * np.exp(-1j * np.deg2rad(degrees))
+    return np.stack((-slope.imag, -slope.real))
 
 
 def line_potential(x, at, current):
