@@ -7,6 +7,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
+from kohonen_adapt.mesh.motions import Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
@@ -29,13 +30,16 @@ __all__ = [
     "NotOffered",
     "Pass",
     "Problem",
+    "Reflection",
     "Ritz",
+    "Rotation",
     "Rules",
     "Schedule",
     "Spline",
     "Stage",
     "Status",
     "SweepResult",
+    "Translation",
     "adapt",
     "density_from_indicators",
     "density_from_sizes",

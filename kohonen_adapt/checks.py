@@ -1,6 +1,7 @@
 """Check arguments, each kind of check with one wording: what was expected, what came, what to do."""
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ __all__ = [
     "check_count",
     "check_hook",
     "check_tolerance",
+    "finite_point",
     "finite_reals",
     "is_count",
     "is_number",
@@ -111,3 +113,20 @@ def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: s
             f"{name} must be finite; it is not at {bad.size} of {array.shape[-1]} {place}s, first {bad[0]}."
         )
     return array
+
+
+def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:
+    """A point or vector as two floats; `what` it is begins the message.
+
+    Raises
+    ------
+    ValueError
+        If it is not two finite numbers.
+    """
+    try:
+        x, y = (float(coordinate) for coordinate in np.asarray(point, dtype=np.float64))
+    except (TypeError, ValueError):
+        x = y = np.nan
+    if not (isfinite(x) and isfinite(y)):
+        raise ValueError(f"{what} must be two finite numbers (x, y); got {point!r}.")
+    return x, y

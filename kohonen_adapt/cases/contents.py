@@ -8,17 +8,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kohonen_adapt.cases.kinds import NUMBER, Reader, called, list_of, made, made_by_name, tuple_of
+from kohonen_adapt.cases.kinds import NUMBER, TEXT, Kind, Reader, called, list_of, made, made_by_name, tuple_of
 from kohonen_adapt.io import Groups, read_groups
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["LAWS", "QUANTITIES", "SHAPES", "Case", "Quantity", "material_in", "quantity", "shape"]
+__all__ = ["LAWS", "MOTIONS", "PAIRS", "QUANTITIES", "SHAPES", "Case", "Quantity", "material_in", "quantity", "shape"]
 
 Point = tuple[float, float]
 
@@ -116,6 +117,24 @@ SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Lin
 def shape(given: Any, place: str) -> Arc | Line | Spline:
     """Read a table under ``adapt.curves``: a curve in metres."""
     return made_by_name(SHAPES, "curve", given, place)
+
+
+MOTIONS: dict[str, Callable[..., Motion]] = {
+    "rotation": Rotation,
+    "translation": Translation,
+    "reflection": Reflection,
+}
+
+
+def _pair(given: Any, place: str) -> Pair:
+    one, other = (TEXT(name, f"{place}[{k}]") for k, name in enumerate(given[:2]))
+    return (one, other, *(made_by_name(MOTIONS, "motion", motion, f"{place}[2]") for motion in given[2:]))
+
+
+PAIRS = list_of(
+    Kind((list,), '["name", "name"] or ["name", "name", {motion = ...}]', lambda given: len(given) in (2, 3), _pair)
+)
+"""Pairs of boundaries, each with a table of the motion between them where that is named."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from skfem import MeshTri
 
-from kohonen_adapt.cases.contents import Case, material_in, quantity, shape
+from kohonen_adapt.cases.contents import PAIRS, Case, material_in, quantity, shape
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
 from kohonen_adapt.io import MSH_VERSION, read_mesh
 from kohonen_adapt.loop.adapt import adapt
@@ -19,10 +19,11 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 
 __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 
-PROBLEM = kinds_of(Magnetostatics)
+PROBLEM = kinds_of(Magnetostatics, {"periodic": PAIRS, "antiperiodic": PAIRS})
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-ADAPT = {name: kind for name, kind in kinds_of(adapt, {"curves": table_of(shape)}).items() if name != "checkpoint"}
+ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS})
+del ADAPT["checkpoint"]
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
 LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file

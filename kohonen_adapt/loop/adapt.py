@@ -14,6 +14,7 @@ from kohonen_adapt.loop.settings import Growth, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
@@ -45,7 +46,7 @@ def adapt(
     polish: bool = True,
     target_nodes: int | None = None,
     curves: Mapping[str, Curve] | None = None,
-    periodic: Sequence[tuple[str, str]] | None = None,
+    periodic: Sequence[Pair] | None = None,
     layers: Mapping[str, int] | None = None,
     outputs: Mapping[str, Output] | None = None,
     output_rtol: float | None = None,

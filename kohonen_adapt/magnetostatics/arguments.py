@@ -10,12 +10,12 @@ from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.outline.rules import checked_pair
 
 __all__ = ["Arguments"]
 
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
-
-Pairs = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Arguments:
     depth: float | None = None
     axisymmetric: bool = False
     open_boundary: str | None = None
-    periodic: Pairs = ()
-    antiperiodic: Pairs = ()
+    periodic: Sequence[Pair] = ()
+    antiperiodic: Sequence[Pair] = ()
     order: int = 1
     goal: Goal | None = None
 
@@ -129,9 +129,9 @@ def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, f
     return {name: float(total) for name, total in turns.items()}
 
 
-def _checked_pairs(name: str, given: Any) -> tuple[tuple[str, str], ...]:
+def _checked_pairs(name: str, given: Any) -> tuple[Pair, ...]:
     """The pairs of an argument as a tuple of tuples."""
-    pairs = list(given) if isinstance(given, list | tuple) else None
-    if pairs is None or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in pairs):
+    if not isinstance(given, list | tuple):
         raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
-    return tuple((one, other) for one, other in pairs)
+    checked = (checked_pair(pair, name) for pair in given)
+    return tuple((one, other) if motion is None else (one, other, motion) for one, other, motion in checked)

@@ -17,6 +17,7 @@ from kohonen_adapt.magnetostatics.estimation import error_of_goal, estimated, go
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, solution_of
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
@@ -63,7 +64,10 @@ class Magnetostatics(Arguments):
         to none; the energy beyond is not in that of the `Field`.
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
-        same on both, or the other's negative. Name the same pairs as `periodic` of `kohonen_adapt.adapt`.
+        same on both, or the other's negative. Where several motions fit, as between circles, the third entry of a pair
+        names the one that is meant: ``("rotor", "bore", ka.Rotation(angle))`` turns a rotor in its stator (what is on
+        it turns with the mesh, not its remanence), ``("rim", "kelvin", ka.Reflection(point, normal))`` joins a disc to
+        the Kelvin disc of all that is outside, a disc of air of its radius beside it.
     order
         Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
     goal
@@ -96,8 +100,10 @@ class Magnetostatics(Arguments):
     method: ClassVar[Newton] = Newton()  # a subclass may have another
 
     @property
-    def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones."""
+    def pairs(self) -> tuple[Pair, ...]:
+        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones, each
+        with the motion between them where that is named.
+        """
         return (*self.periodic, *self.antiperiodic)
 
     @property

@@ -181,3 +181,4 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
     table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
     for array in (table.length, table.curvature, table.reach, table.merged, table.bulge):
         array[image] = array[first]
+    table.curvature[image] *= np.sign(np.linalg.det(turn))  # a mirror image bends the other way

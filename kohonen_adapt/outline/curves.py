@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import finite_point
 
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "checked_points", "projected", "size_of"]
 
@@ -47,8 +48,8 @@ class Line:
     end: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", _checked_point(self.start, "start of a Line"))
-        object.__setattr__(self, "end", _checked_point(self.end, "end of a Line"))
+        object.__setattr__(self, "start", finite_point(self.start, "start of a Line"))
+        object.__setattr__(self, "end", finite_point(self.end, "end of a Line"))
         if self.start == self.end:
             raise ValueError(f"start and end of a Line must be two different points; got {self.start} twice.")
 
@@ -103,7 +104,7 @@ class Arc:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _checked_point(self.centre, "centre of an Arc"))
+        object.__setattr__(self, "centre", finite_point(self.centre, "centre of an Arc"))
         if not (isinstance(self.radius, Real) and isfinite(self.radius) and self.radius > 0.0):
             raise ValueError(f"radius of an Arc must be a positive number; got {self.radius!r}.")
         object.__setattr__(self, "radius", float(self.radius))
@@ -132,16 +133,6 @@ class Arc:
         distance = np.sqrt(np.sum(off**2, axis=0))
         off[:, distance == 0.0], distance[distance == 0.0] = [[1.0], [0.0]], 1.0
         return centre + self.radius * (off / distance)
-
-
-def _checked_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    try:
-        x, y = (float(coordinate) for coordinate in np.asarray(point, dtype=np.float64))
-    except (TypeError, ValueError):
-        x = y = np.nan
-    if not (isfinite(x) and isfinite(y)):
-        raise ValueError(f"{what} must be two finite numbers (x, y); got {point!r}.")
-    return x, y
 
 
 def checked_points(points: ArrayLike, what: str) -> Floats:

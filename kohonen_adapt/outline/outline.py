@@ -209,7 +209,7 @@ def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twin
     """The pairs as kernels need them."""
     region = triangulation.elements.region
     there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
-    rows = np.flatnonzero(pairs.facet >= 0)
+    rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.goes_on, False)[pairs.facet_motion])
     there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
     return Twins(pairs.partner, pairs.motion, pairs.motions, there)
 

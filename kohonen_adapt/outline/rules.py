@@ -2,16 +2,27 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.mesh.motions import Motion, Pair
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.curves import Curve
 
-__all__ = ["TOPOLOGIES", "Pinned", "Rules", "checked_curves", "checked_layers", "checked_pairs", "pinned_nodes"]
+__all__ = [
+    "TOPOLOGIES",
+    "Pinned",
+    "Rules",
+    "checked_curves",
+    "checked_layers",
+    "checked_pair",
+    "checked_pairs",
+    "pinned_nodes",
+]
 
 TOPOLOGIES = ("fixed", "flip", "recycle")
 
@@ -41,9 +52,11 @@ class Rules:
         radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
     periodic
         Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
-        translation or rotation carries the one to the other node by node, and does so afterwards. A training point
-        beside one also reaches what lies beside the other. Such nodes slide with the map; they are neither polished nor
-        recycled.
+        translation or rotation carries the one to the other node by node, and does so afterwards. Where several would,
+        as between circles, the third entry of a pair names the one that is meant, a `Rotation` (radians),
+        `Translation` or `Reflection`: ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed. A
+        training point beside one boundary also reaches what lies beside the other, where the mesh goes on there. Such
+        nodes slide with the map; they are neither polished nor recycled.
     layers
         Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
         has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
@@ -59,7 +72,7 @@ class Rules:
     min_quality: float | None = 0.3
     pinned: Pinned = ()
     curves: Mapping[str, Curve] | None = None
-    periodic: Sequence[tuple[str, str]] = ()
+    periodic: Sequence[Pair] = ()
     layers: Mapping[str, int] | None = None
 
     def __post_init__(self) -> None:
@@ -142,18 +155,34 @@ def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[st
     return dict(curves)
 
 
-def checked_pairs(mesh: MeshTri, periodic: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Pairs of names of boundaries; refused where one is no pair, or a name that of no boundary or there twice."""
-    seen = set[str]()
+def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, str, Motion | None]]:
+    """Names of paired boundaries and the motion between them, None where it is not named.
+
+    Refused where an entry is no pair, or a name that of no boundary or there twice.
+    """
+    found, seen = list[tuple[str, str, Motion | None]](), set[str]()
     for pair in periodic:
-        if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise ValueError(f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
-        for name in pair:
+        one, other, motion = checked_pair(pair, "periodic")
+        for name in (one, other):
             check_boundary(mesh, name, "periodic")
             if name in seen:
                 raise ValueError(f"boundary {name!r} is in periodic twice; it can have one partner only.")
             seen.add(name)
-    return [(one, other) for one, other in periodic]
+        found.append((one, other, motion))
+    return found
+
+
+def checked_pair(pair: Any, argument: str) -> tuple[str, str, Motion | None]:
+    """The two names and the motion, if any, of an entry of an argument."""
+    if not isinstance(pair, tuple | list) or len(pair) not in (2, 3):
+        raise ValueError(f"{argument} must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
+    one, other, motion = (*pair, None)[:3]
+    if not isinstance(motion, Motion | None):
+        raise ValueError(
+            f"the third entry of a pair in {argument} must be a kohonen_adapt.Rotation, Translation or Reflection; got "
+            f"{motion!r}."
+        )
+    return one, other, motion
 
 
 def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str, int]:

@@ -12,6 +12,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.facets import outline_facets
 from kohonen_adapt.outline.movable import MovableMesh
@@ -37,7 +38,7 @@ def plot_outlines(
     *,
     pinned: Sequence[int | str] | Ints | str = (),
     curves: Mapping[str, Curve] | None = None,
-    periodic: Sequence[tuple[str, str]] = (),
+    periodic: Sequence[Pair] = (),
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:

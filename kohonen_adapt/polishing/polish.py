@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
@@ -52,7 +53,7 @@ def polish(
     pinned: Pinned = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
-    periodic: Sequence[tuple[str, str]] = (),
+    periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.

@@ -9,6 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = [
@@ -58,8 +59,8 @@ class Problem(Protocol):
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
     ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises; ``pairs``, its periodic
-    and antiperiodic boundaries as pairs of names. A method that a class has for some of its problems only raises
-    `NotOffered` for the others, with the reason.
+    and antiperiodic boundaries as pairs, as ``Rules.periodic`` has them. A method that a class has for some of its
+    problems only raises `NotOffered` for the others, with the reason.
     """
 
     def solve(self, mesh: MeshTri) -> Any:
@@ -79,7 +80,7 @@ def norm_of(problem: Problem) -> str:
     return getattr(problem, "norm", "energy")
 
 
-def pairs_of(problem: Problem) -> Sequence[tuple[str, str]]:
+def pairs_of(problem: Problem) -> Sequence[Pair]:
     """Pairs of boundaries on which the problem's solution is periodic or antiperiodic, none where it does not say."""
     return getattr(problem, "pairs", None) or ()
 

@@ -10,6 +10,7 @@ from skfem import MeshTri
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, as_rows
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules
@@ -70,7 +71,7 @@ class KohonenMap:
         min_quality: float | None = 0.3,
         pinned: Pinned = (),
         curves: Mapping[str, Curve] | None = None,
-        periodic: Sequence[tuple[str, str]] = (),
+        periodic: Sequence[Pair] = (),
         layers: Mapping[str, int] | None = None,
     ) -> None:
         if topology not in ("flip", "fixed"):

@@ -10,6 +10,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh, Work
@@ -80,7 +81,7 @@ def relocate(
     pinned: Pinned = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
-    periodic: Sequence[tuple[str, str]] = (),
+    periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them; every node is kept, and its number.

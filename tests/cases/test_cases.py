@@ -227,7 +227,7 @@ def wrong(old, new, *said):
         wrong(
             "scale = 1e-3",
             'periodic = ["a", "b"]',
-            "periodic[0] must be [some text in quotes, some text in quotes]; got 'a'.",
+            """periodic[0] must be ["name", "name"] or ["name", "name", {motion = ...}]; got 'a'.""",
         ),
         wrong("scale = 1e-3", "depth = 0", "depth must be a finite number > 0 in metres, or None; got 0.0."),
         wrong(

@@ -73,6 +73,21 @@ def shells(rows, layers):
     return MeshTri(np.hstack([*between, rows[-1]]), np.hstack([np.stack([a, c, b]), np.stack([b, c, d])]))
 
 
+def apart(*meshes):
+    """Meshes as one, not connected; the names of the k-th begin with k."""
+    first = np.cumsum([0, *(mesh.p.shape[1] for mesh in meshes)])
+    t = np.hstack([mesh.t + n for mesh, n in zip(meshes, first, strict=False)])
+    whole = MeshTri(np.hstack([mesh.p for mesh in meshes]), t)
+    lines = {}
+    for k, mesh in enumerate(meshes):
+        for name, rows in (mesh.boundaries or {}).items():
+            ends = mesh.facets[:, rows] + first[k]
+            code = whole.p.shape[1] * ends.min(axis=0) + ends.max(axis=0)
+            lines[f"{k} {name}"] = np.flatnonzero(np.isin(whole.p.shape[1] * whole.facets[0] + whole.facets[1], code))
+    of = np.repeat(np.arange(len(meshes)), [mesh.t.shape[1] for mesh in meshes])
+    return whole.with_boundaries(lines).with_subdomains({str(k): np.flatnonzero(of == k) for k in range(len(meshes))})
+
+
 def closed(nodes):
     """Nodes in order, the first again at the end."""
     return np.append(nodes, nodes[0])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.meshes import square
+from helpers.meshes import apart, circle, disk, ring, shells, slit, square
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
@@ -222,7 +222,7 @@ def test_sides_that_do_not_match_are_refused():
     p = mesh.p.copy()
     p[1, (p[0] == 1.0) & (p[1] == 0.25)] += 1e-3
     with pytest.raises(
-        ValueError, match=r"within 1e-08 of the size of the mesh, .*; the nearest is 0\.001 off\. Mesh them"
+        ValueError, match=r"within 1e-08 of the size of the mesh; the nearest is 0\.001 off\. Mesh them"
     ):
         ka.relocate(MeshTri(p, mesh.t, mesh.boundaries), np.ones(128), periodic=[("left", "right")])
 
@@ -230,3 +230,255 @@ def test_sides_that_do_not_match_are_refused():
 def test_a_curve_and_a_partner_do_not_go_together():
     with pytest.raises(ValueError, match="a periodic boundary cannot have a curve, too"):
         ka.relocate(cell(4), np.ones(32), periodic=[("left", "right")], curves={"left": ka.Line((0, 0), (0, 1))})
+
+
+# --- motions by name ---------------------------------------------------------------------------------------------
+
+ROTOR_AND_STATOR = [("0 rim", "1 inner")]
+
+
+def rim_named(mesh):
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def rotor_and_stator(rings=6):
+    """A disc in an annulus, each with nodes of its own on the circle between them, of radius 1/2."""
+    return apart(rim_named(disk(rings, 0.5)), ring(6 * rings, rings))
+
+
+def two_discs(rings=8):
+    """A disc of radius 1 about the origin and its mirror image about (3, 0)."""
+    one = disk(rings, 1.0)
+    return apart(rim_named(one), rim_named(MeshTri(np.array([[3.0], [0.0]]) + one.p * [[-1.0], [1.0]], one.t)))
+
+
+MIRROR = ka.Reflection(point=(1.5, 0.0), normal=(1.0, 0.0))
+IN_MIRROR = [("0 rim", "1 rim", MIRROR)]
+
+
+def moved_by(motion):
+    matrix = motion.matrix
+    return lambda x: matrix[:, :2] @ x + matrix[:, 2:]
+
+
+def test_motions_are_what_they_say():
+    x = np.array([[1.0, 3.0], [0.0, -2.0]])
+    np.testing.assert_allclose(moved_by(ka.Rotation(np.pi / 2, (1.0, 1.0)))(x), [[2.0, 4.0], [1.0, 3.0]], atol=1e-15)
+    np.testing.assert_array_equal(moved_by(ka.Translation((1, -1)))(x), [[2.0, 4.0], [-1.0, -3.0]])
+    np.testing.assert_array_equal(moved_by(ka.Reflection((0, 1), (0, -3)))(x), [[1.0, 3.0], [2.0, 4.0]])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ka.Rotation("1"), "angle of a Rotation must be a finite number in radians; got '1'"),
+        (lambda: ka.Rotation(np.inf), "angle of a Rotation must be a finite number"),
+        (lambda: ka.Rotation(1.0, 2.0), r"centre of a Rotation must be two finite numbers \(x, y\); got 2\.0"),
+        (lambda: ka.Translation((1.0, np.nan)), "vector of a Translation must be two finite numbers"),
+        (lambda: ka.Reflection((0, 0), (0, 0)), r"normal of a Reflection must have a direction; got \(0, 0\)"),
+        (lambda: ka.Reflection(None, (0, 1)), "point of a Reflection must be two finite numbers"),
+    ],
+)
+def test_motions_that_are_none(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_circles_are_not_matched_by_a_guess():
+    mesh = rotor_and_stator()
+    message = (
+        r"^periodic boundaries '0 rim' and '1 inner' fit by more than one motion, .* for instance \('0 rim', "
+        r"'1 inner', kohonen_adapt\.Translation\(vector=\(0\.0, 0\.0\)\)\), or "
+        r"kohonen_adapt\.Rotation\(angle=-?0\.1745.*; in a case "
+        r'\["0 rim", "1 inner", \{motion = "translation", vector = \[0\.0, 0\.0\]\}\]\.$'
+    )
+    with pytest.raises(ValueError, match=message):
+        ka.relocate(mesh, np.ones(mesh.nelements), periodic=ROTOR_AND_STATOR)
+
+
+def test_circles_whose_nodes_tell_the_motion_need_no_name():
+    """Unevenly spaced nodes are those of the other circle in one position only."""
+    angle = 2 * np.pi * (np.arange(36) + 0.3 * np.sin(2 * np.pi * np.arange(36) / 36)) / 36
+    around = np.stack([np.cos(angle), np.sin(angle)])
+    inside, outside = shells([0.2 * circle(36), 0.5 * around], 3), shells([0.5 * around, circle(36)], 3)
+    rim = lambda x: np.abs(np.hypot(*x) - 0.5) < 0.02  # noqa: E731
+    mesh = apart(inside.with_boundaries({"rim": rim}), outside.with_boundaries({"inner": rim}))
+    result = ka.relocate(mesh, peak_at(0.5, 0.0), periodic=ROTOR_AND_STATOR)
+    assert mismatch(result, "0 rim", "1 inner", lambda x: x) < 1e-15
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
+@pytest.mark.parametrize(
+    ("make", "pair"),
+    [
+        (rotor_and_stator, ("0 rim", "1 inner", ka.Rotation(np.pi / 18))),
+        (two_discs, IN_MIRROR[0]),
+        (two_discs, ("1 rim", "0 rim", MIRROR)),
+        (two_discs, ("0 rim", "1 rim", ka.Rotation(np.pi, (1.5, 0.0)))),
+    ],
+)
+def test_circles_stay_matched_by_the_motion_named(make, pair, topology):
+    before = make()
+    mesh = ka.relocate(before, peak_at(0.4, 0.4), topology=topology, periodic=[pair])
+    assert mismatch(mesh, *pair[:2], moved_by(pair[2])) < 1e-14
+    nodes = np.unique(mesh.facets[:, mesh.boundaries["0 rim"]])
+    radius = np.hypot(*before.p[:, before.facets[0, before.boundaries["0 rim"][0]]])
+    np.testing.assert_allclose(np.hypot(*mesh.p[:, nodes]), radius, rtol=1e-14)
+    spacing = np.diff(np.sort(np.arctan2(*mesh.p[::-1, nodes])))
+    assert spacing.max() > 1.2 * spacing.min()  # they slid
+
+
+def test_a_point_beside_a_circle_reaches_the_turned_stator():
+    """As beside straight sides: its image lies where the rotor is turned to."""
+    mesh, angle = rotor_and_stator(2), np.pi / 6
+    x = 0.48 * np.array([[np.cos(0.01)], [np.sin(0.01)]])
+    once = Schedule((Stage(1, 1, 0.5, neighbourhood="flat"),))
+    som = KohonenMap(mesh, topology="fixed", periodic=[("0 rim", "1 inner", ka.Rotation(angle))])
+    som.train(x, once)
+    moved = np.flatnonzero(np.any(som.mesh.p != mesh.p, axis=0) & (np.hypot(*mesh.p) > 0.51))
+    assert len(moved) > 0
+    np.testing.assert_allclose(som.mesh.p[:, moved], 0.5 * (mesh.p[:, moved] + rotation(angle) @ x), atol=1e-15)
+
+
+class Discs:
+    """-div grad u = 1 in a disc whose circle is one with the outer one of a ring beside it; u = 0 on the inner one."""
+
+    pairs = (("0 rim", "1 outer", MIRROR),)
+
+    def solve(self, mesh):
+        basis = Basis(mesh, ElementTriP1())
+        nodes, others = (np.unique(mesh.facets[:, mesh.boundaries[name]]) for name in ("0 rim", "1 outer"))
+        number = np.arange(mesh.p.shape[1])
+        number[others] = nodes[KDTree(moved_by(MIRROR)(mesh.p[:, nodes]).T).query(mesh.p[:, others].T)[1]]
+        kept, column = np.unique(number, return_inverse=True)
+        join = csr_array((np.ones(len(number)), (np.arange(len(number)), column)))
+        source = basis.with_element(ElementTriP0()).interpolate(self.load(mesh))
+        matrix, load = join.T @ laplace.assemble(basis) @ join, join.T @ spot_load.assemble(basis, f=source)
+        free = ~self.fixed(mesh)[kept]
+        u = np.zeros(len(kept))
+        u[free] = spsolve(matrix[free][:, free].tocsc(), load[free])
+        return join @ u
+
+    def load(self, mesh):
+        return np.bincount(mesh.subdomains["0"], minlength=mesh.nelements).astype(float)
+
+    def fixed(self, mesh):
+        return np.isin(np.arange(mesh.p.shape[1]), mesh.facets[:, mesh.boundaries["1 inner"]])
+
+    def indicators(self, mesh, solution):
+        return ka.estimators.residual(mesh, solution, np.ones(mesh.nelements), source=self.load(mesh))
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, self.fixed(mesh), 1.0, source=np.array([0.0, 1.0]), region=self.load(mesh).astype(int))
+
+
+def test_mirrored_circles_stay_matched_in_a_loop_and_in_the_polish():
+    annulus = ring(48, 6, inner=0.1)
+    beside = MeshTri(np.array([[3.0], [0.0]]) + annulus.p * [[-1.0], [1.0]], annulus.t, annulus.boundaries)
+    mesh, carried = apart(rim_named(disk(8, 1.0)), beside), moved_by(MIRROR)
+    result = ka.adapt(mesh, Discs(), passes=2)  # the pairs are the problem's
+    assert mismatch(result.mesh, "0 rim", "1 outer", carried) < 1e-14
+    assert result.estimate < 0.95 * result.history[0].estimate
+    polished = ka.polish(mesh, Discs(), periodic=Discs.pairs)
+    assert mismatch(polished, "0 rim", "1 outer", carried) < 1e-14 and np.any(polished.p != mesh.p)
+
+
+def sides_of(*meshes):
+    return apart(*(mesh.with_boundaries({"left": left, "right": right}) for mesh, left, right in meshes))
+
+
+def unit_at(x, n=4):
+    """A square from x to x + 1, and its left and right sides as they are found."""
+    mesh = square(n).translated((x, 0.0))
+    return mesh, lambda p: np.abs(p[0] - x) < 1e-9, lambda p: np.abs(p[0] - x - 1.0) < 1e-9
+
+
+def joined(mesh, **names):
+    """The mesh with boundaries that are those of that name put together."""
+    rows = {name: np.concatenate([mesh.boundaries[part] for part in parts]) for name, parts in names.items()}
+    return mesh.with_boundaries(rows)
+
+
+def beside(mirror):
+    """A crooked quadrilateral with uneven nodes, or its mirror image, beside it."""
+    x, y = square(4).p
+    one = MeshTri(np.stack([x + 0.3 * y**2, y**2 + 0.1 * x]), square(4).t)
+    other = MeshTri(one.p * [[-1.0], [1.0]] if mirror else one.p, one.t).translated((5.0, 0.0))
+    return apart(rim_named(one), rim_named(other))
+
+
+def slit_squares():
+    faces = lambda x: (np.abs(x[1] - 0.5) < 1e-9) & (x[0] % 3.0 < 0.6)  # noqa: E731
+    both = [slit(8), slit(8).translated((3.0, 0.0))]
+    return apart(*(mesh.with_boundaries({"a": mesh.facets_satisfying(faces, boundaries_only=True)}) for mesh in both))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "pair", "message"),
+    [
+        pytest.param(
+            two_discs(3),
+            ("0 rim", "1 rim"),
+            r"'0 rim' and '1 rim' fit by a motion, but the mesh does not go on there: once moved it lies on the same "
+            r"side of '1 rim'\. .* for instance \('0 rim', '1 rim', kohonen_adapt\.Reflection\(point=\(1\.5, 0\.0\), "
+            r"normal=\(1\.0, 0\.0\)\)\), or kohonen_adapt\.Translation\(vector=\(3\.0, 0\.0\)\)",
+            id="folded",
+        ),
+        pytest.param(
+            beside(False),
+            ("0 rim", "1 rim"),
+            r"the mesh does not go on there.*Translation\(vector=\(5\.0, 0\.0\)\)\); in a case",
+            id="folded, one way",
+        ),
+        pytest.param(
+            beside(True),
+            ("0 rim", "1 rim"),
+            r"fit by a reflection, which is not guessed\. .*Reflection\(point=\(2\.5, 0\.0\), normal=\(1\.0, 0\.0\)\)",
+            id="mirrored",
+        ),
+        pytest.param(
+            sides_of(unit_at(0.0), unit_at(3.0)),
+            ("0 left", "1 left"),
+            None,  # by half a turn the mesh goes on, and the nodes are even
+            id="turned",
+        ),
+        pytest.param(
+            joined(sides_of(unit_at(0), unit_at(2), unit_at(3.0)), a=["0 left", "1 right"], b=["0 right", "2 right"]),
+            ("a", "b"),
+            r"'a' and 'b' do not fit: the mesh goes on beyond 4 facets of 'b' and lies on the same side of 4\. ",
+            id="mixed",
+        ),
+        pytest.param(
+            sides_of((square(4), *unit_at(0)[1:2], lambda x: (x[0] > 0.999) & (np.abs(x[1] - 0.375) > 0.1))),
+            ("0 left", "0 right"),
+            r"do not fit: the nodes of '0 left' come to lie on those of '0 right', but not all facets on facets: of 4 "
+            r"3 do, of 3\. Name all facets on both sides",
+            id="facets",
+        ),
+        pytest.param(
+            slit_squares(),
+            ("0 a", "1 a"),
+            r"do not fit: two nodes of '0 a' come to lie on one of '1 a', at \(3(\.\d+)?, 0\.5\)\. Merge nodes",
+            id="doubled",
+        ),
+        pytest.param(
+            two_discs(3),
+            ("0 rim", "1 rim", ka.Rotation(0.1)),
+            r"^Rotation\(angle=0\.1, centre=\(0\.0, 0\.0\)\) must carry the nodes of boundary '0 rim' to those of "
+            r"'1 rim', .*; it leaves one [\d.]+ off\. Mesh",
+            id="named wrongly",
+        ),
+        pytest.param(
+            two_discs(3),
+            ("0 rim", "1 rim", "mirror"),
+            r"the third entry of a pair in periodic must be a kohonen_adapt\.Rotation, Translation or Reflection; got ",
+            id="no motion",
+        ),
+    ],
+)
+def test_refusals_of_pairs_name_the_cause(mesh, pair, message):
+    if message is None:
+        KohonenMap(mesh, periodic=[pair])
+        return
+    with pytest.raises(ValueError, match=message):
+        KohonenMap(mesh, periodic=[pair])

@@ -131,7 +131,7 @@ def test_curves_are_of_boundaries_and_can_project():
 def test_pairs_are_of_boundaries_and_each_is_in_one():
     mesh = square(4).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
     assert checked_pairs(mesh, ()) == []
-    assert checked_pairs(mesh, [["left", "right"]]) == [("left", "right")]
+    assert checked_pairs(mesh, [["left", "right"]]) == [("left", "right", None)]
     refused = {
         r"periodic must hold pairs of names of boundaries, as \[\('left', 'right'\)\]; got 'l'\.": "lr",
         r"periodic has 'top', which is no boundary of the mesh; its boundaries are: 'left', 'right'\.": [

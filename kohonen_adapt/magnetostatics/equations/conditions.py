@@ -14,7 +14,9 @@ from kohonen_adapt.magnetostatics.equations.elements import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import named
+from kohonen_adapt.outline.matching import Unmatched
 from kohonen_adapt.outline.pairs import image_nodes
 
 __all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values", "ties_of"]
@@ -22,7 +24,6 @@ __all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values",
 CONTRADICTION = 1e-9  # of the largest fixed value: values that tied nodes may differ by
 ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle
 
-Names = Sequence[tuple[str, str]]
 Value = float | Callable[[Floats], ArrayLike]
 
 
@@ -32,8 +33,8 @@ class Boundaries:
 
     potential: Mapping[str, Value]
     open_boundary: str | None = None
-    periodic: Names = ()
-    antiperiodic: Names = ()
+    periodic: Sequence[Pair] = ()
+    antiperiodic: Sequence[Pair] = ()
 
 
 @dataclass(frozen=True)
@@ -167,17 +168,17 @@ def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Ma
     return fixed, values
 
 
-def ties_of(elements: Elements, periodic: Names, antiperiodic: Names) -> Ties:
+def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
     """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell;
     refuse names that are no boundaries, and nodes that do not match.
     """
-    mesh, names = elements.mesh, [*periodic, *antiperiodic]
+    mesh, pairs = elements.mesh, [*periodic, *antiperiodic]
     try:
-        found = image_nodes(mesh, names)
-    except ValueError as error:
+        found = image_nodes(mesh, pairs)
+    except Unmatched as error:
         raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
     signs = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)])
-    facets = [np.asarray(mesh.boundaries[name]) for name, _ in names]
+    facets = [np.asarray(mesh.boundaries[name]) for name, *_ in pairs]
     images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
     along = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
     inside, beyond = (elements.on_facets(rows)[2:].ravel() for rows in along[:2])

@@ -1,0 +1,243 @@
+"""Match the nodes of two boundaries by the motion that carries one onto the other; refuse where none or several do."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.motions import Motion, is_proper, motion_of, moved
+
+__all__ = ["Match", "Sides", "Unmatched", "matched"]
+
+MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
+PROBES = 8  # nodes that are tried first, where there are many motions to try
+SHOWN = 3  # motions that are proposed
+MIRROR = np.diag([-1.0, 1.0])
+
+
+class Unmatched(ValueError):
+    """The nodes of the one boundary are not where those of the other are."""
+
+
+class Sides(NamedTuple):
+    """Two boundaries that are to be one another's image."""
+
+    names: tuple[str, str]
+    position: Floats  # (2, n)
+    facets: tuple[Ints, Ints]  # (k, 2) each: their nodes, counter-clockwise round the elements
+    size: float  # of the mesh
+
+    @property
+    def nodes(self) -> tuple[Ints, Ints]:
+        """The nodes of each, (k,)."""
+        one, other = (np.unique(facets) for facets in self.facets)
+        return one, other
+
+    @property
+    def near(self) -> float:
+        """How far a node may be from its partner's image, in mesh units."""
+        return MATCH * self.size
+
+    def said(self, verb: str) -> str:
+        """The names, for the beginning of a message."""
+        return f"periodic boundaries {self.names[0]!r} and {self.names[1]!r} {verb}"
+
+
+class Match(NamedTuple):
+    """What a motion does to the nodes of the one boundary."""
+
+    motion: Floats  # [A | b]
+    nodes: Ints  # (k,) of the one boundary
+    images: Ints  # (k,) those of the other that are nearest to where they are carried
+    off: float  # how far at most
+    goes_on: bool  # whether the mesh, once moved, lies on the other side of the other boundary
+    fault: str  # why the motion will not do, though it carries node to node; empty if it does
+
+
+def matched(sides: Sides, named: Motion | None) -> Match:
+    """The match by the motion named, or by the only translation or rotation beyond which the mesh goes on.
+
+    Refuses a motion that does not carry nodes to nodes and facets to facets, and where none is named none and several.
+    """
+    one, other = (len(nodes) for nodes in sides.nodes)
+    if one != other:
+        raise ValueError(
+            f"{sides.said('must have as many nodes')}; they have {one} and {other}. Mesh them as a pair (Gmsh: "
+            "Periodic Curve)."
+        )
+    if named is None:
+        return the_only(sides)
+    match = attempt(sides, named.matrix)
+    if match.off > sides.near:
+        raise Unmatched(unmatched(sides, repr(named), f"it leaves one {match.off:.6g} off"))
+    if match.fault:
+        raise ValueError(f"{sides.said('do not fit')} by {named!r}: {match.fault}")
+    return match
+
+
+def the_only(sides: Sides) -> Match:
+    """The match by the one translation or rotation that will do."""
+    tried = first_of(attempts(sides, mirrored=False), sides.near)
+    will_do = [match for match in tried if match.off <= sides.near and match.goes_on and not match.fault]
+    if len(will_do) == 1:
+        return will_do[0]
+    if will_do:
+        raise ValueError(
+            f"{sides.said('fit')} by more than one motion, and each gives another field. "
+            f"{proposal(sides, motions_of(sides, will_do))}"
+        )
+    raise refusal(sides, tried)
+
+
+def first_of(matches: Iterator[Match], near: float) -> list[Match]:
+    """The matches up to the third that will do: of a circle there are as many as it has nodes."""
+    found, will_do = list[Match](), 0
+    for match in matches:
+        found.append(match)
+        will_do += match.off <= near and match.goes_on and not match.fault
+        if will_do == SHOWN:
+            break
+    return found
+
+
+def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
+    """Why none of the translations and rotations will do."""
+    fitting = [match for match in tried if match.off <= sides.near]
+    folding = motions_of(sides, [match for match in fitting if not match.fault])
+    mirrored = [match for match in attempts(sides, mirrored=True) if match.off <= sides.near and not match.fault]
+    reflections = motions_of(sides, mirrored)
+    if folding:
+        return ValueError(
+            f"{sides.said('fit')} by a motion, but the mesh does not go on there: once moved it lies on the same side "
+            f"of {sides.names[1]!r}. The two may be one nevertheless, as those of a disc and its Kelvin disc are. "
+            f"{proposal(sides, [*reflections[:1], *folding[:1]])}"
+        )
+    if fitting:
+        return ValueError(f"{sides.said('do not fit')}: {fitting[0].fault}")
+    if reflections:
+        return ValueError(f"{sides.said('fit')} by a reflection, which is not guessed. {proposal(sides, reflections)}")
+    least = min(match.off for match in tried)
+    return Unmatched(unmatched(sides, "a translation or rotation", f"the nearest is {least:.6g} off"))
+
+
+def unmatched(sides: Sides, motion: str, found: str) -> str:
+    """The message where nodes do not come to lie on nodes."""
+    one, other = sides.names
+    return (
+        f"{motion} must carry the nodes of boundary {one!r} to those of {other!r}, within {MATCH:g} of the size of the "
+        f"mesh; {found}. Mesh them as a pair (Gmsh: Periodic Curve)."
+    )
+
+
+def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
+    """The motions of matches, but for glide reflections, which have no name."""
+    return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
+
+
+def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
+    """How to name a motion, by some that fit."""
+    first, *others = (f"kohonen_adapt.{motion!r}" for motion in motions)
+    rest = "".join(f", or {motion}" for motion in others)
+    kind, (one, other) = type(motions[0]).__name__.lower(), sides.names
+    keys = ", ".join(f"{key} = {list(x) if isinstance(x, tuple) else x}" for key, x in vars(motions[0]).items())
+    return (
+        f"Name the motion that is meant as the third entry of the pair, for instance ({one!r}, {other!r}, {first})"
+        f'{rest}; in a case ["{one}", "{other}", {{motion = "{kind}", {keys}}}].'
+    )
+
+
+def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
+    """What motions do that carry two nodes of the one boundary, far apart, to two of the other; the least turns first.
+
+    Translations and rotations, or else mirror images.
+    """
+    motions = candidates(sides, mirrored)
+    nodes, others = sides.nodes
+    tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
+    off = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
+    kept = np.flatnonzero(off <= max(sides.near, off.min()))
+    angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in kept])
+    for k in kept[np.argsort(np.round(angle, 9), kind="stable")]:
+        yield attempt(sides, motions[k])
+
+
+def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
+    """Motions that carry two nodes of the one boundary to two of the other that lie as its own do; one at least."""
+    points, targets = (sides.position[:, nodes] for nodes in sides.nodes)
+    if mirrored:
+        points = MIRROR @ points
+    ends = farthest(points)
+    middle, aim = points.mean(axis=1, keepdims=True), targets.mean(axis=1, keepdims=True)
+    radius, slack = np.hypot(*(targets - aim)), 4.0 * sides.near
+    first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.hypot(*(ends - middle)))
+    apart, found = np.hypot(*(ends[:, 1] - ends[:, 0])), list[Floats]()
+    for q in first:
+        off = np.hypot(*(targets[:, second] - targets[:, [q]])) - apart
+        found += [rigid_motion(ends, targets[:, [q, w]]) for w in second[np.abs(off) <= slack]]
+    if not found:
+        aims = farthest(targets)
+        found = [rigid_motion(ends, aims), rigid_motion(ends, aims[:, ::-1])]
+    return [np.column_stack([each[:, :2] @ MIRROR, each[:, 2]]) for each in found] if mirrored else found
+
+
+def attempt(sides: Sides, motion: Floats) -> Match:
+    """What a motion does to the nodes of the one boundary."""
+    nodes, others = sides.nodes
+    off, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
+    images, (one, other) = others[at], sides.names
+    against, along = senses(sides, nodes, images)
+    fault = ""
+    if len(np.unique(at)) < len(at):
+        twice = at[np.setdiff1d(np.arange(len(at)), np.unique(at, return_index=True)[1])[0]]
+        fault = (
+            f"two nodes of {one!r} come to lie on one of {other!r}, at {place(sides, others[twice])}. Merge nodes "
+            "that are in one place, or name the two sides of a slit apart."
+        )
+    elif not np.all(against | along) or len(sides.facets[0]) != len(sides.facets[1]):
+        fault = (
+            f"the nodes of {one!r} come to lie on those of {other!r}, but not all facets on facets: of "
+            f"{len(against)} {np.sum(against | along)} do, of {len(sides.facets[1])}. Name all facets on both sides."
+        )
+    elif not (against.all() or along.all()):
+        fault = (
+            f"the mesh goes on beyond {np.sum(against)} facets of {other!r} and lies on the same side of "
+            f"{np.sum(along)}. Name parts apart that are one another's image by different motions."
+        )
+    return Match(motion, nodes, images, float(off.max()), bool(against.all()) == is_proper(motion), fault)
+
+
+def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
+    """Whether the facets of the one boundary come to run against facets of the other, and along them, (k,) each."""
+    count = sides.position.shape[1]
+    image = np.full(count, -1, dtype=np.int64)
+    image[nodes] = images
+    start, end = image[sides.facets[0]].T
+    first, second = sides.facets[1].T.astype(np.int64)
+    return np.isin(end * count + start, first * count + second), np.isin(start * count + end, first * count + second)
+
+
+def place(sides: Sides, node: int) -> str:
+    """Where a node is, for messages."""
+    x, y = sides.position[:, node]
+    return f"({x:.6g}, {y:.6g})"
+
+
+def farthest(points: Floats) -> Floats:
+    """Two of the points (2, n) that are far from one another, (2, 2): the farthest on a straight boundary."""
+    first = np.argmax(np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=0))
+    second = np.argmax(np.sum((points - points[:, [first]]) ** 2, axis=0))
+    return points[:, [first, second]]
+
+
+def rigid_motion(points: Floats, targets: Floats) -> Floats:
+    """The translation or rotation [A | b] that carries two points (2, 2) to two others as far apart."""
+    (ux, uy), (wx, wy) = points[:, 1] - points[:, 0], targets[:, 1] - targets[:, 0]
+    cosine, sine = ux * wx + uy * wy, ux * wy - uy * wx
+    length = np.hypot(cosine, sine)
+    cosine, sine = cosine / length, sine / length
+    if abs(sine) < MATCH and cosine > 0.0:
+        cosine, sine = 1.0, 0.0
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    return np.column_stack([turn, (targets - turn @ points).mean(axis=1)])
