@@ -33,6 +33,7 @@ class Arguments:
     antiperiodic: Sequence[Pair] = ()
     order: int = 1
     goal: Goal | None = None
+    applied_field: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -41,6 +42,7 @@ class Arguments:
         self._check_depth()
         self._check_bound()
         self._check_goal()
+        object.__setattr__(self, "applied_field", self._checked_field())
         # Copies: what the caller does to the mappings later must not change a problem that has been solved.
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
@@ -96,6 +98,23 @@ class Arguments:
                 f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
                 f"this one has {' and '.join(has)}: take 'residual' or 'recovery'."
             )
+
+    def _checked_field(self) -> tuple[float, float]:
+        """The applied field as a tuple of floats."""
+        given = self.applied_field
+        if np.shape(given) != (2,) or not all(is_number(part) and np.isfinite(part) for part in given):
+            raise ValueError(f"applied_field must be two finite numbers (H_x, H_y) in A/m; got {given!r}.")
+        x, y = (float(part) for part in given)
+        if self.axisymmetric and x != 0.0:
+            raise ValueError(
+                f"applied_field must be along the axis of an axisymmetric problem, (0, H_z); got {given!r}."
+            )
+        if self.open_boundary is None and (x, y) != (0.0, 0.0):
+            raise ValueError(
+                "an applied_field needs an open_boundary, beyond which it is; on another boundary give its A as the "
+                "potential, mu0 (H_x y - H_y x), around an axis mu0 H_z r / 2."
+            )
+        return x, y
 
     def _check_goal(self) -> None:
         if self.goal is None:

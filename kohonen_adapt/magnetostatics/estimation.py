@@ -194,4 +194,5 @@ def _given(conditions: Conditions) -> Mask:
     equilibrium is no part of the estimate.
     """
     fixed = conditions.held
-    return fixed if conditions.robin is None else fixed | (conditions.robin.diagonal() > 0.0)
+    beyond = conditions.open_boundary
+    return fixed if beyond is None else fixed | (beyond.matrix.diagonal() > 0.0)

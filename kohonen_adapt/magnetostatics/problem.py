@@ -59,9 +59,13 @@ class Magnetostatics(Arguments):
     axisymmetric
         Whether the mesh is the half-plane of an axis.
     open_boundary
-        Name of a boundary on a circle beyond which there is nothing but air: there ``nu dA/dn + nu A / R0 = 0``, which
-        is exact for the field of a dipole at its centre, with the radius R0 from the mesh. Planar currents must add up
-        to none; the energy beyond is not in that of the `Field`.
+        Name of a boundary on a circle beyond which there is nothing but air, around an axis on a half circle about a
+        point of it: there ``nu dA/dn + nu A / R0 = 0``, axisymmetric the same for u = r A, which is exact for the field
+        of a dipole at its centre, with the radius R0 from the mesh. Planar currents must add up to none; the energy
+        beyond is not in that of the `Field`.
+    applied_field
+        (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field that is there without all that is modelled, of
+        sources beyond the open boundary. The condition there is for what the model adds to it.
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
         same on both, or the other's negative. Where several motions fit, as between circles, the third entry of a pair
@@ -109,7 +113,9 @@ class Magnetostatics(Arguments):
     @property
     def boundaries(self) -> Boundaries:
         """The conditions on the boundaries, by name."""
-        return Boundaries(self.potential or {}, self.open_boundary, self.periodic, self.antiperiodic)
+        return Boundaries(
+            self.potential or {}, self.open_boundary, self.periodic, self.antiperiodic, self.applied_field
+        )
 
     def solve(self, mesh: MeshTri) -> Field:
         """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
@@ -308,10 +314,4 @@ class Magnetostatics(Arguments):
         """
         if self.goal is not None:
             raise NotOffered("it is adapted for a goal, and the polish lowers the energy")
-        if self.axisymmetric:
-            raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
-        if self.order == 2:
-            raise NotOffered("its elements are of order 2")
-        if self.open_boundary is not None:
-            raise NotOffered("its open boundary adds to the energy, which the polish does not see")
         return functional_of(field, self.boundaries, self.materials)

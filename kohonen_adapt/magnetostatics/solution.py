@@ -13,6 +13,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import varying_flux
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 
 __all__ = [
@@ -86,7 +87,19 @@ def carried(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    """State the functional of a planar field of order 1: one number per material, and a function where magnets turn."""
+    """State the functional of a planar field of order 1: one number per material, and a function where magnets turn.
+
+    Raises
+    ------
+    NotOffered
+        If it is of another form.
+    """
+    if field.axisymmetric:
+        raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
+    if field.elements.order == 2:
+        raise NotOffered("its elements are of order 2")
+    if boundaries.open_boundary is not None:
+        raise NotOffered("its open boundary adds to the energy, which the polish does not see")
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
     present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}

@@ -35,6 +35,24 @@ class Boundaries:
     open_boundary: str | None = None
     periodic: Sequence[Pair] = ()
     antiperiodic: Sequence[Pair] = ()
+    applied_field: tuple[float, float] = (0.0, 0.0)  # in A/m, beyond the open boundary
+
+
+@dataclass(frozen=True)
+class OpenBoundary:
+    """What an open boundary adds to the energy, ``u . matrix u / 2 - load . u``."""
+
+    matrix: csc_array  # (nunknowns, nunknowns)
+    load: Floats  # (nunknowns,): of an applied field
+
+    def energy(self, u: Floats) -> tuple[float, float]:
+        """That, and the sum of the sizes of both terms."""
+        stored, spent = 0.5 * float(u @ (self.matrix @ u)), float(self.load @ u)
+        return stored - spent, stored + abs(spent)
+
+    def gradient(self, u: Floats) -> Floats:
+        """Its derivatives by the unknowns."""
+        return self.matrix @ u - self.load
 
 
 @dataclass(frozen=True)
@@ -57,7 +75,7 @@ class Conditions:
     fixed: Mask  # (nunknowns,): unknowns of given values
     values: Floats  # (nunknowns,): these values, zero elsewhere
     free: Ints  # (nfree,): the other unknowns
-    robin: csc_array | None = None  # (nunknowns, nunknowns): what the open boundary adds to the matrix
+    open_boundary: OpenBoundary | None = None
     join: csc_array | None = None  # (nfree, nclasses): free unknowns from one for each class; None: each is its own
     ties: Ties | None = None  # unknowns that are one
 
@@ -71,8 +89,8 @@ class Conditions:
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
         """The equations of the free unknowns as those of their classes, the open boundary added to the matrix."""
-        if self.robin is not None:
-            matrix = (matrix + self.robin[self.free][:, self.free]).tocsc()
+        if self.open_boundary is not None:
+            matrix = (matrix + self.open_boundary.matrix[self.free][:, self.free]).tocsc()
         if self.join is not None:
             matrix = (self.join.T @ matrix @ self.join).tocsc()
         return matrix, self.gathered(right)
@@ -102,21 +120,26 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
     fixed, values = fixed_values(elements, given.potential)
     values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
-    robin = None if given.open_boundary is None else robin_matrix(elements, given.open_boundary, symmetry)
+    beyond = None
+    if given.open_boundary is not None:
+        beyond = open_boundary_of(elements, given.open_boundary, symmetry, given.applied_field)
     ties = None
     if given.periodic or given.antiperiodic:
         ties = ties_of(elements, given.periodic, given.antiperiodic)
         fixed, values = _shared(elements.places, ties, fixed, values)
-    _check_anchored(elements.mesh.facets, elements.mesh.p.shape[1], fixed, robin, ties)
+    _check_anchored(elements.mesh.facets, elements.mesh.p.shape[1], fixed, beyond, ties)
     free = np.flatnonzero(~fixed)
-    return Conditions(fixed, values, free, robin, None if ties is None else _join(ties, free), ties)
+    return Conditions(fixed, values, free, beyond, None if ties is None else _join(ties, free), ties)
 
 
-def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array:
-    """The matrix of ``int nu0' / R0 u v ds`` over the boundary of that name, (nunknowns, nunknowns).
+def open_boundary_of(
+    elements: Elements, name: str, symmetry: Symmetry, applied_field: tuple[float, float]
+) -> OpenBoundary:
+    """The condition ``nu0' du/dn + nu0' u / R0 = d nu0' u0 / R0`` on the boundary of that name.
 
-    In the air beyond a circle the potential of a dipole falls like 1 / r, so ``nu0 dA/dn + nu0 / R0 A = 0``; beyond a
-    sphere that of a ring does like 1 / r^2, so that u = r A falls like 1 / r, too, and the condition for u is the same.
+    In the air beyond a circle the potential of a dipole falls like 1 / R, so ``du/dn = -u / R0``; beyond a sphere that
+    of a ring does like sin(theta) / R^2 (Jackson, Classical Electrodynamics, 5.5), so u = r A falls like 1 / R, too.
+    The potential u0 of a uniform applied field grows like R^(d - 1) in d dimensions, and u - u0 is what falls.
     """
     mesh = elements.mesh
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
@@ -128,16 +151,18 @@ def robin_matrix(elements: Elements, name: str, symmetry: Symmetry) -> csc_array
             f"{inside} of its {facets.size} facets are inside."
         )
     start, end = mesh.facets[:, facets]
-    (a, b), size = (mesh.p[:, ends] for ends in (start, end)), radius_of(mesh, name)
+    (a, b), (centre, size) = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)
+    applied, dimension = symmetry.uniform(elements.places, centre, applied_field)
     weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
     unknowns, count = elements.on_facets(facets), elements.places.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
     values = elements.facet_products[:, :, None] * weight
-    return coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
+    matrix = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
+    return OpenBoundary(matrix, dimension * VACUUM_PERMEABILITY * (matrix @ applied))
 
 
-def radius_of(mesh: MeshTri, name: str) -> float:
-    """Radius of the circle that a boundary lies on, by least squares; refused where it is off by more than `ROUND`."""
+def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
+    """Centre and radius of the circle that a boundary lies on, by least squares; refused where off by over `ROUND`."""
     x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
     middle = x.mean(axis=1, keepdims=True)
     scale = np.max(np.abs(x - middle))
@@ -151,7 +176,7 @@ def radius_of(mesh: MeshTri, name: str) -> float:
             f"the open boundary {name!r} must be a circle, or an arc; its nodes are {distance.min():.6g} to "
             f"{distance.max():.6g} m from the best centre. Draw the outer boundary as a circle, or fix A on it."
         )
-    return radius
+    return centre, radius
 
 
 def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Mask, Floats]:
@@ -252,11 +277,11 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
     return everywhere
 
 
-def _check_anchored(facets: Ints, nodes: int, fixed: Mask, robin: csc_array | None, ties: Ties | None) -> None:
+def _check_anchored(facets: Ints, nodes: int, fixed: Mask, beyond: OpenBoundary | None, ties: Ties | None) -> None:
     """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
     pairs, anchored = facets, fixed[:nodes]
-    if robin is not None:
-        anchored = anchored | (robin.diagonal()[:nodes] > 0.0)
+    if beyond is not None:
+        anchored = anchored | (beyond.matrix.diagonal()[:nodes] > 0.0)
     if ties is not None:
         inside = ties.one < nodes
         pairs, anchored = np.hstack((pairs, np.stack((ties.one[inside], ties.other[inside])))), anchored.copy()

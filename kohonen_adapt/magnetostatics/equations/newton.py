@@ -75,9 +75,9 @@ class EnergyFunctional:
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
         stored = volume * self._at_points.energy_density(self.flux_density(u))
         spent = self.elements.against_function(self._source, u)
-        robin = 0.0 if self.conditions.robin is None else 0.5 * float(u @ (self.conditions.robin @ u))
-        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + robin)
-        return float(np.sum(stored) - np.sum(spent)) + robin, rounding
+        beyond, size = (0.0, 0.0) if self.conditions.open_boundary is None else self.conditions.open_boundary.energy(u)
+        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + size)
+        return float(np.sum(stored) - np.sum(spent)) + beyond, rounding
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
         """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
@@ -108,8 +108,8 @@ class EnergyFunctional:
         return self.elements.stiffness(across, free, (along, slope / np.where(size > 0.0, size, 1.0)))
 
     def _at_free(self, total: Floats, u: Floats) -> Floats:
-        if self.conditions.robin is not None:
-            total = total + self.conditions.robin @ u
+        if self.conditions.open_boundary is not None:
+            total = total + self.conditions.open_boundary.gradient(u)
         return total[self.conditions.free]
 
 

@@ -10,6 +10,9 @@ from kohonen_adapt.arrays import Floats, Mask
 __all__ = ["AXISYMMETRIC", "PLANAR", "Axisymmetric", "Planar", "Symmetry"]
 
 AXIS = 1e-12  # of the size of the mesh: nodes this near to the axis are on it
+ROUND = (
+    1e-3  # of the size of the mesh: so far off it the centre of an open boundary may be, which is known by its nodes
+)
 
 
 class Planar:
@@ -50,6 +53,11 @@ class Planar:
     def volume(self, x: Floats, area: Floats) -> Floats:
         """Volume that an area at a point stands for, around an axis of a ring."""
         return area
+
+    def uniform(self, x: Floats, centre: Floats, field: tuple[float, float]) -> tuple[Floats, int]:
+        """u / mu0 of a uniform field in A/m at points, 0 at the centre, and how many dimensions the air beyond has."""
+        (along_x, along_y), (x0, y0) = field, x - centre[:, None]
+        return along_x * y0 - along_y * x0, 2
 
 
 class Axisymmetric:
@@ -93,6 +101,15 @@ class Axisymmetric:
 
     def volume(self, x: Floats, area: Floats) -> Floats:
         return 2.0 * np.pi * x[0] * area
+
+    def uniform(self, x: Floats, centre: Floats, field: tuple[float, float]) -> tuple[Floats, int]:
+        size = np.max(np.ptp(x, axis=1))
+        if abs(centre[0]) > ROUND * size:
+            raise ValueError(
+                f"the open boundary of an axisymmetric problem must have its centre on the axis; it is at r = "
+                f"{centre[0]:.6g}, z = {centre[1]:.6g} m. Draw it as an arc about a point of the axis."
+            )
+        return 0.5 * field[1] * x[0] ** 2, 3
 
 
 Symmetry = Planar | Axisymmetric
