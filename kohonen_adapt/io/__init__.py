@@ -1,4 +1,4 @@
-"""Read and write mesh files: Gmsh MSH 2.2 and 4.1 with physical groups, second order too; VTU for ParaView."""
+"""Read and write mesh files with every name: Gmsh MSH 2.2 and 4.1, second order too, and those of other programs."""
 
 from kohonen_adapt.io.content import MSH_VERSION
 from kohonen_adapt.io.fields import FIELD_SUFFIXES, read_field

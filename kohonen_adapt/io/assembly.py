@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, pairs_in, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, directed, is_left
 from kohonen_adapt.mesh.names import is_own_name, named_sets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spline import Spline
@@ -55,7 +56,9 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     p = np.ascontiguousarray(scale * content.points[used, :2].T)
     bare = MeshTri(p, np.ascontiguousarray((np.cumsum(is_used) - 1)[triangles].T))
     subdomains = _by_name(rows.group, element, TRIANGLE, content)
-    mesh = MeshTri(bare.p, bare.t, _boundaries(bare, used, content, path), subdomains)
+    boundaries = _boundaries(bare, used, content, path)
+    oriented = boundaries and {name: _oriented(bare, codes) for name, codes in boundaries.items()}
+    mesh = MeshTri(bare.p, bare.t, oriented, subdomains)
     _report(mesh, content, path)
     return mesh
 
@@ -121,6 +124,7 @@ def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | No
 
 
 def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets | None:
+    """Facets by name, twice the number of each, and 1 more where its second element is on the left of its line."""
     rows = content.of_shape(LINE)
     if len(rows.number) == 0 and not content.names:
         return None
@@ -128,7 +132,26 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     facet = np.where(np.all(node >= 0, axis=1), pairs_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
         logger.warning("%d lines of '%s' are no side of a triangle: left out.", np.sum(facet < 0), path)
-    return _by_name(rows.group[facet >= 0], facet[facet >= 0], LINE, content)
+    group, node, facet = rows.group[facet >= 0], node[facet >= 0], facet[facet >= 0]
+    centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
+    second = ~is_left(mesh.p[:, node[:, 0]], mesh.p[:, node[:, 1]], centre) & (mesh.f2t[1, facet] >= 0)
+    return _by_name(group, 2 * facet + second, LINE, content)
+
+
+def _oriented(mesh: MeshTri, codes: Ints) -> Ints:
+    """A boundary as scikit-fem has it: a plain array where it is on the rim, or its lines have no direction."""
+    facets, first = np.unique(codes // 2, return_index=True)
+    side = codes[first] % 2
+    if np.any(mesh.f2t[1, facets] >= 0) and _runs_on(directed(mesh, facets, side)):
+        return OrientedBoundary(facets.astype(np.int32), side)
+    return facets.astype(np.int32)
+
+
+def _runs_on(lines: Ints) -> bool:
+    """Whether most lines (m, 2) run on from others: of a program that knows no direction, half meet head to head."""
+    starts, ends = (np.bincount(nodes, minlength=1 + lines.max(initial=0)) for nodes in lines.T)
+    joint = starts + ends == 2
+    return bool(np.sum(starts[joint] != 1) <= np.sum(joint) / 4)
 
 
 def _report(mesh: MeshTri, content: Content, path: Path) -> None:

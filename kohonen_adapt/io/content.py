@@ -13,10 +13,12 @@ from numpy.typing import DTypeLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = [
+    "ALWAYS",
     "EXACT",
     "LARGEST_TAG",
     "LINE",
     "MSH_VERSION",
+    "PACKED",
     "POINT",
     "TRIANGLE",
     "Content",
@@ -38,6 +40,8 @@ MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 
 LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh has them as int
 EXACT = 2.0**53  # below it, every whole number is a float, as texts of numbers are parsed
+PACKED = 200  # times its size: what a packed file may unpack to, besides...
+ALWAYS = 2**26  # bytes: ...what any may
 SHOWN = 160  # characters of what went wrong: a file may put anything there
 
 POINT, LINE, TRIANGLE = "point", "line", "triangle"
@@ -189,11 +193,11 @@ def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
             raise ValueError("a section of numbers holds something else") from None
 
 
-def suffix_of(path: Path, caller: str, known: tuple[str, ...]) -> str:
-    """How the name of a file ends, in small letters; a ValueError if that is not known."""
+def suffix_of(path: Path, caller: str, known: tuple[str, ...], remedy: str = "") -> str:
+    """How the name of a file ends, in small letters; a ValueError with the remedy if that is not known."""
     suffix = path.suffix.lower()
     if suffix not in known:
-        raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.")
+        raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.{remedy}")
     return suffix
 
 

@@ -11,12 +11,12 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
-from kohonen_adapt.io.vtu import read_arrays
+from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 
-FIELD_SUFFIXES = (".vtu", ".msh", ".msh2", ".pos")
+FIELD_SUFFIXES = (*WITH_FIELDS, ".msh", ".msh2", ".pos")
 
 NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
 
@@ -27,8 +27,8 @@ def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: fl
     Parameters
     ----------
     path
-        A VTU file, or one with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write). Cells other
-        than triangles, and points that no triangle uses, have no say.
+        A file with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write), or ``.vtu``, ``.vtk``,
+        ``.xdmf`` or ``.med``. Cells other than triangles, and points that no triangle uses, have no say.
     mesh
         The mesh that it must be on: the same nodes and triangles, in any order. Other programs number them as they
         like, so triangles are known by their centres.
@@ -65,7 +65,7 @@ def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: fl
     if not path.is_file():
         raise FileNotFoundError(f"read_field expected a file with a field; there is none at '{path}'.")
     suffix = suffix_of(path, "read_field", FIELD_SUFFIXES)
-    content = read_arrays(path) if suffix == ".vtu" else read_views(path)
+    content = read_arrays(path) if suffix in WITH_FIELDS else read_views(path)
     points = content.points[:, :2]
     _check_unit(mesh, points[np.unique(content.triangles)], path, scale)
     place = _places(mesh, points / scale, content.triangles, path)

@@ -15,6 +15,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import (
     LARGEST_TAG,
+    LINE,
     TRIANGLE,
     Content,
     Field,
@@ -24,6 +25,7 @@ from kohonen_adapt.io.content import (
     nodes_of,
     parsed,
     refusing,
+    shape_of,
 )
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 
@@ -118,7 +120,7 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
             tag = section.integer()
             section.take(6 if dimension else 3)
             number = section.integer(SIZE)
-            groups[dimension, tag] = np.abs(section.ints(number)) if number else NO_GROUPS
+            groups[dimension, tag] = section.ints(number) if number else NO_GROUPS
             if dimension and (number := section.integer(SIZE)):
                 section.ints(number)
     return groups
@@ -151,16 +153,23 @@ def _elements_41(
         if most < 0:
             raise ValueError("it has elements in more groups than a mesh of its size can need")
         for tag in tags if len(tags) else (0,):
-            blocks.append((kind, Rows(table[:, 1:], np.full(len(table), tag), table[:, 0])))
+            blocks.append((kind, _grouped(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed
 
 
 def _elements_22(section: Numbers) -> list[Block]:
     blocks = []
     for kind, tags, table in section.elements(section.count()):
-        group = np.abs(table[:, 1]) if tags else np.zeros(len(table), np.int64)
-        blocks.append((kind, Rows(table[:, 1 + tags :], group, table[:, 0])))
+        group = table[:, 1] if tags else np.zeros(len(table), np.int64)
+        blocks.append((kind, _grouped(kind, table[:, 1 + tags :], group, table[:, 0])))
     return blocks
+
+
+def _grouped(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
+    """Rows of elements, where a line of a group with a minus sign runs the other way."""
+    if shape_of(kind) == LINE:
+        nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
+    return Rows(nodes, np.abs(group), number)
 
 
 def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:

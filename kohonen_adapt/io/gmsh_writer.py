@@ -17,6 +17,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
+from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["write_msh"]
@@ -71,13 +72,15 @@ def write_msh(
     groups: Groups,
 ) -> None:
     """Write a mesh to a Gmsh file of version "4.1" or "2.2"; the other arguments are those `write_mesh` has checked."""
-    facets = np.unique(np.concatenate([np.empty(0, np.int64), *boundaries.values()]))
-    lines = {name: np.searchsorted(facets, items) for name, items in boundaries.items()}
+    # A facet that two boundaries have in opposite directions is a line of each.
+    codes = {name: 2 * np.asarray(items) + getattr(items, "ori", 0) for name, items in boundaries.items()}
+    facets = np.unique(np.concatenate([np.empty(0, np.int64), *codes.values()]))
+    lines = {name: np.searchsorted(facets, items) for name, items in codes.items()}
     nodes = groups.nodes(mesh)
     names = {number: groups.names.get((0, number), UNNAMED[0].format(number)) for number in nodes}
     numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
     surface = _layer(2, mesh.t.T, subdomains, numbers, first=1)
-    curve = _layer(1, mesh.facets[:, facets].T, lines, numbers, first=1 + mesh.t.shape[1])
+    curve = _layer(1, directed(mesh, *divmod(facets, 2)), lines, numbers, first=1 + mesh.t.shape[1])
     point = _points(nodes, names, first=1 + mesh.t.shape[1] + len(facets))
     layers = [point, curve, surface]
     with path.open("w", encoding="utf-8", newline="\n") as stream:

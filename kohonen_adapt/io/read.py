@@ -11,7 +11,7 @@ from kohonen_adapt.io.assembly import to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
-from kohonen_adapt.io.vtu import read_vtu
+from kohonen_adapt.io.meshio_reader import FORMATS, read_content
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.spline import Spline
 
@@ -26,13 +26,16 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     `read_groups` reads the numbers of the others.
     Second-order triangles are read as their corners (`read_curves` reads what their mid-side nodes say), an element in
     several groups is read once, nodes that no triangle uses are dropped. Which part of the area carries a name, and
-    what was left out, is reported through ``logging``. Boundaries come without orientation: the files hold none that
-    Gmsh keeps.
+    what was left out, is reported through ``logging``. A boundary inside has the orientation of its lines, with the
+    element on their left in front of it, as in ``skfem.MeshTri.load``; none where the lines have no direction.
 
     Parameters
     ----------
     path
-        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or a ``.vtu`` file.
+        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or what meshio reads well: ``.vtu`` of one
+        piece, ``.vtk``, ``.inp`` (Abaqus), ``.mesh`` (Medit), ``.su2``, and with h5py ``.med`` and ``.xdmf`` with its
+        ``.h5``. Names are those of sets, families and markers, and what scikit-fem saves; numbers of groups, where a
+        format has no names, are ``region_<number>`` and ``boundary_<number>``.
     scale
         Metres per unit of the file: 1e-3 for a drawing in millimetres. The files do not say.
 
@@ -47,6 +50,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
         If there is no such file.
     ValueError
         If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
+    ImportError
+        If the format needs h5py, and that is not there.
 
     Examples
     --------
@@ -57,8 +62,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     ((2, 25), 0.001)
     """
     path = Path(path)
-    suffix = _checked(path, scale, "read_mesh", (*MSH_VERSION, ".vtu"))
-    content = read_vtu(path) if suffix == ".vtu" else read_msh(path)
+    suffix = _checked(path, scale, "read_mesh", (*MSH_VERSION, *FORMATS))
+    content = read_content(path) if suffix in FORMATS else read_msh(path)
     return to_mesh(content, path, float(scale))
 
 
@@ -70,7 +75,7 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
     Parameters
     ----------
     path
-        A Gmsh file. A ``.vtu`` file has names and no numbers, so there is nothing to read.
+        A Gmsh file. Of others there is nothing to read: their numbers, if they have any, are in the names.
     scale
         The same as for `read_mesh`.
 
@@ -87,8 +92,8 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
         If the suffix is unknown or the file is damaged.
     """
     path = Path(path)
-    suffix = _checked(path, scale, "read_groups", (*MSH_VERSION, ".vtu"))
-    return Groups() if suffix == ".vtu" else to_groups(read_msh(path), path, float(scale))
+    suffix = _checked(path, scale, "read_groups", (*MSH_VERSION, *FORMATS))
+    return Groups() if suffix in FORMATS else to_groups(read_msh(path), path, float(scale))
 
 
 def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
@@ -128,7 +133,8 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
 
 def _checked(path: Path, scale: float, caller: str, known: tuple[str, ...]) -> str:
     """The suffix of a file that can be read."""
-    suffix = suffix_of(path, caller, known)
+    remedy = f" Gmsh converts others, .unv and .cgns with all names: gmsh '{path.name}' -save -o NEW.msh"
+    suffix = suffix_of(path, caller, known, remedy)
     if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
         raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
     if not path.is_file():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.files import whole_file
@@ -36,9 +37,9 @@ def write_mesh(
 ) -> None:
     """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
 
-    Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. Sets
-    called ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out, and so is the orientation of boundaries.
-    The file is written whole or not at all.
+    Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. The
+    orientation of a boundary is the direction of its lines, with the element in front of it on their left. Sets called
+    ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out. The file is written whole or not at all.
 
     Parameters
     ----------
@@ -93,7 +94,9 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
     checked: dict[str, Ints] = {}
     for name, indices in named_sets(sets).items():
         _check_name(name, kind)
-        items = np.unique(indices)
+        items, first = np.unique(indices, return_index=True)
+        if isinstance(given := (sets or {})[name], OrientedBoundary):
+            items = OrientedBoundary(items, given.ori[first])
         if len(items) == 0:
             logger.warning("%s '%s' is empty: Gmsh will not show it.", kind, name)
         checked[name] = items

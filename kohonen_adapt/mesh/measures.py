@@ -4,9 +4,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints, Mask
 
-__all__ = ["area", "gradient", "hat_gradients", "inner_points", "quality", "signed_area"]
+__all__ = [
+    "area",
+    "directed",
+    "gradient",
+    "hat_gradients",
+    "inner_points",
+    "is_left",
+    "quality",
+    "signed_area",
+]
 
 
 def signed_area(mesh: MeshTri) -> Floats:
@@ -22,6 +31,23 @@ def signed_area(mesh: MeshTri) -> Floats:
 def area(mesh: MeshTri) -> Floats:
     """Area |K| of every element, (nelements,), in mesh units squared."""
     return np.abs(signed_area(mesh))
+
+
+def is_left(start: Floats, end: Floats, point: Floats) -> Mask:
+    """Whether points are on the left of the lines from start to end; all are (2, n)."""
+    along, off = end - start, point - start
+    return along[0] * off[1] > along[1] * off[0]
+
+
+def directed(mesh: MeshTri, facets: Ints, which: Ints) -> Ints:
+    """The ends of facets (m,), (m, 2), with the first or second of their elements on the left, as `which` says.
+
+    On the rim it is the first in any case.
+    """
+    ends = mesh.facets[:, facets]
+    element = np.where(mesh.f2t[which, facets] < 0, mesh.f2t[0, facets], mesh.f2t[which, facets])
+    left = is_left(mesh.p[:, ends[0]], mesh.p[:, ends[1]], mesh.p[:, mesh.t[:, element]].mean(axis=1))
+    return np.where(left, ends, ends[::-1]).T
 
 
 def quality(mesh: MeshTri) -> Floats:

@@ -186,7 +186,7 @@ def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
     assert error.startswith("kohonen-adapt: ") and error.count("\n") == 1 and said in error
 
 
-EXPECTED = "--density expected FIELD.vtu:name, a file (or .msh, .msh2, .pos) and a field of it;"
+EXPECTED = "--density expected FIELD.vtu:name, a file (or .vtk, .xdmf, .med, .msh, .msh2, .pos) and a field of it;"
 
 
 @pytest.mark.parametrize(

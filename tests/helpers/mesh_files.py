@@ -59,3 +59,11 @@ def assert_same(mesh, other):
         assert set(got or ()) == set(wanted or ())
         for name in wanted or ():
             assert_array_equal(got[name], np.sort(np.asarray(wanted[name])))
+
+
+def in_front(mesh, name):
+    """For every facet of a boundary, in no order, where it is and where the element is that it faces."""
+    boundary = mesh.boundaries[name]
+    element = mesh.f2t[getattr(boundary, "ori", 0), boundary]
+    places = [mesh.p[:, mesh.facets[:, boundary]].mean(axis=1), mesh.p[:, mesh.t[:, element]].mean(axis=1)]
+    return sorted(map(tuple, np.vstack(places).round(12).T.tolist()))

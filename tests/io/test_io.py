@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import skfem
 from helpers.examples import examples
-from helpers.mesh_files import SUFFIXES, assert_same, two_rooms
+from helpers.mesh_files import SUFFIXES, assert_same, in_front, two_rooms
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.io import read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import area
@@ -83,14 +84,44 @@ def test_more_elements_than_are_handled_together(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_boundary_loses_its_orientation_and_no_facet(tmp_path, suffix):
+def test_a_boundary_keeps_its_orientation(tmp_path, suffix):
+    """Of facets that two boundaries have in opposite directions, too."""
     mesh = two_rooms()
-    mesh = mesh.with_boundaries({"around": mesh.facets_around("low")}, boundaries_only=False)
-    assert np.any(mesh.boundaries["around"].ori)
+    around = mesh.facets_around("low")
+    inside = OrientedBoundary(around, np.where(mesh.f2t[1, around] < 0, 0, 1 - around.ori))
+    mesh = mesh.with_boundaries({"around": around, "inside": inside}, boundaries_only=False)
     write_mesh(tmp_path / f"mesh{suffix}", mesh)
     back = read_mesh(tmp_path / f"mesh{suffix}")
     assert_same(back, mesh)
-    assert type(back.boundaries["around"]) is np.ndarray
+    assert all(in_front(back, name) == in_front(mesh, name) for name in mesh.boundaries)
+    assert {type(back.boundaries[name]) for name in ("around", "inside")} == {OrientedBoundary}
+    assert in_front(back, "around") != in_front(back, "inside")
+    assert type(back.boundaries["outer"]) is np.ndarray
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+def test_the_orientation_is_that_of_scikit_fem(tmp_path, suffix):
+    mesh = two_rooms().with_boundaries({"middle": lambda x: x[0] == 1}, boundaries_only=False)
+    facets = mesh.boundaries["middle"]
+    right = mesh.p[0, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=0) < 1.0
+    mesh = mesh.with_boundaries({"middle": OrientedBoundary(facets, right)})
+    write_mesh(tmp_path / f"mesh{suffix}", mesh)
+    back = read_mesh(tmp_path / f"mesh{suffix}")
+    assert in_front(back, "middle") == in_front(mesh, "middle")
+    if suffix == ".msh":  # of VTU, scikit-fem 12 sorts the facets and not their orientations
+        assert in_front(skfem.MeshTri.load(tmp_path / f"mesh{suffix}"), "middle") == in_front(mesh, "middle")
+
+
+def test_lines_of_no_direction_are_no_orientation(tmp_path):
+    """Else every node where the direction changes would be a corner, and held."""
+    write_mesh(tmp_path / "mesh.msh2", two_rooms())
+    lines = (tmp_path / "mesh.msh2").read_text().splitlines()
+    for number, line in enumerate(lines):
+        words = line.split()
+        if len(words) == 7 and words[1] == "1":
+            lines[number] = " ".join([*words[:5], *sorted(words[5:], key=int, reverse=int(words[5]) % 2 == 0)])
+    (tmp_path / "mesh.msh2").write_text("\n".join(lines))
+    assert type(read_mesh(tmp_path / "mesh.msh2").boundaries["interface"]) is np.ndarray
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

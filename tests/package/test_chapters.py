@@ -38,6 +38,7 @@ GUESTS = {
     "matplotlib": {"plotting"},
     "pyamg": {"magnetostatics"},
     "distributed": {"commands"},
+    "h5py": {"io"},
     "gmsh": set(),
 }
 
@@ -80,6 +81,12 @@ def test_guests_stay_in_their_chapters(path):
     assert not wrong, f"{path.name} imports {sorted(wrong)}"
 
 
+def test_two_files_know_meshio():
+    """It is hardly kept any more: its last release is of January 2024."""
+    files = {path.name for path in FILES if "meshio" in {name.split(".")[0] for name in imported_modules(path)}}
+    assert files == {"meshio_reader.py", "vtu.py"}
+
+
 def test_the_top_level_has_no_other_modules():
     modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "__main__"}
     assert modules <= {"arrays", "checks", "files", "display", "precompile"}
@@ -104,7 +111,7 @@ import sys
 from numba.core import event
 with event.install_recorder("numba:compile") as recorder:
     import kohonen_adapt
-print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg", "distributed"} & set(sys.modules)))
+print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg", "distributed", "h5py"} & set(sys.modules)))
 """
     assert in_a_fresh_process(code, tmp_path) == ["0"]
     assert not list(tmp_path.rglob("*.nb[ic]"))

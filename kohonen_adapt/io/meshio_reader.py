@@ -1,0 +1,286 @@
+"""Read with meshio what it reads well: VTU, VTK, Abaqus, Medit, SU2, MED and XDMF, with names where it drops them.
+
+Of the readers only `meshio.<format>.read` are called: `meshio.read` prints what goes wrong and ends the process.
+"""
+
+import logging
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
+from importlib.util import find_spec
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import meshio
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import ALWAYS, EXACT, PACKED, Content, Field, Rows, Sampled, nodes_of, refusing
+from kohonen_adapt.io.groups import UNNAMED
+from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, sides_of
+from kohonen_adapt.io.vtu_check import checked_vtu, plain_xml
+
+__all__ = ["FORMATS", "WITH_FIELDS", "read_arrays", "read_content"]
+
+logger = logging.getLogger("kohonen_adapt")
+
+WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
+
+LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON = 1, 2, 3, 4
+KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9}
+"""meshio's name of a type to Gmsh's number; a quadrilateral or a tetrahedron stands for all that is refused anyhow."""
+
+NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "CellEntityIds")
+"""Data of cells in which meshio, and Gmsh's VTK, has the number of the group that a cell is in."""
+
+COUNTS = re.compile(rb"(?m)^[ \t]*[A-Za-z_][^\s=]*[ \t]*[\s=][ \t]*([0-9]+)(?:[ \t]+([0-9]+))?")
+"""A word that begins a line, and the numbers after it, which say how much follows."""
+
+MARKER = re.compile(rb"(?m)^(MARKER_TAG[ \t]*=)[ \t]*(.*?)[ \t\r]*$")
+RANGE = re.compile(rb"(?im)^\*[^\n]*\bGENERATE\b[^\n]*\n\s*([0-9]+)\s*,\s*([0-9]+)\s*,\s*([0-9]+)")
+BLOCK = re.compile(r"(?im)^\*ELEMENT\b(?:.*\bELSET[ \t]*=[ \t]*([^,\r\n]*))?")
+
+
+def _counted(data: bytes, path: Path) -> bytes:
+    """The same; a ValueError if it says that more follows than it has bytes, for which meshio would make room."""
+    most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
+    if most > len(data):
+        raise ValueError(f"it says that {most} of something follow, in {len(data)} bytes")
+    return data
+
+
+def _vtk(data: bytes, path: Path) -> bytes:
+    if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
+        raise ValueError("it holds no UNSTRUCTURED_GRID")
+    _counted(b"\n".join(data.split(b"\n", 3)[2:]), path)  # after the title, which may say anything
+    return data
+
+
+def _abaqus(data: bytes, path: Path) -> bytes:
+    if re.search(rb"(?im)^\*INCLUDE\b", data):
+        raise ValueError("it includes another file: put all into one")
+    if re.search(rb"(?im)^\*ELSET\b[^\n]*\n\s*[^0-9\s*]", data):
+        raise ValueError("it has a set of sets: list their elements")
+    for first, last, step in RANGE.findall(data):
+        if int(step) == 0 or (int(last) - int(first)) // int(step) > len(data):
+            raise ValueError(f"it says that a set runs from {int(first)} to {int(last)}, in {len(data)} bytes")
+    return data
+
+
+def _su2(data: bytes, path: Path) -> bytes:
+    """Markers by their number in the file: meshio has numbers only, and may give one to two names."""
+    number = iter(range(1, 1 + len(MARKER.findall(data))))
+    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _counted(data, path))
+
+
+def _med(data: bytes, path: Path) -> bytes:
+    _check_hdf(path)
+    return data
+
+
+def _xdmf(data: bytes, path: Path) -> bytes:
+    for item in plain_xml(data).iter("DataItem"):
+        form, (name, *_) = item.get("Format"), (item.text or "").strip().split(":")
+        if form == "HDF":
+            if Path(name).name != name or not path.with_name(name).is_file():
+                raise ValueError(f"its data must be in a file beside it; there is none of the name '{name}'")
+            _check_hdf(path.with_name(name))
+        elif form not in ("XML", None):
+            raise ValueError(f"its data has the format '{form}'; write it with HDF or XML")
+    return data
+
+
+def _check_hdf(path: Path) -> None:
+    """Refuse an HDF5 file that opens others, or unpacks to far more than a mesh of its size holds."""
+    import h5py  # only what needs it: an extra
+
+    def nbytes(group: Any) -> Iterator[int]:
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"'{name}' in it is a link to elsewhere")
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                yield from nbytes(item)
+            elif item.external or item.is_virtual:
+                raise ValueError(f"'{name}' in it has its data in another file")
+            else:
+                yield item.nbytes
+
+    with h5py.File(path, "r") as file:
+        if sum(nbytes(file)) > PACKED * path.stat().st_size + ALWAYS:
+            raise ValueError("it unpacks to far more than a mesh of its size holds")
+
+
+FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
+    ".vtu": ("a VTU", meshio.vtu, lambda data, path: checked_vtu(data)),
+    ".vtk": ("a VTK", meshio.vtk, _vtk),
+    ".inp": ("an Abaqus", meshio.abaqus, _abaqus),
+    ".mesh": ("a Medit", meshio.medit, _counted),
+    ".su2": ("an SU2", meshio.su2, _su2),
+    ".med": ("a MED", meshio.med, _med),
+    ".xdmf": ("an XDMF", meshio.xdmf, _xdmf),
+}
+"""Suffix to what it is called, meshio's module for it, and what refuses or mends the bytes that this would misread."""
+
+
+def _meshed(path: Path, caller: str) -> Any:
+    """What meshio makes of a file, with the names of tags of cells as `cell_tags`.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged, opens other files, or asks for more memory than a mesh of its size needs.
+    ImportError
+        If it needs h5py, and that is not there.
+    """
+    suffix = path.suffix.lower()
+    name, module, mended = FORMATS[suffix]
+    if suffix in (".med", ".xdmf") and not find_spec("h5py"):
+        raise ImportError(f'{caller} needs h5py for {name} file: pip install "kohonen-adapt[files]".')
+    with refusing(path, f"{caller} expected {name} file; '{path}' cannot be read: {{}}."):
+        data = path.read_bytes()
+        try:
+            better = mended(data, path)
+            if better == data:
+                mesh = _quietly(module.read, path)
+            else:
+                with TemporaryDirectory() as folder:
+                    draft = Path(folder, f"mended{suffix}")
+                    draft.write_bytes(better)
+                    mesh = _quietly(module.read, draft)
+        except (MemoryError, ValueError, SyntaxError):
+            raise
+        except Exception as error:  # meshio's readers have no errors of their own for most damage
+            raise ValueError(f"{type(error).__name__} {error}".strip()) from error
+        if suffix == ".su2":
+            markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
+            mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
+        if suffix == ".inp":
+            for name in filter(
+                None, names := [name.strip() for name in BLOCK.findall(data.decode("utf-8", "replace"))]
+            ):
+                # meshio takes the n-th of these names for the n-th block, and the last block of a name for all of them
+                mesh.cell_sets[name] = [
+                    np.arange(len(block) if name == own else 0) for own, block in zip(names, mesh.cells, strict=True)
+                ]
+        return mesh
+
+
+def _quietly(read: Callable[[str], Any], path: Path) -> Any:
+    """What a reader of meshio gives, with what it prints in the log, and damaged numbers as errors."""
+    said = StringIO()
+    with warnings.catch_warnings(), redirect_stderr(said):
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        mesh = read(str(path))
+    words = " ".join(said.getvalue().split())
+    if "cannot handle" in words:
+        raise ValueError(words)
+    if words:
+        logger.warning("meshio says of '%s': %s", path, words)
+    return mesh
+
+
+def read_content(path: Path) -> Content:
+    """Cells by the groups they are in: sets by name, numbers of groups as numbers, scikit-fem's own arrays as names.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or asks for more memory than a mesh of its size needs.
+    """
+    mesh = _meshed(path, "read_mesh")
+    names: dict[tuple[int, int], str] = {}
+    number: dict[tuple[int, str], int] = {}
+    found: dict[int, list[Rows]] = {}
+    first = 0
+    with refusing(path, f"'{path}' cannot be read: {{}}."):
+        points = _points(mesh)
+        for k, block in enumerate(mesh.cells):
+            kind = _kind(block)
+            nodes = _nodes(block, kind, len(points))
+            sets = [(kind, "", nodes, first + np.arange(len(nodes))), *_sets(mesh, k, kind, nodes, first, points)]
+            for shape, name, rows, cells in sets:
+                dimension = {LINE: 1, 8: 1, 15: 0}.get(shape, 2)
+                tag = number.setdefault((dimension, name), 1 + len(number)) if name else 0
+                names |= {(dimension, tag): name} if name else {}
+                found.setdefault(shape, []).append(Rows(rows, np.full(len(rows), tag), cells))
+            first += len(nodes)
+        return Content(
+            points, {kind: Rows.joined(parts, parts[0].nodes.shape[1]) for kind, parts in found.items()}, names
+        )
+
+
+def _kind(block: Any) -> int:
+    return KINDS.get(block.type, TETRAHEDRON if block.dim == 3 else QUADRILATERAL)
+
+
+def _points(mesh: Any) -> Floats:
+    points = np.asarray(mesh.points, dtype=float).reshape(len(mesh.points), -1)[:, :3]
+    return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
+
+
+def _nodes(block: Any, kind: int, count: int) -> Ints:
+    """(m, nodes per element); nothing of what is refused anyhow."""
+    if kind in (QUADRILATERAL, TETRAHEDRON):
+        return np.empty((len(block.data), 0), np.int64)
+    nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_of(kind))
+    if np.any((nodes < 0) | (nodes >= count)):
+        raise ValueError("a cell has a node that is not there")
+    return nodes
+
+
+def _sets(
+    mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats
+) -> Iterator[tuple[int, str, Ints, Ints]]:
+    """Kind, name, nodes and numbers of the cells of every set with cells of block `k`, sides of triangles too."""
+    for name, parts in mesh.cell_sets.items():
+        if k < len(parts) and len(parts[k]):
+            yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
+    key = next((key for key in NUMBERS if key in mesh.cell_data), None)
+    if key:
+        numbers = _whole(mesh.cell_data[key][k], key)
+        for tag in np.unique(numbers[numbers != 0]).tolist():
+            which = np.flatnonzero(numbers == tag)
+            for name in _names(mesh, key, tag, mesh.cells[k].dim):
+                yield kind, name, nodes[which], first + which
+    for key, values in mesh.cell_data.items() if kind == TRIANGLE else ():
+        if key.startswith(SUBDOMAIN):
+            which = np.flatnonzero(_whole(values[k], key))
+            yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
+        elif key.startswith(BOUNDARY):
+            sides = sides_of(nodes, _whole(values[k], key), points)
+            yield LINE, key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+
+
+def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
+    """What the cells of a number are called; families of MED have negative numbers, and no name if in no group."""
+    texts = getattr(mesh, "cell_tags", {})
+    named = [name for name, given in mesh.field_data.items() if np.array_equal(given, [tag, dimension])]
+    return texts.get(tag) or named or ([] if texts else [UNNAMED[dimension].format(abs(tag))])
+
+
+def _whole(values: Any, key: str) -> Ints:
+    values = values.ravel() if values.shape[1:] == (1,) else values
+    if not (values.ndim == 1 and values.dtype.kind in "iuf" and np.all(np.abs(values) < EXACT)):
+        raise ValueError(f"'{key}' expects whole numbers, one for each cell")
+    return values.astype(np.int64)
+
+
+def read_arrays(path: Path) -> Sampled:
+    """The triangles of a file, and the fields on them; a ValueError as `read_content` has it."""
+    mesh = _meshed(path, "read_field")
+    with refusing(path, f"'{path}' cannot be read: {{}}."):
+        points = _points(mesh)
+        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
+        none = np.empty((0, 3), np.int64)
+        triangles = np.concatenate([none, *(_nodes(mesh.cells[k], TRIANGLE, len(points)) for k in blocks)])
+        nodal = [Field(name, True, values) for name, values in mesh.point_data.items()]
+        cellwise = [
+            Field(name, False, np.concatenate([values[k] for k in blocks]))
+            for name, values in mesh.cell_data.items()
+            if blocks
+        ]
+        return Sampled(points, triangles, [*nodal, *cellwise])
