@@ -10,8 +10,9 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, pairs_in, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
+from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_left
-from kohonen_adapt.mesh.names import is_own_name, named_sets
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spline import Spline
 

@@ -13,7 +13,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import LARGEST_TAG, LINE, POINT, TRIANGLE, Content
-from kohonen_adapt.mesh.names import is_own_name
+from kohonen_adapt.mesh.host import is_own_name
 
 __all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 

@@ -1,4 +1,4 @@
-"""Reach into a scikit-fem mesh where it has no public way: its cache of facets, and names put on without a check."""
+"""Reach into a scikit-fem mesh where it has no public way: its cache of facets, names put on unchecked and its own."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,9 +9,14 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["number_facets", "remade", "set_boundaries"]
+__all__ = ["is_own_name", "number_facets", "remade", "set_boundaries"]
 
 Names = Mapping[str, Ints] | None
+
+
+def is_own_name(name: str) -> bool:
+    """Whether a name is of the user: what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of theirs."""
+    return not name.startswith("gmsh:")
 
 
 def remade(mesh: MeshTri, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:

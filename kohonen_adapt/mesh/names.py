@@ -7,13 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import listed
+from kohonen_adapt.mesh.host import is_own_name
 
-__all__ = ["codes_of_names", "combinations", "is_own_name", "named", "named_sets"]
-
-
-def is_own_name(name: str) -> bool:
-    """Whether a name is of the user: what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of theirs."""
-    return not name.startswith("gmsh:")
+__all__ = ["codes_of_names", "combinations", "named", "named_sets"]
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:

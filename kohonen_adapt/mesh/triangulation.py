@@ -13,8 +13,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
-from kohonen_adapt.mesh.host import remade
-from kohonen_adapt.mesh.names import codes_of_names, is_own_name, named_sets
+from kohonen_adapt.mesh.host import is_own_name, remade
+from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]

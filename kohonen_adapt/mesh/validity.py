@@ -4,8 +4,7 @@ import numpy as np
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
-from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.names import is_own_name
+from kohonen_adapt.mesh.host import is_own_name, number_facets
 
 __all__ = ["check_mesh"]
 
