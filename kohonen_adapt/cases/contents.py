@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from skfem import MeshTri
 
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Kind, Reader, called, list_of, made, made_by_name, tuple_of
 from kohonen_adapt.io import Groups, read_groups
@@ -190,3 +191,18 @@ class Case:
         """Names and numbers of what is to stay where it is."""
         given = self.adapt.get("pinned", [])
         return [given] if isinstance(given, str) else given
+
+    def pins(self, mesh: MeshTri) -> list[int | str]:
+        """The same, and the nodes of its mesh, in metres, that are in groups of points.
+
+        Parameters
+        ----------
+        mesh
+            What `fitting_mesh` gives.
+
+        Returns
+        -------
+        list of int and str
+            As `adapt` takes them for ``pinned``.
+        """
+        return [*self.pinned, *self.groups.held(mesh.scaled(1.0 / self.scale))]

@@ -29,11 +29,12 @@ def command_parser(description: str | None, version: str, run: Mapping[str, Hand
         description="Adapt an example that comes along, and write its mesh, fields, picture and report.",
     )
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
-    demo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder for the files; created if missing")
+    _add_folder(demo, required=True)
     _add_run(commands)
     _add_init(commands)
     _add_check(commands)
     _add_relocate(commands)
+    _add_sweep(commands)
     for name, handler in run.items():
         commands.choices[name].set_defaults(run=handler)
     return parser
@@ -52,7 +53,7 @@ def _add_relocate(commands: Any) -> None:
     field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
     field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
     field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
-    move.add_argument("--out", metavar="MESH2", type=Path, required=True, help="the file to write, in the unit of MESH")
+    _add_file(move, "MESH2", "the file to write, in the unit of MESH", required=True)
     move.add_argument(
         "--scale",
         metavar="S",
@@ -111,7 +112,8 @@ def _add_init(commands: Any) -> None:
         "units. A case that is there stays as it is.",
     )
     _add_mesh(init)
-    init.add_argument("-o", "--output", metavar="CASE.toml", type=Path, help="the case, by default beside MESH")
+    _add_file(init, "CASE.toml", "the case to write, by default beside MESH")
+    init.add_argument("--output", dest="out", type=Path, action=_OldSpelling, help=argparse.SUPPRESS)
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
@@ -128,13 +130,57 @@ def _add_run(commands: Any) -> None:
         "pass so far is written then, and --resume goes on.",
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    where = run.add_mutually_exclusive_group()
-    where.add_argument("--out", metavar="DIR", type=Path, help="folder for the files; created if missing")
-    where.add_argument(
-        "--resume", metavar="DIR", type=Path, help="folder of a run that was cut short: go on from its last pass"
-    )
+    _add_folder_or_resume(run, "folder of a run that was cut short: go on from its last pass")
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
     run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def _add_sweep(commands: Any) -> None:
+    sweep = commands.add_parser(
+        "sweep",
+        help="adapt a case for many values of its keys, several at a time, and tabulate its outputs",
+        description="Adapt a case for every combination of values of some of its keys, and write sweep.csv (a row for "
+        "each, with the outputs of the case) and sweep.png (outputs over the first key, a curve for every other "
+        "value). Ctrl-C ends it at once; what is finished is kept, and --resume goes on. The exit status is 1 if "
+        "an error ended one of them.",
+    )
+    sweep.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries, outputs and options")
+    sweep.add_argument(
+        "--over",
+        metavar="NAME=FIRST:LAST:COUNT",
+        action="append",
+        required=True,
+        help="a key, as materials.coil.current_density, and so many evenly spaced values of it; may be repeated",
+    )
+    who = sweep.add_mutually_exclusive_group()
+    who.add_argument("--jobs", metavar="N", type=int, help="processes, by default one for every core, or thread")
+    who.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that is to compute it")
+    _add_folder_or_resume(sweep, "folder of a sweep that was cut short: compute what is not finished")
+    sweep.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def _add_folder_or_resume(command: Any, resume: str) -> None:
+    where = command.add_mutually_exclusive_group()
+    _add_folder(where)
+    where.add_argument("--resume", metavar="DIR", type=Path, help=resume)
+
+
+def _add_folder(command: Any, required: bool = False) -> None:
+    """Of every command that writes several files."""
+    _add_file(command, "DIR", "folder for the files; created if missing", required)
+
+
+def _add_file(command: Any, what: str, said: str, required: bool = False) -> None:
+    """Of every command that writes one file."""
+    command.add_argument("-o", "--out", metavar=what, type=Path, required=required, help=said)
+
+
+class _OldSpelling(argparse.Action):
+    """Takes an option by the name that it had, and keeps that for a warning."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        setattr(namespace, self.dest, values)
+        namespace.renamed = f"{option_string} is --{self.dest} now, and will not be understood for ever."
 
 
 def writable_folder(folder: Path) -> Path:

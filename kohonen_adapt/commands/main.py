@@ -5,10 +5,9 @@ import logging
 import os
 import shlex
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from skfem import MeshTri
@@ -20,9 +19,10 @@ from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
 from kohonen_adapt.commands.check import described, faults, outlines_described, thin_parts, unit_doubts
-from kohonen_adapt.commands.pictures import write_overview, write_pictures
+from kohonen_adapt.commands.pictures import drawn, write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import RESULTS, CaseRun, write_fields
+from kohonen_adapt.commands.sweep import sweep_case
 from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_mesh
@@ -40,11 +40,7 @@ PACKAGE = Path(__file__).parents[1]
 # The examples come along in a wheel; in a source tree they stand beside the package.
 EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 
-PLOT_REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
-
 DONE, FAILED, WRONG_USE = 0, 1, 2
-
-Drawn = TypeVar("Drawn")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,13 +66,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         let_signals_end_the_process()
-    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check, "relocate": relocate_file}
+    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check}
+    commands |= {"relocate": relocate_file, "sweep": sweep_case}
     parser = command_parser(description, __version__, commands)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())
     quiet = getattr(arguments, "quiet", False)
     terminal = Terminal(quiet)
+    if "renamed" in arguments:
+        terminal.complain(f"warning: {arguments.renamed}")
     logging.basicConfig(format="%(message)s", level=logging.WARNING, handlers=[terminal])
     logging.getLogger("kohonen_adapt").setLevel(logging.WARNING if quiet else logging.INFO)
     try:
@@ -101,7 +100,7 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(after)
     write_fields(case, after, mesh_file, fields)
     before, command = passes.before or after, f"kohonen-adapt demo {name}"
-    _drawn(terminal, folder, lambda: write_overview(case, before, after, picture, report, command))
+    drawn(terminal, folder, lambda: write_overview(case, before, after, picture, report, command))
     terminal.say(f"Files in {folder}: {', '.join(sorted(file.name for file in folder.glob(f'{name}.*')))}.")
     return FAILED if after.status is Status.FAILED else DONE
 
@@ -128,7 +127,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     result = run.result()
     terminal.say(result)
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
-    pictures = _drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
+    pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*RESULTS, *(pictures or [])])}.")
     if result.status is Status.FAILED:
         terminal.complain(result.message)
@@ -160,7 +159,7 @@ class _Passes:
 
 def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Write a case; one that is there may hold work, so it stays."""
-    path = arguments.output or arguments.mesh.with_suffix(".toml")
+    path = arguments.out or arguments.mesh.with_suffix(".toml")
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
@@ -189,19 +188,6 @@ def _doubt(mesh: MeshTri, terminal: Terminal) -> None:
     """A mesh in millimetres that is taken for metres runs well and gives nonsense."""
     for doubt in unit_doubts(mesh):
         terminal.complain(f"warning: {doubt}")
-
-
-def _drawn(terminal: Terminal, folder: Path, draw: Callable[[], Drawn]) -> Drawn | None:
-    """Draw, when everything else is written, and return what that gives; None without matplotlib."""
-    terminal.say(f"Results are in {folder}; now pictures and the report, which Ctrl-C leaves out.")
-    terminal.show("draw")
-    try:
-        return draw()
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
-        terminal.say(PLOT_REMEDY)
-        return None
 
 
 def _example(name: str) -> Path:

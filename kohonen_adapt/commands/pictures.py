@@ -4,14 +4,15 @@ An OSError says which could not be written, a ModuleNotFoundError that there is 
 """
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.commands.terminal import Terminal
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.adapt import PASSES
 from kohonen_adapt.loop.result import AdaptResult
@@ -19,7 +20,11 @@ from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
 
-__all__ = ["write_overview", "write_pictures"]
+__all__ = ["drawn", "save", "write_overview", "write_pictures"]
+
+Drawn = TypeVar("Drawn")
+
+REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
 
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
 OUTLINES, ANIMATION, REPORT = "outlines.png", "passes.gif", "report.html"
@@ -35,6 +40,21 @@ CAPTIONS = {
 """Of the pictures in a report, in its order."""
 
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
+
+
+def drawn(
+    terminal: Terminal, folder: Path, draw: Callable[[], Drawn], what: str = "pictures and the report"
+) -> Drawn | None:
+    """Draw, when everything else is written, and return what that gives; None without matplotlib."""
+    terminal.say(f"Results are in {folder}; now {what}, which Ctrl-C leaves out.")
+    terminal.show("draw")
+    try:
+        return draw()
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        terminal.say(REMEDY)
+        return None
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
@@ -57,7 +77,7 @@ def write_overview(
     case: Case, before: AdaptResult, after: AdaptResult, picture: Path, report: Path, command: str
 ) -> None:
     """Draw the first of the pictures, and write the report that shows it and names a command."""
-    _save(picture, _overview(case, before, after))
+    save(picture, _overview(case, before, after))
     _write_report(report, case, before, after, {CAPTIONS[PICTURE]: picture}, command)
 
 
@@ -77,7 +97,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         ).figure,
     }
     for name, figure in figures.items():
-        _save(folder / name, figure)
+        save(folder / name, figure)
     plotting.animate_passes(folder / ANIMATION, after.history, unit=unit)
     return [*figures, ANIMATION]
 
@@ -97,7 +117,8 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
     )
 
 
-def _save(path: Path, figure: Any) -> None:
+def save(path: Path, figure: Any) -> None:
+    """Write a figure."""
     with whole_file(path) as draft:
         figure.savefig(draft, format="png")
 

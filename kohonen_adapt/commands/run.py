@@ -103,7 +103,6 @@ class CaseRun:
             If a file cannot be written.
         """
         case = self.case
-        held = case.groups.held(self.mesh.scaled(1.0 / case.scale))
         result = adapt(
             self.mesh,
             case.problem,
@@ -111,7 +110,7 @@ class CaseRun:
             interim=self._interim,
             progress=self.progress,
             checkpoint=self.passes,
-            **{**case.adapt, "pinned": [*case.pinned, *held]},
+            **{**case.adapt, "pinned": case.pins(self.mesh)},
         )
         if self._written is not result.mesh:  # all its passes are of a run before
             self._write(result)

@@ -1,10 +1,11 @@
-"""Draw meshes, fields, densities, passes, outlines and the learning map (needs matplotlib)."""
+"""Draw meshes, fields, densities, passes, outlines, sweeps and the learning map (needs matplotlib)."""
 
 from kohonen_adapt.plotting.adaptation import adaptation_figure
 from kohonen_adapt.plotting.animation import animate_map, animate_passes
 from kohonen_adapt.plotting.charts import draw_passes, plot_bh, plot_convergence, plot_density, plot_qualities
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
 from kohonen_adapt.plotting.outlines import plot_outlines
+from kohonen_adapt.plotting.sweeps import sweep_figure
 
 __all__ = [
     "adaptation_figure",
@@ -20,4 +21,5 @@ __all__ = [
     "plot_density",
     "plot_outlines",
     "plot_qualities",
+    "sweep_figure",
 ]

@@ -14,7 +14,7 @@ from kohonen_adapt.loop.table import DASH, Columns, table_blocks
 from kohonen_adapt.sweeps.cases import SECONDS, Case, Value
 from kohonen_adapt.sweeps.outcome import Outcome
 
-__all__ = ["SweepResult", "tabulated"]
+__all__ = ["SweepResult", "shown", "tabulated"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,11 @@ class SweepResult:
         return "\n".join([line for block in table_blocks(groups) for line in block] + failed)
 
     def _column(self, name: str) -> tuple[str, list[str]]:
-        return name, [_shown(value) for value in self.table[name].tolist()]
+        return name, [shown(value) for value in self.table[name].tolist()]
 
 
-def _shown(value: Value) -> str:
+def shown(value: Value) -> str:
+    """A value for people: six digits, a dash for what is not there."""
     if isinstance(value, float):
         return DASH if np.isnan(value) else f"{value:.6g}"
     return str(value)

@@ -13,6 +13,7 @@ from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.arguments import command_parser
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 ROOT = Path(__file__).parents[2]
@@ -89,6 +90,43 @@ def test_wrong_use(arguments, capsys):
         cli.main(arguments)
     assert end.value.code == 2
     assert "usage: kohonen-adapt" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["demo", "magnet"], "DIR"),
+        (["run", "case.toml"], "DIR"),
+        (["sweep", "case.toml", "--over", "scale=1:2:3"], "DIR"),
+        (["relocate", "mesh.msh", "--sizes", "field.vtu:h"], "MESH2"),
+        (["init", "mesh.msh"], "CASE.toml"),
+    ],
+)
+def test_out_is_a_folder_for_several_files_and_a_file_for_one(arguments, what, capsys):
+    parser = command_parser("", "", {})
+    for option in ("-o", "--out"):
+        assert parser.parse_args([*arguments, option, "there"]).out == Path("there")
+    with pytest.raises(SystemExit):
+        parser.parse_args([arguments[0], "--help"])
+    assert f"-o {what}, --out {what}" in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_an_old_spelling_works_with_a_warning(tmp_path, capsys):
+    arguments = [
+        "init",
+        str(ROOT / "examples" / "c_core.msh"),
+        "--scale",
+        "1e-3",
+        "--output",
+        str(tmp_path / "new.toml"),
+    ]
+    assert cli.main(arguments) == 0
+    assert (tmp_path / "new.toml").exists()
+    said = "kohonen-adapt: warning: --output is --out now, and will not be understood for ever.\n"
+    assert said in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        cli.main(["init", "--help"])
+    assert "--output" not in capsys.readouterr().out
 
 
 def test_without_arguments_there_is_the_help(capsys):

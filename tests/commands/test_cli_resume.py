@@ -402,7 +402,7 @@ def test_resume_with_another_case(old, new, said, case, tmp_path, capsys):
 def test_out_or_resume(case, tmp_path, capsys):
     with pytest.raises(SystemExit):
         run(case, "--out", tmp_path, "--resume", tmp_path)
-    assert "argument --resume: not allowed with argument --out" in capsys.readouterr().err
+    assert "argument --resume: not allowed with argument -o/--out" in capsys.readouterr().err
 
 
 def test_pictures_of_a_run_need_no_further_solve(case, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
@@ -20,3 +21,17 @@ def output_with(script, **variables):
     )
     assert run.returncode == 0, run.stderr
     return run.stdout
+
+
+def wait_until(happens, seconds=60):
+    """Wait, and fail where it does not happen in so many seconds."""
+    end = time.monotonic() + seconds
+    while not happens():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def alive(process):
+    """Whether a process is there and has not ended; on Linux, which shows them as files."""
+    stat = Path(f"/proc/{process}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"

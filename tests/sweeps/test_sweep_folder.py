@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import swept
+from helpers.processes import alive, wait_until
 
 import kohonen_adapt as ka
 
@@ -126,6 +126,7 @@ SCRIPT = """
 import sys
 from functools import partial
 from helpers import swept
+from helpers.processes import alive, wait_until
 import kohonen_adapt as ka
 
 if __name__ == "__main__":
@@ -143,19 +144,6 @@ def begin(folder, seconds):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_NUM_THREADS": "2"}
     command = [sys.executable, str(folder / "script.py"), str(folder), str(seconds)]
     return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def wait_until(happens, seconds=60):
-    end = time.monotonic() + seconds
-    while not happens():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
-def alive(process):
-    """Whether a process is there and has not ended."""
-    stat = Path(f"/proc/{process}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def outputs(folder):

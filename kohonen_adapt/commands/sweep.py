@@ -1,0 +1,207 @@
+"""Adapt a case for many values of its keys, several at a time, and tabulate and draw its outputs."""
+
+import argparse
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.cases.kinds import about
+from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
+from kohonen_adapt.commands.arguments import writable_folder
+from kohonen_adapt.commands.pictures import drawn, save
+from kohonen_adapt.commands.terminal import Terminal
+from kohonen_adapt.files import remove_drafts
+from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.sweeps.pool import LocalPool
+from kohonen_adapt.sweeps.result import SweepResult
+from kohonen_adapt.sweeps.sweep import sweep
+
+__all__ = ["sweep_case"]
+
+TABLE, PICTURE = "sweep.csv", "sweep.png"
+CASES = "cases"  # folder of the finished cases, below that of the results
+
+OVER = re.compile(r"(.+)=([^=:]+):([^=:]+):([^=:]+)")
+
+
+@dataclass(frozen=True)
+class CaseOutputs:
+    """The outputs of a case as a function of some of its keys, which other processes can call.
+
+    Attributes
+    ----------
+    file
+        The case; paths in it are sought from its folder.
+    text
+        What it says.
+    mesh
+        A digest of its mesh file: a sweep of another mesh is another sweep.
+    """
+
+    file: Path
+    text: str
+    mesh: str
+
+    @classmethod
+    def of(cls, path: Path) -> "CaseOutputs":
+        """Read a case.
+
+        Raises
+        ------
+        ValueError
+            If it is none, or has no outputs.
+        OSError
+            If a file cannot be read.
+        """
+        case = read_case(path)
+        if not case.outputs:
+            raise ValueError(f"{path}: sweep expected [outputs], what is to be known of each solution; there are none.")
+        content = case.mesh.read_bytes() if case.mesh.is_file() else b""
+        return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest())
+
+    def __call__(self, **values: float) -> dict[str, float]:
+        """The outputs of the adapted case with these values, by name and unit."""
+        case = self.case(values)
+        mesh = fitting_mesh(case)
+        options = {**case.adapt, "pinned": case.pins(mesh)}
+        result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **options)
+        if result.error:
+            raise result.error
+        return result.best.outputs
+
+    def case(self, values: Mapping[str, float]) -> Case:
+        """The case with these values.
+
+        Raises
+        ------
+        ValueError
+            If a name is no key of a case, or a value is none for it.
+        """
+        given = tomllib.loads(self.text)
+        for name, value in values.items():
+            given = _changed(given, _path(name), value)
+        return case_of(given, self.file.parent)
+
+
+def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
+    """Read a case, compute it for every combination of values, write and draw the outputs; return the exit status."""
+    if arguments.out is None and arguments.resume is None:
+        raise ValueError("sweep expected --out DIR, the folder for the files, or --resume DIR.")
+    outputs, grid = CaseOutputs.of(arguments.case), dict(map(_values, arguments.over))
+    terminal.show("read")
+    with about(arguments.case):
+        fitting_mesh(outputs.case({name: values[0] for name, values in grid.items()}))
+    folder = _begun(arguments)
+    command = ["kohonen-adapt", "sweep", str(arguments.case), *(f"--over={each}" for each in arguments.over)]
+    terminal.say(f"If this is cut short, go on with: {shlex.join([*command, '--resume', str(folder)])}")
+
+    def told(done: int, count: int) -> None:
+        terminal.show(f"{done} of {count} cases")
+
+    with _executor(arguments) as executor:
+        result = sweep(outputs, grid, executor=executor, folder=folder / CASES, progress=told)
+    result.to_csv(folder / TABLE)
+    terminal.say(result)
+    picture = drawn(terminal, folder, lambda: _draw(result, folder), "the picture")
+    terminal.say(f"Files in {folder}: {', '.join([TABLE, *(picture or [])])}.")
+    failed = sum(error is not None for error in result.errors)
+    if failed:
+        terminal.complain(f"{failed} of {len(result.errors)} cases ended with an error; --resume tries them again.")
+    return int(failed > 0)
+
+
+def _draw(result: SweepResult, folder: Path) -> list[str]:
+    from kohonen_adapt.plotting import sweep_figure  # it needs matplotlib, the rest does not
+
+    if not result.outputs:
+        return []
+    save(folder / PICTURE, sweep_figure(result))
+    return [PICTURE]
+
+
+def _begun(arguments: argparse.Namespace) -> Path:
+    """The folder, ready to begin anew or to go on; what is in one that has not ended is worth keeping."""
+    folder: Path = arguments.resume or writable_folder(arguments.out)
+    cases = folder / CASES
+    if arguments.resume and not cases.is_dir():
+        raise FileNotFoundError(
+            f"--resume expected the folder of a sweep that was begun; '{folder}' has no '{CASES}'. Begin with --out "
+            f"{folder}."
+        )
+    remove_drafts(folder)  # of a process that was killed
+    if cases.is_dir() and not arguments.resume:
+        if not (folder / TABLE).exists():
+            raise FileExistsError(
+                f"'{folder}' has cases of a sweep that has not ended: go on with --resume {folder}, or delete "
+                f"'{cases}' to start anew."
+            )
+        for file in [*sorted(cases.glob("*.json")), folder / TABLE]:  # what says of which sweep they are after them
+            file.unlink()
+    return folder
+
+
+@contextmanager
+def _executor(arguments: argparse.Namespace) -> Iterator[Executor]:
+    """Who computes: a Dask cluster, or processes of this machine."""
+    if not arguments.scheduler:
+        with LocalPool(arguments.jobs) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise ValueError('--scheduler needs Dask: pip install "kohonen-adapt[sweep]".') from None
+    with Client(arguments.scheduler) as client:
+        yield client.get_executor()
+
+
+def _values(over: str) -> tuple[str, list[float]]:
+    """Name and values of ``NAME=FIRST:LAST:COUNT``; integers where all of it is."""
+    try:
+        name, first, last, count = OVER.fullmatch(over).groups()  # type: ignore[union-attr]
+        if not np.isfinite([float(first), float(last)]).all() or int(count) < 1:
+            raise ValueError("no values")
+        values = np.linspace(float(first), float(last), int(count))
+    except (AttributeError, ValueError):
+        raise ValueError(
+            f"--over expected NAME=FIRST:LAST:COUNT, as materials.coil.current_density=0:2e6:11; got '{over}'."
+        ) from None
+    _path(name)
+    counted = re.fullmatch(r"[+-]?\d+", first) and re.fullmatch(r"[+-]?\d+", last) and (values == values.round()).all()
+    return name, (values.astype(int) if counted else values).tolist()
+
+
+def _path(name: str) -> list[str]:
+    """The keys of a dotted key, as TOML reads it: those with a dot in them stand in quotes."""
+    try:
+        table = tomllib.loads(f"{name} = 0")
+    except tomllib.TOMLDecodeError:
+        raise ValueError(
+            f"--over expected a dotted key of the case; got '{name}'. Keys with signs need quotes."
+        ) from None
+    path: list[str] = []
+    while isinstance(table, dict):
+        ((key, table),) = table.items()
+        path.append(key)
+    return path
+
+
+def _changed(table: Mapping[str, Any], path: list[str], value: float) -> dict[str, Any]:
+    """The table with another value where the path leads; the rest of it is shared."""
+    key, *rest = path
+    if not rest:
+        return {**table, key: value}
+    below = table.get(key, {})
+    if not isinstance(below, Mapping):
+        raise ValueError(f"--over expected a key of the case; '{key}' is {below!r} there, and has no '{rest[0]}'.")
+    return {**table, key: _changed(below, rest, value)}

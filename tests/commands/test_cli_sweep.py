@@ -1,0 +1,232 @@
+"""The command `sweep`: a case for many values of its keys, as a table and a picture, cut short and gone on with."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers.meshes import inset
+from helpers.processes import alive, wait_until
+from helpers.worlds import without_matplotlib
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.sweep import CaseOutputs
+
+CASE = """
+mesh = "mesh.msh"
+scale = 1e-3
+[materials.core]
+permeability = 1000.0
+remanence = [0.0, 1.2]
+current_density = 0.0
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 1
+[outputs.stored]
+quantity = "energy"
+[outputs.pull]
+quantity = "force"
+body = "core"
+component = "y"
+"""
+OVER = ["--over", "materials.core.permeability=10:1000:3", "--over", "materials.core.current_density=0:1e6:2"]
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Of 81 nodes."""
+    mesh = inset(8)
+    ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
+    (tmp_path / "case.toml").write_text(CASE)
+    return tmp_path / "case.toml"
+
+
+def sweep(case, *arguments):
+    return cli.main(["sweep", str(case), *map(str, arguments), "--quiet"])
+
+
+def rows(folder):
+    """The table without times."""
+    with (folder / "sweep.csv").open(newline="") as stream:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
+
+
+def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
+    assert cli.main(["sweep", str(case), *OVER, "--jobs", "2", "-o", str(tmp_path / "out")]) == 0
+    table = rows(tmp_path / "out")
+    assert list(table[0]) == [
+        *("materials.core.permeability", "materials.core.current_density", "stored (J/m)", "pull (N/m)", "error"),
+    ]
+    values = [tuple(float(row[name]) for name in list(row)[:2]) for row in table]
+    assert values == [(mu, j) for mu in (10.0, 505.0, 1000.0) for j in (0.0, 1e6)]
+    (tmp_path / "last.toml").write_text(CASE.replace("current_density = 0.0", "current_density = 1e6"))
+    last = read_case(tmp_path / "last.toml")
+    result = ka.adapt(fitting_mesh(last), last.problem, outputs=last.labelled_outputs, **last.adapt)
+    assert {name: float(table[-1][name]) for name in result.best.outputs} == result.best.outputs
+    assert (tmp_path / "out" / "sweep.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    said = capsys.readouterr().out
+    assert said.startswith(f"If this is cut short, go on with: kohonen-adapt sweep {case} --over=materials.core.")
+    assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.png.\n")
+
+
+def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
+    """A negative permeability is refused when it comes to it."""
+    assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", tmp_path / "out") == 1
+    errors = [row["error"] for row in rows(tmp_path / "out")]
+    assert errors[0] == "" and all("permeability" in error for error in errors[1:])
+    assert "2 of 3 cases ended with an error; --resume tries them again." in capsys.readouterr().err
+    assert (tmp_path / "out" / "sweep.png").exists()
+
+
+def test_without_matplotlib_there_is_the_table(case, tmp_path, monkeypatch, capsys):
+    without_matplotlib(monkeypatch)
+    assert cli.main(["sweep", str(case), "--over=scale=1e-3:2e-3:2", "--out", str(tmp_path / "out")]) == 0
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["cases", "sweep.csv"]
+    assert 'pip install "kohonen-adapt[plot]"' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("over", "path", "values"),
+    [
+        ("adapt.passes=0:4:3", ["adapt", "passes"], [0, 2, 4]),
+        ("a.b=0:1:3", ["a", "b"], [0.0, 0.5, 1.0]),
+        ("a=0:2e6:3", ["a"], [0.0, 1e6, 2e6]),
+        ('materials."coil 1.a".current_density=-1:1:1', ["materials", "coil 1.a", "current_density"], [-1]),
+    ],
+)
+def test_names_and_values(over, path, values, monkeypatch):
+    from kohonen_adapt.commands.sweep import _path, _values
+
+    name, found = _values(over)
+    assert (_path(name), found) == (path, values) and {type(value) for value in found} == {type(values[0])}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--over", "scale", "--out", "out"], "--over expected NAME=FIRST:LAST:COUNT, as "),
+        (["--over", "scale=1:2", "--out", "out"], "got 'scale=1:2'"),
+        (["--over", "scale=1:2:0", "--out", "out"], "got 'scale=1:2:0'"),
+        (["--over", "scale=1:2:x", "--out", "out"], "got 'scale=1:2:x'"),
+        (["--over", "scale=1:inf:3", "--out", "out"], "got 'scale=1:inf:3'"),
+        (["--over", "a b=1:2:3", "--out", "out"], "--over expected a dotted key of the case; got 'a b'"),
+        (["--over", "scale.x=1:2:3", "--out", "out"], "'scale' is 0.001 there, and has no 'x'"),
+        (["--over", "materials.core.permeabilty=1:2:3", "--out", "out"], "Did you mean 'permeability'?"),
+        (["--over", "materials.cor.permeability=1:2:3", "--out", "out"], "cor"),
+        (["--over", "scale=1:2:3"], "sweep expected --out DIR"),
+        (["--over", "scale=1:2:3", "--out", "out", "--jobs", "0"], "processes must be an integer >= 1; got 0"),
+        (["--over", "scale=1:2:3", "--resume", "none"], "'none' has no 'cases'. Begin with --out none."),
+    ],
+)
+def test_wrong_arguments(arguments, said, case, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert sweep(case, *arguments) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and said in err
+    assert not (tmp_path / "out" / "cases").exists()
+
+
+def test_a_case_without_outputs(case, tmp_path, capsys):
+    case.write_text(CASE.partition("[outputs")[0])
+    assert sweep(case, "--over", "scale=1:2:3", "--out", tmp_path / "out") == 2
+    assert "sweep expected [outputs]" in capsys.readouterr().err
+
+
+def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
+    out = tmp_path / "out"
+    over = ["--over", "materials.core.permeability=10:1000:2"]
+    assert sweep(case, *over, "--out", out) == 0
+    first = rows(out)
+    (out / "sweep.csv").unlink()  # as if it were cut short
+    (out / "cases" / "case-0000.json").unlink()
+    assert sweep(case, *over, "--out", out) == 2
+    assert f"has cases of a sweep that has not ended: go on with --resume {out}" in capsys.readouterr().err
+    before = (out / "cases" / "case-0001.json").read_bytes()
+    assert sweep(case, *over, "--resume", out) == 0
+    assert rows(out) == first and (out / "cases" / "case-0001.json").read_bytes() == before
+    assert sweep(case, *over[:-1], "materials.core.permeability=10:1000:4", "--resume", out) == 2
+    assert "values of parameters differ" in capsys.readouterr().err
+    assert sweep(case, "--over", "scale=1e-3:2e-3:2", "--out", out) == 0  # that one has ended
+    assert len(rows(out)) == 2 and "scale" in rows(out)[0]
+
+
+def test_another_mesh_is_another_sweep(case, tmp_path, capsys):
+    over = ["--over", "materials.core.permeability=10:1000:2"]
+    assert sweep(case, *over, "--out", tmp_path / "out") == 0
+    mesh = inset(10)
+    ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
+    assert sweep(case, *over, "--resume", tmp_path / "out") == 2
+    assert "its code or data of the function differ" in capsys.readouterr().err
+
+
+def test_outputs_of_a_case_are_a_function_of_its_keys(case):
+    outputs = CaseOutputs.of(case)
+    weak, strong = (outputs(**{"materials.core.remanence": [0.0, value]}) for value in (0.6, 1.2))
+    assert strong["stored (J/m)"] == pytest.approx(4.0 * weak["stored (J/m)"], rel=1e-2)
+
+
+COMMAND = """
+import os, signal, sys, time
+from kohonen_adapt.commands import sweep
+from kohonen_adapt.commands.main import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+call = sweep.CaseOutputs.__call__
+
+def slow(self, **values):
+    open(os.path.join(os.path.dirname(self.file), f"begun {os.getpid()}"), "w").close()
+    time.sleep(0.5)
+    return call(self, **values)
+
+sweep.CaseOutputs.__call__ = slow
+if __name__ == "__main__":
+    sys.modules["matplotlib"] = None
+    sys.exit(main())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_cut_short_and_resumed(number, case, tmp_path):
+    (tmp_path / "command.py").write_text(COMMAND)
+    over, out = ["--over", "materials.core.permeability=10:1000:7"], tmp_path / "out"
+    command = [sys.executable, tmp_path / "command.py", "sweep", case, *over, "--jobs", "2", "--out", out]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(list(map(str, command)), env=environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    wait_until(lambda: len(list(out.glob("cases/case-*"))) >= 2)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == -number and b"Traceback" not in said
+    workers = [int(file.name.split()[-1]) for file in tmp_path.glob("begun *")]
+    assert len(workers) == 2
+    wait_until(lambda: not any(map(alive, workers)), seconds=5)
+    kept = {file: file.read_bytes() for file in out.glob("cases/case-*")}
+    assert 2 <= len(kept) < 7
+    assert sweep(case, *over, "--resume", out) == 0
+    assert all(file.read_bytes() == content for file, content in kept.items())
+    assert sweep(case, *over, "--out", tmp_path / "straight") == 0
+    assert rows(out) == rows(tmp_path / "straight")
+
+
+def test_a_scheduler_without_dask(case, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert sweep(case, *OVER, "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out") == 2
+    assert 'pip install "kohonen-adapt[sweep]"' in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_cluster_computes_the_same(case, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    over = ["--over", "materials.core.permeability=10:1000:4"]
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        assert sweep(case, *over, "--scheduler", cluster.scheduler_address, "--out", tmp_path / "cluster") == 0
+    assert sweep(case, *over, "--jobs", "1", "--out", tmp_path / "here") == 0
+    assert rows(tmp_path / "cluster") == rows(tmp_path / "here")
+    assert all(np.isfinite(float(row["pull (N/m)"])) for row in rows(tmp_path / "here"))
