@@ -21,7 +21,8 @@ CROSSINGS = 32  # edges crossed by a check of a circle; where there are more the
 
 # Columns of tables.
 OWN, OTHER = 0, 1  # of `Constraints.chain`
-ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH, CURVATURE, REACH, MERGED, BULGE = range(9)  # of `Chains.place`
+ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.place`, and
+CURVATURE, REACH, MERGED, BULGE, EVEN = range(5, 10)
 SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces that outlines are cut into
@@ -60,7 +61,7 @@ class Star(NamedTuple):
 class Chains(NamedTuple):
     """Where positions on every chain are looked up; a chain begins at its origin, in the direction given."""
 
-    place: np.ndarray  # (c, 9): origin, direction, length, curvature, reach, merged, bulge
+    place: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, bulge, even
     flags: np.ndarray  # (c, 3) int8: shape, closed, paired
     row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
@@ -69,7 +70,7 @@ class Chains(NamedTuple):
     def of(cls, count: int) -> "Chains":
         """A table of so many straight chains without knots, to be filled."""
         flags, row = np.zeros((count, PAIRED + 1), dtype=np.int8), np.zeros(count + 1, dtype=np.int32)
-        return cls(np.zeros((count, BULGE + 1)), flags, row, np.empty((0, RATE_Y + 1)))
+        return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
 
     @property
     def shape(self) -> np.ndarray:
@@ -115,6 +116,11 @@ class Chains(NamedTuple):
     def bulge(self) -> np.ndarray:
         """How far a curve may be from its facets, (c,)."""
         return self.place[:, BULGE]
+
+    @property
+    def even(self) -> np.ndarray:
+        """Facets of this length, all alike, would leave out of a curve what those of the input do, (c,)."""
+        return self.place[:, EVEN]
 
     @property
     def paired(self) -> np.ndarray:
@@ -195,6 +201,7 @@ class Origins(NamedTuple):
     pinned: np.ndarray  # (n,) bool: an edge between two of them is not split
     young: np.ndarray  # (n,) bool: made in this round; not collapsed in it, so that a round comes to an end
     pinched: np.ndarray  # (n,) bool: nodes where the mesh touches itself; nothing is collapsed into them
+    longest: np.ndarray  # (n,) of the facets that a collapse of a node on a curve may make
 
 
 @record

@@ -14,6 +14,7 @@ from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.polishing.functional import Functional, VariesInside
 from kohonen_adapt.polishing.polish import descend_and_recycle
+from kohonen_adapt.polishing.slivers import longest_on_arcs
 from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (
@@ -134,8 +135,11 @@ class Adaptation:
             settings, number = self.settings, self.steps.number
             topology, nodes = settings.rules.topology, settings.growth.nodes(number)
             by_energy = solved.functional is not None and len(self.plan) > 1 and number > RECYCLED_BY_DENSITY
-            recycles = not by_energy or nodes > self.movable.nnodes
-            return move(self.movable, density, settings.schedule, topology, settings.rng(number), nodes, recycles)
+            recycles, longest = not by_energy or nodes > self.movable.nnodes, None
+            if solved.functional is not None:
+                longest = longest_on_arcs(solved.functional.ritz, self.movable, record.estimate)
+            rng = settings.rng(number)
+            return move(self.movable, density, settings.schedule, topology, rng, nodes, recycles, longest)
 
     def polish(self, solved: Solved, moved: Moved) -> tuple[Moved, float]:
         """Carry the last solution to the moved mesh and descend its functional; returns all moves, and its gain."""

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, TABLED, Chains
+from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.cutting import lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
@@ -49,8 +49,8 @@ def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
 def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve]) -> Chains:
     """The table of chains, one for every piece."""
     count = len(pieces.rows)
-    longest, angle = np.empty(count), np.empty(count)
-    lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, angle)
+    longest, even, angle = (np.empty(count) for _ in range(3))
+    lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, even, angle)
     table = straight_table(position[runs.node[pieces.first]], position[runs.node[pieces.last]])
     bend(table, pieces, angle, longest)
     knots = [table.knot] * count
@@ -62,6 +62,8 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
         elif not isinstance(given, Arc):
             knots[p] = tabulated(given, nodes, bool(pieces.closed[p]), name)
             tabulate(table, p, knots[p], bool(pieces.closed[p]), longest[p])
+    bent = table.shape != STRAIGHT
+    table.even[bent] = even[bent]
     report(table, pieces)
     row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
     return table._replace(row=row, knot=np.concatenate([table.knot, *knots]))
@@ -75,7 +77,7 @@ def straight_table(start: Floats, end: Floats) -> Chains:
         direction = chord / length[:, None]
     table = Chains.of(len(start))
     table.origin[:], table.direction[:], table.length[:] = start, direction, length
-    table.reach[:] = table.merged[:] = np.inf
+    table.reach[:] = table.merged[:] = table.even[:] = np.inf
     return table
 
 
@@ -179,6 +181,6 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
     turn, shift = step[:, :, :2], step[:, :, 2]
     table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
     table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
-    for array in (table.length, table.curvature, table.reach, table.merged, table.bulge):
+    for array in (table.length, table.curvature, table.reach, table.merged, table.bulge, table.even):
         array[image] = array[first]
     table.curvature[image] *= np.sign(np.linalg.det(turn))  # a mirror image bends the other way

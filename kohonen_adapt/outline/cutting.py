@@ -277,14 +277,20 @@ def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[
 
 
 def lengths_and_angles(
-    position: Floats, node: Ints, pieces: Ints, circle: Floats, longest: Floats, angle: Floats
+    position: Floats, node: Ints, pieces: Ints, circle: Floats, longest: Floats, even: Floats, angle: Floats
 ) -> None:
-    """Of every piece the longest facet and, of round ones, the angle from first to last node, positive to the left."""
+    """Of every piece the longest facet, the length of facets that would cut off as much of a curve were they all alike,
+    and, of round ones, the angle from first to last node, positive to the left.
+
+    A chord of length l cuts ``l^3 / (12 r)`` off a circle of radius r, so theirs is the root of sum l^3 / sum l.
+    """
     for p in range(pieces.shape[0]):
-        longest[p] = angle[p] = 0.0
+        longest[p] = angle[p] = total = cubes = 0.0
         for i in range(pieces[p, FIRST], pieces[p, LAST]):
             a, b = node[i], node[i + 1]
             length = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
             longest[p] = max(longest[p], length)
+            total, cubes = total + length, cubes + length**3
             if pieces[p, IS_ROUND]:
                 angle[p] += angle_between(position, a, b, circle[p, 0], circle[p, 1])
+        even[p] = math.sqrt(cubes / total)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Elements, OpenMesh, Origins, Pool, SurgeryScratch
+from kohonen_adapt.kernels.arrays import SLIDING, Elements, OpenMesh, Origins, Pool, SurgeryScratch
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
@@ -81,6 +81,7 @@ class Surgery:
             state["pinned"],
             np.zeros(rows, dtype=np.bool_),
             padded(on_boundary > 2, rows, False),
+            padded(longest_joined(movable), rows, np.inf),
         )
         records = with_state(movable.triangulation.elements, movable.constraints, state)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
@@ -105,6 +106,12 @@ class Surgery:
         state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
         movable.become(state)
         return kept
+
+
+def longest_joined(movable: MovableMesh) -> Floats:
+    """The longest facet that may be made of two at every node, (n,), so that no more is cut off a curve than was."""
+    even = np.append(movable.constraints.chains.even, np.inf)
+    return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
 
 
 def ranks(order: Ints, rows: int) -> NDArray[np.int32]:

@@ -19,16 +19,22 @@ SETTLED = 0.01  # share of the nodes: a round with fewer splits is the last
 SPLITS = 100_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 
-def recycle_nodes(movable: MovableMesh, density: Floats, target: int, pairs: bool) -> Recycled:
+def recycle_nodes(
+    movable: MovableMesh, density: Floats, target: int, pairs: bool, longest: Floats | None = None
+) -> Recycled:
     """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
 
     Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region. `density`
     (nnodes,) is wanted nodes per area up to a factor, `target` the number of nodes in the end, at least that of now:
-    more are made by splits alone. With `pairs` splits and collapses go on when there are as many.
+    more are made by splits alone. With `pairs` splits and collapses go on when there are as many. What facets on curves
+    leave out must not grow, but where they are no longer than `longest` (nnodes,) they may be joined.
     """
     movable.settle()
     missing = target - movable.nnodes
     spacious = Surgery.on(movable, density, target, unchanged(movable.triangulation))
+    if longest is not None:
+        known = spacious.mesh.origins.longest[: movable.nnodes]
+        np.maximum(known, longest, out=known)
     splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     if not splits:
         return unchanged(movable.triangulation)

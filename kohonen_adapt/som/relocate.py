@@ -156,16 +156,17 @@ def move(
     rng: np.random.Generator,
     nodes: int = 0,
     recycles: bool = True,
+    longest: Floats | None = None,
 ) -> Moved:
     """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; with at least so many `nodes`.
 
     `wanted` is a density on the mesh as it is now. With the topology "recycle" the map counts on recycling that was
-    done before where it `recycles` nothing here.
+    done before where it `recycles` nothing here. `longest` facets on arcs are those of `recycle_nodes`.
     """
     before, target = movable.copy(), max(nodes, movable.nnodes)
     recycled, pairs = unchanged(before.triangulation), recycles and topology == "recycle"
     if pairs or target > movable.nnodes:
-        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs)
+        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs, longest)
     trainer = Trainer.of(movable)
     if schedule is None:
         radius = radius_for(trainer, wanted, topology, recycled)

@@ -141,6 +141,7 @@ def split(mesh, e, k, x, y, parameter):
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
     origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
     origins.pinned[p] = origins.pinched[p] = False
+    origins.longest[p] = min(origins.longest[a], origins.longest[b])
     origins.young[p] = True
     new = halve(mesh, e, k, p)
     pool.anchor[p] = e
@@ -187,9 +188,9 @@ def collapsed_quality(mesh, v, w, longest, floor):
             continue
         if not (may_join(elements, e, w, a) and may_join(elements, e, w, b)):
             return -1.0
-        if not joins_within_reach(position, constraints, w, a, chain[e, (k + 2) % 3]):
+        if not joins_within_reach(mesh, v, w, a, chain[e, (k + 2) % 3]):
             return -1.0
-        if not joins_within_reach(position, constraints, w, b, chain[e, (k + 1) % 3]):
+        if not joins_within_reach(mesh, v, w, b, chain[e, (k + 1) % 3]):
             return -1.0
         q = signed_quality(
             position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1]
@@ -218,12 +219,13 @@ def count_marked(mesh, w, mark):
 
 
 @inner_kernel
-def joins_within_reach(position, constraints, w, other, c):
-    """Whether the facet between two nodes that an edge of chain c is to become is no longer than it may be."""
+def joins_within_reach(mesh, v, w, other, c):
+    """Whether the facet past v between two nodes that an edge of chain c is to become is no longer than it may be."""
     if c < 0:
         return True
-    dx, dy = position[w, 0] - position[other, 0], position[w, 1] - position[other, 1]
-    return dx * dx + dy * dy <= constraints.chains.place[c, MERGED] ** 2
+    dx, dy = mesh.position[w, 0] - mesh.position[other, 0], mesh.position[w, 1] - mesh.position[other, 1]
+    longest = min(mesh.constraints.chains.place[c, MERGED], mesh.origins.longest[v])
+    return dx * dx + dy * dy <= longest * longest
 
 
 @inner_kernel
