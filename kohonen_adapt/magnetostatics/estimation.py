@@ -29,7 +29,7 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import quadratic_solution, tangent_solution
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, signed_area
 
 __all__ = ["RESIDUAL_SCALE", "error_of_goal", "estimated", "goal_indicators"]
 
@@ -61,7 +61,8 @@ def estimated(
     if estimator == "equilibrated":
         return bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
-    scalar = linearised(field, estimator) if given.pieces else scalar_problem(field.elements, field.symmetry, given)
+    plain = not given.pieces and not field.axisymmetric
+    scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=scalar.flux, joined=joined)
         return RESIDUAL_SCALE * bare
@@ -90,7 +91,7 @@ def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
 
 
 def linearised(field: Field, estimator: str) -> Scalar:
-    """The scalar problem that a nonlinear solution solves, with a reluctivity that weights its error.
+    """The scalar problem that a nonlinear solution solves, or one around an axis, and what weights its error there.
 
     Its flux makes ``nu grad u - flux`` the field strength of the solution, whatever the weight nu. A scalar has to
     stand for the tensor of nonlinear material, differential along B and secant across it. Where B changes along itself,
@@ -103,7 +104,7 @@ def linearised(field: Field, estimator: str) -> Scalar:
     if estimator == "residual":
         weight = np.sqrt(field.reluctivity * weight)
     reluctivity = field.symmetry.reluctivity(field.elements.points, weight)
-    flux = reluctivity * field.elements.gradient(field.unknown) - field.symmetry.flux(field.field_strength)
+    flux = reluctivity * gradient(field.mesh, field.unknown) - field.symmetry.flux(field.field_strength)
     return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
 
 
@@ -175,16 +176,17 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
     elements, symmetry, u = field.elements, field.symmetry, field.unknown
     dual = tangent_solution(field, boundaries, elements.loads(source, load), newton)
     weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
-    nu, slope = symmetry.reluctivity(elements.points, weight), elements.gradient(dual)
-    change = symmetry.flux(field.change_of_strength(symmetry.flux_density(elements.points, slope)))
+    nu, density = symmetry.reluctivity(elements.points, weight), symmetry.flux_density
+    change = symmetry.flux(field.change_of_strength(density(elements.points, elements.gradient(dual))))
+    strength, change = map(elements.balanced, (symmetry.flux(field.field_strength), change))
     return {
         "potential": u,
         "dual": dual,
         "reluctivity": nu,
         "source": symmetry.source(field.current_density),
-        "flux": nu * elements.gradient(u) - symmetry.flux(field.field_strength),
+        "flux": nu * gradient(field.mesh, u) - strength,
         "dual_source": source,
-        "dual_flux": nu * slope - change + load,
+        "dual_flux": nu * gradient(field.mesh, dual) - change + load,
         "fixed": _given(conditions_of(elements, boundaries, symmetry)),
     }
 

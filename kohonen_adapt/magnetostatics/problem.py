@@ -9,8 +9,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
-from kohonen_adapt.magnetostatics.equations.elements import elements_on
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import error_of_goal, estimated, goal_indicators
@@ -175,7 +175,8 @@ class Magnetostatics(Arguments):
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_mesh(mesh)
-        elements, symmetry = elements_on(mesh, self.order), AXISYMMETRIC if self.axisymmetric else PLANAR
+        symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
+        elements = elements_on(mesh, self.order, symmetry)
         given = coefficients(mesh, self.materials, self.ampere_turns)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 

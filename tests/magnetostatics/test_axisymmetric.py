@@ -1,11 +1,13 @@
 """Axisymmetric magnetostatics against known inductances and exact fields."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.devices import INCH, coil, coil_mesh
 from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
-from helpers.meshes import square
-from skfem import MeshTri
+from helpers.meshes import generic_square, square
+from skfem import Basis, ElementTriP0, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
@@ -62,12 +64,61 @@ def drawn_half_disk(folder, radius, size):
     return ka.read_mesh(folder / "half.msh")
 
 
+def on_axis(z):
+    """B_z of the coil at 1 A on its axis, in free space: the integral over the rings of its current."""
+    density, inner, outer = 1000.0 / (2 * INCH**2), 0.5 * INCH, 1.5 * INCH
+
+    def up_to(s):
+        return s * np.log((outer + np.hypot(outer, s)) / (inner + np.hypot(inner, s)))
+
+    return MU0 * density / 2 * (up_to(z + INCH) - up_to(z - INCH))
+
+
+def test_the_field_of_a_coil_on_its_axis():
+    """Of first order, where (du/dr) / r in the elements at the axis stays 33 to 37 % too large."""
+    z = np.linspace(-1.2, 1.2, 49) * INCH
+    assert on_axis(0.0) == pytest.approx(0.0176510851)  # by loops, integrated numerically
+    errors = []
+    for fineness in (1, 2, 4):
+        field = coil().solve(coil_mesh(fineness, 3.0))
+        both = [field.flux_density_at([0 * z, z], recovered=recovered) for recovered in (False, True)]
+        errors.append([np.sqrt(np.mean((b[1] / on_axis(z) - 1.0) ** 2)) for b in both])
+        assert np.mean(both[0][1] / on_axis(z)) == pytest.approx(1.0, abs=0.004)
+    assert np.all(np.array(errors[-1]) < 0.012)
+    assert np.all(-np.polyfit(np.log((1, 2, 4)), np.log(errors), 1)[0] > 0.95)
+
+
+@needs_gmsh
+def test_the_field_on_the_axis_of_an_irregular_mesh(tmp_path):
+    """In the elements that touch the axis, as Gmsh meshes them: 1 % of the largest where 26 % were wrong."""
+    mesh = drawn_half_disk(tmp_path, 0.15, INCH / 8)
+    field = Magnetostatics(coil().materials, open_boundary="rim", ampere_turns={"coil": 1000.0}, axisymmetric=True)
+    touching = np.any(mesh.p[0, mesh.t] == 0.0, axis=0)
+    r, z = mesh.p[:, mesh.t[:, touching]].mean(axis=1)
+    slope = (on_axis(z + 1e-5) - on_axis(z - 1e-5)) / 2e-5
+    off = field.solve(mesh).flux_density[:, touching] - np.stack((-0.5 * r * slope, on_axis(z)))
+    assert np.sqrt(np.mean(np.sum(off**2, axis=0))) < 0.015 * on_axis(0.0)
+
+
+def test_a_uniform_field_is_told_exactly_at_the_axis():
+    """By every element that touches it, whatever its shape."""
+    mesh = generic_square(8).with_subdomains({"air": lambda x: x[0] < 2}).with_boundaries({"all": lambda x: x[0] > -1})
+    field = Magnetostatics({"air": Material()}, {"all": lambda x: 0.4 * x[0]}, axisymmetric=True).solve(mesh)
+    field = replace(field, potential=0.4 * mesh.p[0])
+    touching = np.any(mesh.p[0, mesh.t] == 0.0, axis=0)
+    np.testing.assert_allclose(field.flux_density[:, touching], [[0.0], [0.8]] * np.ones(touching.sum()), atol=1e-12)
+    assert field.energy_density[touching] == pytest.approx(0.8**2 / (2 * MU0), rel=1e-12)
+
+
 @pytest.mark.parametrize("estimator", ["residual", "recovery"])
 def test_the_estimate_of_the_coil_is_near_its_error(estimator):
-    """The energy norm squared is twice the energy, which falls short of the exact one by half the error squared."""
-    problem, mesh = coil(estimator), coil_mesh(2, 3.0)
-    field = problem.solve(mesh)
-    error = np.sqrt(22.945e-3 - 2 * field.energy)
+    """The error against a finer solution: with 1 / r at the middle of elements it is not what the energy lacks."""
+    problem, mesh = coil(estimator), coil_mesh(1, 3.0)
+    field, finer = problem.solve(mesh), problem.solve(coil_mesh(4, 3.0))
+    basis = Basis(mesh, ElementTriP0(), intorder=4)
+    x = np.asarray(basis.global_coordinates())
+    off = finer.flux_density_at(x.reshape(2, -1), recovered=True).reshape(x.shape) - field.flux_density[:, :, None]
+    error = np.sqrt(np.sum(2 * np.pi * x[0] * off**2 * basis.dx) / MU0)
     assert problem.energy_norm(mesh, field) == pytest.approx(np.sqrt(2 * field.energy))
     assert 0.85 < np.linalg.norm(problem.indicators(mesh, field)) / error < 1.25
 
@@ -138,16 +189,16 @@ def test_a_long_solenoid_with_an_iron_core():
 
 
 def test_a_uniform_field_by_given_potentials():
-    """A_phi = B r / 2 all round: the mean of B_z is right on any mesh, and A converges quadratically off the axis."""
-    counts, errors = (6, 12, 24), []
+    """A_phi = B r / 2 all round: the mean of B_z is right on squares, and A converges quadratically off the axis."""
+    counts, errors = (12, 24, 48), []
     for n in counts:
         mesh = square(n).with_subdomains({"air": lambda x: x[0] < 2}).with_boundaries({"all": lambda x: x[0] > -1})
         field = Magnetostatics({"air": Material()}, {"all": lambda x: 0.4 * x[0]}, axisymmetric=True).solve(mesh)
         along = np.sum(field.volume * field.flux_density[1]) / field.volume.sum()
         assert along == pytest.approx(0.8, rel=1e-9)
-        away = mesh.p[0] > 0.45
+        away = mesh.p[0] > 0.49  # from the same place on, whatever the mesh
         errors.append(np.abs(field.potential[away] / (0.4 * mesh.p[0, away]) - 1).max())
-    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.4 and errors[-1] < 2e-3
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.4 and errors[-1] < 2e-4
 
 
 def test_adapting_a_coil():

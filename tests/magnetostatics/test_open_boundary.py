@@ -78,7 +78,8 @@ def test_a_ball_in_an_applied_field(permeability, height):
     )
     exact = 3.0 * permeability / (permeability + 2.0) * MU0 * APPLIED
     errors = [abs(inside(problem.solve(ball(k, height=height)))[1] / exact - 1.0) for k in (8, 16, 32)]
-    assert errors[-1] < 5e-3 and errors[-1] < 0.35 * errors[-2] + 1e-6
+    # With permeability 1 the error crosses zero between the first two meshes, so their ratio says nothing.
+    assert errors[-1] < 6e-4 and errors[-1] < 0.45 * errors[0]
 
 
 def test_a_ring_of_current_around_an_axis():

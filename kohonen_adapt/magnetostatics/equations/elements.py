@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
-__all__ = ["Elements", "Linear", "Quadratic", "elements_on"]
+__all__ = ["Elements", "Linear", "Quadratic"]
 
 INTEGRATED = 4  # degree that the quadrature of order 2 integrates exactly: nu |grad u|^2 needs 2 where nu is constant
 
@@ -56,6 +56,12 @@ class _Polynomials:
     def points_at(self, element: Ints, share: Floats) -> Floats:
         """The points of these elements and barycentric coordinates, (2, n)."""
         return np.einsum("in,cin->cn", share, self.mesh.p[:, self.mesh.t[:, element]])
+
+    def balanced(self, flux: Floats) -> Floats:
+        """The flux at the quadrature points whose `loads` are what `against_gradients` makes of this one: itself, but
+        where something else stands for the gradients.
+        """
+        return flux
 
     def added(self, terms: Floats) -> Floats:
         """Sum the terms (k, nelements) of the elements by unknowns, (nunknowns,)."""
@@ -250,8 +256,3 @@ class Quadratic(_Polynomials):
 
 
 Elements = Linear | Quadratic
-
-
-def elements_on(mesh: MeshTri, order: int) -> Elements:
-    """The elements of that order on a mesh."""
-    return Linear(mesh) if order == 1 else Quadratic(mesh)

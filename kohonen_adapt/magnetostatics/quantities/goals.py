@@ -208,4 +208,4 @@ class StoredEnergy:
 def _of_flux_density(field: Field, weight: Floats) -> tuple[Floats, Floats]:
     """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, nelements) in A/m."""
     total = weight * (1.0 if field.depth is None else field.depth)
-    return np.zeros(weight.shape[1]), field.symmetry.flux(total)
+    return np.zeros(weight.shape[1]), field.elements.balanced(field.symmetry.flux(total))

@@ -7,6 +7,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.elements import Elements, Linear
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
@@ -67,7 +68,7 @@ class LocalField:
     @cached_property
     def elements(self) -> Elements:
         """The elements whose functions the potential is one of."""
-        return Linear(self.mesh)
+        return elements_on(self.mesh, 1, self.symmetry)
 
     @property
     def unknown(self) -> Floats:
