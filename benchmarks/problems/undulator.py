@@ -10,10 +10,9 @@ AIR = 0.03  # beyond each array, where 1e-6 of the field in the gap is left
 REMANENCE, BLOCKS = 1.2, 4  # T, blocks per period; their permeability is 1
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 UPPER = [f"upper_{k}" for k in range(BLOCKS)]
-TOP = np.array([[PERIOD / 8], [0.0]])  # where the field is at its peak
+MIDDLE = np.stack(((np.arange(64) + 0.5) * PERIOD / 64, np.zeros(64)))  # of the gap, over a period
 POINTS = np.stack((np.linspace(0.0005, 0.0395, 14), np.full(14, 0.0017)))  # in the gap, off its middle
-
-PEAK, FIELD, FORCE = "peak field (T)", "field at 14 points (T)", "force on an array (N/m)"
+HARMONIC, FIELD, FORCE = "first harmonic in the middle (T)", "field at 14 points (T)", "force on an array (N/m)"
 
 
 class Undulator:
@@ -56,7 +55,7 @@ class Undulator:
     def published(self, setting: float) -> dict[str, np.ndarray]:
         """What `measured` should find."""
         return {
-            PEAK: flux_density(TOP)[1],
+            HARMONIC: first_harmonic(flux_density(MIDDLE)),
             FIELD: flux_density(POINTS).ravel(),
             FORCE: np.array([-attraction()]),
         }
@@ -65,7 +64,7 @@ class Undulator:
         """The same of a solution on a mesh."""
         field = self.problem(setting).solve(mesh)
         return {
-            PEAK: field.flux_density_at(TOP)[1],
+            HARMONIC: first_harmonic(field.flux_density_at(MIDDLE)),
             FIELD: field.flux_density_at(POINTS).ravel(),
             FORCE: field.force(UPPER)[1:],
         }
@@ -78,6 +77,12 @@ def flux_density(x: np.ndarray) -> np.ndarray:
         along, across = 2 * np.pi * n / PERIOD * (x[0] - PERIOD / 8), 2 * np.pi * n / PERIOD * x[1]
         total += 2 * amplitude * np.stack((-np.sinh(across) * np.sin(along), np.cosh(across) * np.cos(along)))
     return total
+
+
+def first_harmonic(field: np.ndarray) -> np.ndarray:
+    """Its amplitude (1,) in the B_y of values (2, 64) at `MIDDLE`."""
+    wave = np.cos(2 * np.pi * (MIDDLE[0] / PERIOD - 1 / 8))
+    return np.atleast_1d(2 * np.mean(field[1] * wave))
 
 
 def attraction() -> float:
