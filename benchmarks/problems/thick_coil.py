@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material, 
 INCH = 0.0254
 INNER, OUTER, LENGTH = 0.5 * INCH, 1.5 * INCH, 2.0 * INCH  # radii, and along the axis
 TURNS, CURRENT = 1000, 1.0
-RIM, NEAR = 0.8, 0.08  # radius of the sphere where A = 0, where 8e-5 of the inductance is lost; of smaller elements
+RIM, NEAR = 0.15, 0.08  # radius of the open boundary, half of a square with smaller elements
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 HEIGHTS = np.linspace(-0.04, 0.04, 9)  # on the axis, m
 INDUCTANCE, ON_AXIS = "inductance (mH)", "field on the axis, 9 points (mT)"
@@ -50,14 +50,14 @@ class ThickCoil:
         def rim(left: float, low: float, right: float, high: float) -> str:
             return "axis" if right < 1e-6 else "rim"
 
-        return meshed(draw, {"air": 0.2, "near": 8e-3, "coil": 5e-3}, rim)
+        return meshed(draw, {"air": 0.03, "near": 6e-3, "coil": 4e-3}, rim)
 
     def problem(self, setting: float) -> Magnetostatics:
-        """A = 0 on the rim and on the axis."""
+        """Air beyond the rim, as FEMM has it by its asymptotic boundary condition."""
         return Magnetostatics(
             {"air": Material(), "near": Material(), "coil": Material(current_density=DENSITY)},
-            potential={"rim": 0.0},
             axisymmetric=True,
+            open_boundary="rim",
         )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:
