@@ -64,7 +64,7 @@ by goal=: adapted for the force, torque or flux linkage itself, in place of the 
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Every quantity of every model, adapted with the first of the seeds; quick: the first setting of each model."""
     rows = [row for model in MODELS for row in rows_of(model, seeds[0], model.settings[: 1 if quick else None])]
-    judged = [[*row, before] for row, before in zip(rows, LAST_RELEASE, strict=True)]
+    judged = [[*row, f"{before:.2g}"] for row, before in zip(rows, LAST_RELEASE, strict=True)]
     return "\n".join([aligned(["published model", "", *NUMBERS], judged), REMARKS])
 
 
