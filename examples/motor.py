@@ -11,7 +11,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque
@@ -24,6 +23,7 @@ CURRENT = 4e6  # A/m^2, peak
 SLOTS = {"coil_c_minus": -POLE / 3, "coil_a_plus": 0.0, "coil_b_minus": POLE / 3}  # angles from the pole's axis
 
 IRON, AIR = Material(permeability=1000.0), Material()
+TURNS = ["rotor", "magnet", "rotor_air", "gap_inside"]
 PARTS = {"stator": IRON, "rotor": IRON} | dict.fromkeys(["slot_air", "gap", "rotor_air"], AIR)
 
 
@@ -40,27 +40,22 @@ def sector(materials):
     return Magnetostatics(materials, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=[("right", "left")])
 
 
-def turned(mesh, step, further):
-    """The mesh with its rotor, now at a step, turned further; what then sticks out of the sector stays there."""
-    z = mesh.p[1] - 1j * mesh.p[0]  # angles from the y-axis
-    on_ring = np.abs(np.abs(z) - RING) < 1e-9
-    number = np.where(on_ring, np.rint((np.angle(z) / POLE + 0.5) * STEPS), 1000 + np.arange(z.size))[mesh.t]
-    turns = np.abs(z[mesh.t].mean(axis=0)) < RING
-    # The ring's nodes are numbered along it, so that rotor and stator share others than before.
-    _, first, t = np.unique(number + further * (turns & on_ring[mesh.t]), return_index=True, return_inverse=True)
-    z = np.where(turns, np.exp(1j * POLE * further / STEPS), 1.0) * z[mesh.t]
-    z = z.ravel()[first]
-    new = MeshTri(np.stack([-z.imag, z.real]), t.reshape(3, -1))
-    radius, side = np.abs(z[new.facets]), np.zeros(new.facets.shape[1], dtype=bool)
-    side[new.boundary_facets()] = True
-    round_ = side & (np.ptp(radius, axis=0) < 1e-9)  # the other sides are radial
-    names = {"outer": round_ & (radius[0] > 0.079), "inner": round_ & (radius[0] < 0.016)}
-    side &= ~names["outer"] & ~names["inner"]
-    right = np.angle(z[new.facets].mean(axis=0)) < 0.5 * POLE * (step + further) / STEPS
-    names |= {"ring": np.all(np.abs(radius - RING) < 1e-9, axis=0), "right": side & right, "left": side & ~right}
-    inside = np.intersect1d(mesh.subdomains["gap"], np.flatnonzero(turns))
-    new = new.with_subdomains(mesh.subdomains | {"gap_inside": inside})
-    return new.with_boundaries({name: np.flatnonzero(facets) for name, facets in names.items()})
+def machine(mesh):
+    """The mesh of the sector, its gap inside of the ring named: that turns with the rotor."""
+    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    inside = np.intersect1d(mesh.subdomains["gap"], np.flatnonzero(middle < RING))
+    return mesh.with_subdomains(mesh.subdomains | {"gap_inside": inside})
+
+
+def turned(mesh, further):
+    """The mesh with its rotor turned by so many steps; what then sticks out of the sector belongs to its sides."""
+    new = ka.turned(mesh, TURNS, POLE / STEPS * further)
+    rim = new.boundary_facets()
+    out = np.intersect1d(new.boundaries["ring"], rim)
+    right = new.p[0, new.facets[:, out]].mean(axis=0) > 0.0
+    sides = {"right": out[right], "left": out[~right]}
+    sides = {name: np.intersect1d(np.union1d(new.boundaries[name], more), rim) for name, more in sides.items()}
+    return new.with_boundaries(new.boundaries | sides)
 
 
 def torque(field):
@@ -84,10 +79,10 @@ def torques(field, idle, step):
 
 def sweep(mesh):
     """The adapted result of every angle, started from the last, and `torques` of meshes only turned and adapted."""
-    plain = adapted = mesh
+    plain = adapted = machine(mesh)
     last, results, table = 0, [], []
     for step in ANGLES:
-        plain, adapted = turned(plain, last, step - last), turned(adapted, last, step - last)
+        plain, adapted = turned(plain, step - last), turned(adapted, step - last)
         last, loaded, idle = step, sector(materials(step)), sector(materials(step, peak=0.0))
         outputs = {"torque (N m/m)": torque}
         # The ring stays as it is, for the rotor to turn on; so there are always two layers of elements in the gap. The

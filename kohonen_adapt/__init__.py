@@ -5,9 +5,11 @@ from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, wr
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.motions import Reflection, Rotation, Translation
+from kohonen_adapt.mesh.turning import turned
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
@@ -46,6 +48,7 @@ __all__ = [
     "estimators",
     "find_elements",
     "interpolate",
+    "merge",
     "polish",
     "quality",
     "read_curves",
@@ -54,6 +57,7 @@ __all__ = [
     "read_mesh",
     "relocate",
     "sweep",
+    "turned",
     "warmup",
     "write_mesh",
 ]

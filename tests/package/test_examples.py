@@ -232,9 +232,9 @@ def test_motor_repeats_after_a_slot_pitch_and_its_cogging_is_odd(motor):
 
 def test_motor_turned_there_and_back_is_what_it_was(motor):
     mesh = motor[1][0].mesh
-    there = MOTOR["turned"](mesh, 0, 7)
+    there = MOTOR["turned"](mesh, 7)
     assert there.p.shape[1] == mesh.p.shape[1] + 7  # of the ring's steps as many stick out on either side
-    back = MOTOR["turned"](there, 7, -7)
+    back = MOTOR["turned"](there, -7)
     corners = [np.sort((1.0 + 2.0j) * (m.p[0] + 1.0j * m.p[1])[m.t], axis=0) for m in (back, mesh)]  # in any order
     np.testing.assert_allclose(*corners, rtol=0, atol=1e-15)
     assert back.p.shape == mesh.p.shape
@@ -246,7 +246,7 @@ def test_motor_turned_there_and_back_is_what_it_was(motor):
 def test_motor_turns_as_its_drawing_does(tmp_path):
     """The mesh that numpy turns has the names, measures and field of the one that Gmsh makes of the turned drawing."""
     step = 11
-    turned = MOTOR["turned"](ka.read_mesh(EXAMPLES / "motor.msh", scale=1e-3), 0, step)
+    turned = MOTOR["turned"](MOTOR["machine"](ka.read_mesh(EXAMPLES / "motor.msh", scale=1e-3)), step)
     meshes, problem = (turned, drawn("motor", tmp_path, step=step)), MOTOR["sector"](MOTOR["materials"](step))
     for name in ("outer", "inner", "right", "left"):
         length = [np.hypot(*np.diff(m.p[:, m.facets[:, m.boundaries[name]]], axis=1)).sum() for m in meshes]

@@ -1,0 +1,225 @@
+"""Join two meshes along an outline that they share, node by node, with the names of both."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import is_number
+from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
+from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.validity import check_mesh
+
+__all__ = ["Sides", "joined", "merge", "outline_of", "sides_of"]
+
+BESIDE = 0.2  # of its length: how far from a facet a curve may be that it is a chord of
+OPPOSITE = -0.5  # cosine of the angle between outlines that run along one another, each counter-clockwise
+
+
+class Sides(NamedTuple):
+    """Facets of a boundary as sides of elements, which stay what they are where nodes and facets get other numbers."""
+
+    element: Ints  # (k,)
+    corner: Ints  # (k,): row of mesh.t with the node opposite to the facet
+    oriented: bool  # whether only these sides are meant; else all that there are of every facet
+
+
+def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
+    """Join two meshes along the outline that they share, as a rotor and a stator meshed apart.
+
+    Nodes of both outlines that are in one place become one, where the first mesh has it.
+
+    Parameters
+    ----------
+    one, other
+        Triangular meshes that share an outline, or pieces of it, with the same nodes, and do not overlap.
+    rtol
+        How far apart nodes may be that are to be one, as a share of the larger extent of the larger mesh.
+
+    Returns
+    -------
+    MeshTri
+        The elements of the first mesh, then those of the other; its nodes likewise, but for those that are one with
+        nodes of the first. Subdomains and boundaries have the elements and facets that carry that name in either mesh.
+        Oriented boundaries stay so unless the other mesh has one of that name that is not.
+
+    Raises
+    ------
+    ValueError
+        If the nodes of the shared outline differ, with the largest distance; if nothing is shared; if the meshes
+        overlap, or one is not valid.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> left = skfem.MeshTri().refined(2).with_subdomains({"left": lambda x: x[0] > -1})
+    >>> right = skfem.MeshTri().refined(2).translated((1.0, 0.0)).with_subdomains({"right": lambda x: x[0] > -1})
+    >>> both = ka.merge(left, right)
+    >>> both.p.shape[1], both.t.shape[1], sorted(both.subdomains)  # 5 of 2 x 25 nodes are shared
+    (45, 64, ['left', 'right'])
+    """
+    check_mesh(one)
+    check_mesh(other)
+    if not is_number(rtol) or not 0.0 <= rtol < 1.0:
+        raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
+    near = rtol * max(np.ptp(mesh.p, axis=1).max() for mesh in (one, other))
+    nodes, others = same_nodes(one, other, near)
+    check_same_nodes(one, other, nodes, others, near)
+    check_apart(one, other)
+    check_shared(one, other, nodes, others, near)
+    first, elements = one.p.shape[1], one.t.shape[1]
+    image = np.arange(first + other.p.shape[1])
+    image[first + others] = nodes
+    parts = [(one, 0), (other, elements)]
+    subdomains = united([{name: rows + k for name, rows in named_sets(mesh.subdomains).items()} for mesh, k in parts])
+    sides = [{name: sides_of(mesh, rows, k) for name, rows in (mesh.boundaries or {}).items()} for mesh, k in parts]
+    names = dict.fromkeys([*sides[0], *sides[1]])
+    of_name = {name: together([each[name] for each in sides if name in each]) for name in names}
+    return joined(one, np.hstack([one.p, other.p]), np.hstack([one.t, other.t + first]), image, subdomains, of_name)
+
+
+def joined(
+    host: MeshTri, p: Floats, t: Ints, image: Ints, subdomains: Mapping[str, Ints], sides: Mapping[str, Sides]
+) -> MeshTri:
+    """A mesh of nodes (2, n) and elements (3, m), every node replaced by its `image` (n,), with these names."""
+    kept, number = np.unique(image, return_inverse=True)
+    corners, position = number[t], np.ascontiguousarray(p[:, kept])
+    elements = np.ascontiguousarray(corners, dtype=host.t.dtype)
+    mesh = remade(host, position, elements, boundaries=None, subdomains=dict(subdomains) or None)
+    number_facets(mesh)
+    if sides:
+        set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
+    return mesh
+
+
+def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
+    """The facets of a mesh whose elements have these corners, (3, m)."""
+    ends = [corners[(sides.corner + step) % 3, sides.element] for step in (1, 2)]
+    count, (first, second) = mesh.p.shape[1], np.sort(mesh.facets, axis=0).astype(np.int64)
+    key = first * count + second
+    order = np.argsort(key)
+    facet = order[np.searchsorted(key[order], np.minimum(*ends).astype(np.int64) * count + np.maximum(*ends))]
+    facet, at = np.unique(facet, return_index=True)
+    if not sides.oriented:
+        return facet
+    return OrientedBoundary(facet, mesh.f2t[0, facet] != sides.element[at])
+
+
+def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
+    """The sides that the facets of a boundary are, elements numbered from `first` on."""
+    number_facets(mesh)
+    facet = np.asarray(rows, dtype=np.int64)
+    element = mesh.f2t[rows.ori, facet][None] if isinstance(rows, OrientedBoundary) else mesh.f2t[:, facet]
+    facet, element = np.broadcast_to(facet, element.shape)[element >= 0], element[element >= 0]
+    ends = mesh.facets[:, facet]
+    corner = np.argmax(np.all(mesh.t[:, None, element] != ends[None], axis=1), axis=0)
+    return Sides(element + first, corner, isinstance(rows, OrientedBoundary))
+
+
+def together(parts: list[Sides]) -> Sides:
+    """The sides of several boundaries as those of one."""
+    element, corner = (np.concatenate([getattr(part, name) for part in parts]) for name in ("element", "corner"))
+    return Sides(element, corner, all(part.oriented for part in parts))
+
+
+def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
+    """Sets by name, of equal names as one."""
+    names = dict.fromkeys(name for part in parts for name in part)
+    return {name: np.concatenate([part[name] for part in parts if name in part]) for name in names}
+
+
+def outline_of(mesh: MeshTri) -> Ints:
+    """The nodes of the facets of the outer boundary, (2, k), counter-clockwise round their elements."""
+    number_facets(mesh)
+    facet = np.flatnonzero(mesh.f2t[1] < 0)
+    (a, b), element = mesh.facets[:, facet], mesh.f2t[0, facet]
+    (x, y), (u, v), (w, z) = mesh.p[:, a], mesh.p[:, b], mesh.p[:, mesh.t[:, element].sum(axis=0) - a - b]
+    clockwise = (u - x) * (z - y) < (v - y) * (w - x)
+    return np.where(clockwise, [b, a], [a, b])
+
+
+def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
+    """The nodes of the outlines of two meshes that are in one place, (k,) each."""
+    nodes, others = (np.unique(outline_of(mesh)) for mesh in (one, other))
+    off, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
+    shared = off <= near
+    nodes, others = nodes[at[shared]], others[shared]
+    if len(np.unique(nodes)) < len(nodes):
+        raise ValueError(
+            f"nodes nearer to one another than {near:.6g} become one, but outlines have several there. Give a smaller "
+            "rtol, or merge the nodes of each mesh that are in one place."
+        )
+    return nodes, others
+
+
+def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
+    """Refuse meshes whose outlines run along one another with other nodes than these, that are in one place."""
+    off, place = -1.0, ""
+    for mesh, known, beyond in ((one, nodes, other), (other, others, one)):
+        alone = np.setdiff1d(outline_of(mesh), known)
+        alone = alone[beside(mesh, alone, beyond)]
+        if alone.size:
+            distance, _ = KDTree(beyond.p[:, np.unique(outline_of(beyond))].T).query(mesh.p[:, alone].T)
+            x, y = mesh.p[:, alone[np.argmax(distance)]]
+            off, place = max((off, place), (float(distance.max()), f"({x:.6g}, {y:.6g})"))
+    if off >= 0.0:
+        raise ValueError(
+            f"the outline that the meshes share must have the same nodes in both, within {near:.6g} (rtol); the "
+            f"farthest, at {place}, is {off:.6g} from the nearest node of the other mesh. Mesh it with the same "
+            "divisions on both sides, and turn parts by whole steps of them (kohonen_adapt.turned)."
+        )
+
+
+def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
+    """Refuse meshes whose outlines have no facet between these nodes in common."""
+    partner = np.full(other.p.shape[1], -1)
+    partner[others] = nodes
+    facets, images, count = outline_of(one), partner[outline_of(other)], one.p.shape[1]
+    start, end = images[:, (images >= 0).all(axis=0)]
+    if not np.isin(end * count + start, facets[0] * count + facets[1]).any():  # they run against one another
+        nearest = KDTree(one.p[:, np.unique(facets)].T).query(other.p[:, np.unique(outline_of(other))].T)[0].min()
+        raise ValueError(
+            f"the meshes must share an outline, facet by facet; they share none, and the nearest of their nodes are "
+            f"{nearest:.6g} apart, where {near:.6g} is allowed (rtol). Move or scale one, or give another rtol."
+        )
+
+
+def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
+    """Which nodes of an outline, (k,), lie on facets of another mesh's outline, whose middle they may be off a curve's.
+
+    Both outlines run along one another there; a node where they only meet lies on none.
+    """
+    start, end = outline_of(mesh)
+    way = np.zeros_like(mesh.p)
+    for ends in (start, end):
+        np.add.at(way.T, ends, (mesh.p[:, end] - mesh.p[:, start]).T)
+    a, b = (other.p[:, ends] for ends in outline_of(other))
+    along, middle = b - a, 0.5 * (a + b)
+    length = np.hypot(*along)
+    found = np.zeros(len(nodes), dtype=bool)
+    if not nodes.size:
+        return found
+    lists = KDTree(mesh.p[:, nodes].T).query_ball_point(middle.T, 0.5 * length)
+    facet, row = np.repeat(np.arange(len(lists)), [len(rows) for rows in lists]), np.concatenate(lists).astype(int)
+    along, off, way = along[:, facet] / length[facet], mesh.p[:, nodes[row]] - middle[:, facet], way[:, nodes[row]]
+    near = np.abs(along[0] * off[1] - along[1] * off[0]) < BESIDE * length[facet]
+    found[row[near & (np.sum(along * way, axis=0) < OPPOSITE * np.hypot(*way))]] = True
+    return found
+
+
+def check_apart(one: MeshTri, other: MeshTri) -> None:
+    """Refuse meshes one of which holds the middle of an element of the other."""
+    for mesh, beyond, words in ((one, other, "second"), (other, one, "first")):
+        middles = beyond.p[:, beyond.t].mean(axis=1)
+        inside = np.flatnonzero(find_elements(mesh, middles) >= 0)
+        if inside.size:
+            x, y = middles[:, inside[0]]
+            raise ValueError(
+                f"the meshes overlap: {inside.size} elements of the {words} have their middle in the other, the first "
+                f"at ({x:.6g}, {y:.6g}). Move one, or cut out what they both have."
+            )

@@ -1,0 +1,150 @@
+"""Turn a part of a mesh by whole steps of the evenly spaced nodes on the circle between it and the rest."""
+
+from collections.abc import Sequence
+from math import ceil, floor
+
+import numpy as np
+from scipy.spatial import KDTree
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.joining import joined, sides_of
+from kohonen_adapt.mesh.motions import Rotation, moved
+from kohonen_adapt.mesh.names import named, named_sets
+from kohonen_adapt.mesh.validity import check_mesh
+
+__all__ = ["turned"]
+
+ROUND = 1e-6  # of its radius: nodes of a circle lie this near to it
+EVEN = 1e-6  # radians: steps differ by no more, and an angle differs from whole steps by no more
+SAME = 1e-5  # of the radius: nodes on the circle that are so near to one another are one
+
+
+def turned(
+    mesh: MeshTri, name: str | Sequence[str], angle: float, *, centre: tuple[float, float] = (0.0, 0.0)
+) -> MeshTri:
+    """Turn subdomains, as a rotor and all that is fixed to it, about a point; the rest stays where it is.
+
+    What turns must be all that is inside, or outside, of a circle of evenly spaced nodes, as a ring in the middle of
+    an air gap, and the angle whole steps of these: then the nodes of both sides meet again. What is turned out of a
+    sector stays there, and the circle becomes part of the outer boundary at both ends. Remanences, currents and curves
+    are not of the mesh: turn them yourself.
+
+    Parameters
+    ----------
+    mesh
+        A triangular mesh.
+    name
+        The subdomains that turn: a name or several.
+    angle
+        In radians, counter-clockwise positive.
+    centre
+        The point (x, y) to turn about, in mesh units.
+
+    Returns
+    -------
+    MeshTri
+        With the same elements in the same order and all names. Nodes keep their numbers where the circle is whole; of a
+        sector some are taken apart, and nodes that meet become one.
+
+    Raises
+    ------
+    ValueError
+        If the angle is no whole number of steps, with the nearest two that are; if subdomain and rest do not meet on
+        circles of evenly spaced nodes about the centre, nor after the turn; and for what is no valid mesh or name.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri.init_symmetric().refined(1).translated((-0.5, -0.5))
+    >>> mesh = mesh.with_subdomains({"rotor": lambda x: np.abs(x).max(axis=0) < 0.25})  # four nodes on a circle
+    >>> quarter = ka.turned(mesh, "rotor", np.pi / 2)
+    >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # the elements are others
+    (True, False)
+    """
+    check_mesh(mesh)
+    motion, part = Rotation(angle, centre), elements_of(mesh, name)
+    inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
+    shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.p.shape[1]
+    radii = circles_between(mesh, part, shared, origin)
+    steps = [step_of(mesh.p[:, shared] - origin, radius) for radius in radii]
+    turn = Rotation(whole_steps(motion.angle, steps), motion.centre)
+    copy = np.arange(count)
+    copy[shared] = count + np.arange(shared.size)
+    p, t, nodes = np.hstack([mesh.p, mesh.p[:, shared]]), mesh.t.copy(), copy[inner]
+    t[:, part], p[:, nodes] = copy[t[:, part]], moved(turn.matrix, p[:, nodes])
+    image = np.arange(p.shape[1])
+    for radius in radii:
+        ours, theirs = (rows[on_circle(p[:, rows] - origin, radius)] for rows in (nodes, outer))
+        off, at = KDTree(p[:, theirs].T).query(p[:, ours].T)
+        image[ours[off <= SAME * radius]] = theirs[at[off <= SAME * radius]]
+    if np.array_equal(image, np.arange(len(image))):
+        raise ValueError(f"turned by {turn.angle:.6g} rad {name!r} and the rest meet nowhere; turn it by less.")
+    sides = {each: sides_of(mesh, rows) for each, rows in (mesh.boundaries or {}).items()}
+    return joined(mesh, p, t, image, named_sets(mesh.subdomains), sides)
+
+
+def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
+    """Which elements turn, (nelements,)."""
+    part, names = np.zeros(mesh.t.shape[1], dtype=bool), [name] if isinstance(name, str) else list(name)
+    for each in names:
+        part[named(mesh.subdomains, each, "subdomain")] = True
+    if not part.any() or part.all():
+        raise ValueError(
+            f"a part of the mesh must turn in the rest of it; {name!r} is {'all' if part.all() else 'none'}."
+        )
+    return part
+
+
+def on_circle(x: Floats, radius: float) -> Mask:
+    """Which points (2, n) lie on the circle of that radius about the origin."""
+    return np.abs(np.hypot(*x) - radius) <= ROUND * radius
+
+
+def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> list[float]:
+    """The radii of the circles on which the part meets the rest, facet by facet, in the `shared` nodes."""
+    number_facets(mesh)
+    inside = mesh.f2t[1] >= 0
+    between = np.flatnonzero(inside)[part[mesh.f2t[0, inside]] != part[mesh.f2t[1, inside]]]
+    radius = np.sort(np.hypot(*(mesh.p[:, shared] - origin)))
+    first = np.flatnonzero(np.diff(radius, prepend=-np.inf) > ROUND * radius)
+    radii = radius[first].tolist()
+    ends = mesh.p[:, mesh.facets[:, between]] - origin[:, :, None]
+    off = np.ptp(np.hypot(*ends), axis=0) > 2.0 * ROUND * radius.max(initial=0.0)
+    if not between.size or off.any():
+        x, y = (ends[:, :, np.argmax(off)].mean(axis=1) + origin[:, 0]).tolist() if off.any() else (0.0, 0.0)
+        where = f"; they meet elsewhere, too, as at ({x:.6g}, {y:.6g})" if off.any() else "; they do not meet"
+        raise ValueError(
+            f"what turns and the rest must meet on circles about {tuple(origin[:, 0].tolist())}{where}. Name all that "
+            "turns, up to a ring of nodes in the air gap (a surface of its own in the mesh)."
+        )
+    return radii
+
+
+def step_of(x: Floats, radius: float) -> float:
+    """The angle between neighbours of those points (2, n) that are on a circle about the origin."""
+    angle = np.sort(np.arctan2(*x[::-1, on_circle(x, radius)]))
+    gaps = np.diff(angle, append=angle[0] + 2.0 * np.pi)
+    steps = np.delete(gaps, np.argmax(gaps)) if gaps.max() > 1.5 * np.median(gaps) else gaps  # an arc, or all round
+    if not steps.size or np.ptp(steps) > 2.0 * EVEN:
+        least, most = np.degrees([gaps.min(), steps.max(initial=gaps.min())])
+        raise ValueError(
+            f"the nodes on the circle of radius {radius:.6g} between what turns and the rest must be evenly spaced; "
+            f"they are {least:.6g} to {most:.6g} degrees apart. Mesh it so (Gmsh: Transfinite Curve), and pin it."
+        )
+    return float(steps.mean())
+
+
+def whole_steps(angle: float, steps: Sequence[float]) -> float:
+    """The angle, made whole steps of each circle exactly; refused where it is not nearly."""
+    for step in steps:
+        count = round(angle / step)
+        if abs(angle - count * step) > EVEN:
+            low, high = floor(angle / step) * step, ceil(angle / step) * step
+            raise ValueError(
+                f"angle must be whole steps of the nodes on the circle, {step:.9g} rad ({np.degrees(step):.6g} "
+                f"degrees) each; got {angle:.9g} rad. The nearest two are {low:.9g} and {high:.9g} rad."
+            )
+        angle = count * step
+    return angle

@@ -1,0 +1,257 @@
+"""Two meshes become one along their shared outline, and a part of a mesh turns by whole steps of the circle around."""
+
+import numpy as np
+import pytest
+from helpers.meshes import centres, circle, disk, l_shape, ring, shells, square
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.measures import area
+
+MU0 = 4e-7 * np.pi
+N = 24  # nodes on the circle
+STEP = 2 * np.pi / N
+
+
+def rotor():
+    mesh = disk(4, 0.5).with_subdomains({"iron": lambda x: x[0] < 0.2, "air": lambda x: x[0] >= 0.2})
+    return mesh.with_boundaries({"rim": mesh.boundary_facets(), "outer": mesh.boundary_facets()[:2]})
+
+
+def stator(n=N):
+    mesh = ring(n, 3)
+    return mesh.with_subdomains({"air": lambda x: np.hypot(*x) < 0.7, "yoke": lambda x: np.hypot(*x) >= 0.7})
+
+
+def rotated(mesh, angle):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return MeshTri(turn @ mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
+
+
+def bits(*meshes):
+    return [np.concatenate([x.ravel() for x in (mesh.p, mesh.t, *mesh.subdomains.values())]) for mesh in meshes]
+
+
+def test_a_rotor_and_a_stator_become_one():
+    inner, outer = rotor(), stator()
+    before = bits(inner, outer)
+    mesh = ka.merge(inner, outer)
+    assert mesh.is_valid() and mesh.p.shape[1] == inner.p.shape[1] + outer.p.shape[1] - N
+    assert mesh.p.flags.c_contiguous and mesh.t.flags.c_contiguous
+    np.testing.assert_array_equal(mesh.p[:, mesh.t[:, : inner.nelements]], inner.p[:, inner.t])
+    np.testing.assert_allclose(centres(mesh)[:, inner.nelements :], centres(outer), atol=1e-15)
+    assert {name: area(mesh)[rows].sum() for name, rows in mesh.subdomains.items()} == pytest.approx(
+        {
+            "iron": area(inner)[inner.subdomains["iron"]].sum(),
+            "air": area(inner)[inner.subdomains["air"]].sum() + area(outer)[outer.subdomains["air"]].sum(),
+            "yoke": area(outer)[outer.subdomains["yoke"]].sum(),
+        }
+    )
+    radius = np.hypot(*mesh.p)
+    np.testing.assert_allclose(radius[mesh.facets[:, mesh.boundaries["rim"]]], 0.5)
+    np.testing.assert_array_equal(mesh.boundaries["rim"], mesh.boundaries["inner"])
+    assert np.all(mesh.f2t[1, mesh.boundaries["rim"]] >= 0)
+    np.testing.assert_allclose(np.unique(np.round(radius[mesh.facets[:, mesh.boundaries["outer"]]], 9)), [0.5, 1.0])
+    assert len(mesh.boundaries["outer"]) == N + 2
+    for was, now in zip(before, bits(inner, outer), strict=True):
+        np.testing.assert_array_equal(was, now)
+
+
+def test_the_field_is_that_of_one_mesh():
+    """The same triangles, meshed as one and put together: A is the same to rounding."""
+    whole = disk(8, 1.0)
+    inside = np.hypot(*centres(whole)) < 0.49  # 4 rings, 24 nodes on their rim
+    parts = [whole.restrict(np.flatnonzero(which)) for which in (inside, ~inside)]
+    both = ka.merge(*parts)
+    fields = []
+    for mesh in (whole, both):
+        mesh = mesh.with_subdomains({"coil": lambda x: np.hypot(*x) < 0.3, "air": lambda x: np.hypot(*x) >= 0.3})
+        mesh = mesh.with_boundaries({"outer": mesh.boundary_facets()})
+        materials = {"coil": Material(current_density=1e6), "air": Material()}
+        fields.append(Magnetostatics(materials, {"outer": 0.0}).solve(mesh))
+    assert fields[1].energy == pytest.approx(fields[0].energy, rel=1e-12)
+
+
+def test_sides_of_oriented_boundaries_stay():
+    left, right = square(4), square(4).translated((1.0, 0.0))
+    seams = []
+    for mesh, at in ((left, 0.5), (right, 1.5)):
+        facet = mesh.facets_satisfying(lambda x, at=at: np.abs(x[0] - at) < 1e-9)
+        low = centres(mesh)[0, mesh.f2t[0, facet]] < at
+        seams.append(
+            mesh.with_boundaries({"seam": OrientedBoundary(facet, (~low).astype(int)), "rim": mesh.boundary_facets()})
+        )
+    mesh = ka.merge(*seams)
+    seam = mesh.boundaries["seam"]
+    assert isinstance(seam, OrientedBoundary) and len(seam) == 8
+    middle = mesh.p[0, mesh.facets[:, seam]].mean(axis=0)
+    assert np.all(centres(mesh)[0, mesh.f2t[seam.ori, np.asarray(seam)]] < middle)
+    assert not isinstance(mesh.boundaries["rim"], OrientedBoundary)
+    assert len(mesh.boundaries["rim"]) == len(mesh.boundary_facets()) + 4  # the shared side is inside now
+
+
+def test_meshes_without_names_have_none():
+    mesh = ka.merge(square(2), square(2).translated((1.0, 0.0)))
+    assert mesh.boundaries is None and mesh.subdomains is None
+
+
+def test_a_part_of_an_outline_may_be_shared():
+    """An L and the square that is missing: two sides are shared, and the corner between them."""
+    corner = square(4).translated((0.0, -1.0))
+    mesh = ka.merge(l_shape(4), corner)
+    assert mesh.p.shape[1] == 81 and len(mesh.boundary_facets()) == 32
+
+
+def test_rounding_is_no_mismatch():
+    assert ka.merge(rotor(), stator().translated((3e-7, 0.0))).p.shape == ka.merge(rotor(), stator()).p.shape
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (
+            rotated(stator(), STEP / 2),
+            r"^the outline that the meshes share must have the same nodes in both, within 1\.98289e-06 \(rtol\); the "
+            rf"farthest, at \(.*\), is {np.sin(STEP / 4):.6g} from the nearest node of the other mesh\. Mesh it ",
+        ),
+        (stator().translated((1e-3, 0.0)), r"is 0\.001 from the nearest node of the other mesh"),
+        (stator(30), r"the outline that the meshes share must have the same nodes in both"),
+        (stator(48), r"the outline that the meshes share must have the same nodes in both"),
+        (stator(12), r"the outline that the meshes share must have the same nodes in both"),
+        (
+            stator().translated((2.0, 0.0)),
+            r"^the meshes must share an outline, facet by facet; they share none, and the nearest of their nodes are ",
+        ),
+        (
+            rotated(square(2), -np.pi / 4).translated((0.5, 0.0)),
+            r"they share none, and the nearest of their nodes are 0 apart",
+        ),
+        (rotor(), r"^the meshes overlap: 96 elements of the second have their middle in the other, the first at \(0\."),
+        (disk(2, 0.25), r"^the meshes overlap: 24 elements of the second"),
+        (disk(8, 3.0), r"^the meshes overlap: "),
+        (square(2).to_meshquad() if hasattr(MeshTri, "to_meshquad") else "mesh", r"^mesh must be a skfem\.MeshTri"),
+    ],
+)
+def test_what_cannot_be_merged(other, message):
+    with pytest.raises(ValueError, match=message):
+        ka.merge(rotor(), other)
+
+
+def test_a_tolerance_that_is_none():
+    with pytest.raises(ValueError, match=r"^rtol must be a number from 0 to below 1; got -1\.$"):
+        ka.merge(rotor(), stator(), rtol=-1)
+    with pytest.raises(ValueError, match=r"^nodes nearer to one another than 0\.2 become one, but outlines have sev"):
+        ka.merge(rotor(), stator(48), rtol=0.1)
+
+
+# --- turning -----------------------------------------------------------------------------------------------------
+
+
+def machine():
+    """A magnet on a shaft of air, in a rotor of air, in a stator of air; "rotor" is all that turns."""
+    mesh = ka.merge(disk(16, 0.5), ring(96, 16, inner=0.5, outer=2.0))
+    radius = np.hypot(*centres(mesh))
+    places = {"magnet": radius < 0.25, "air": radius >= 0.25, "rotor": radius < 0.5}
+    mesh = mesh.with_subdomains({name: np.flatnonzero(at) for name, at in places.items()})
+    ends = np.hypot(*mesh.p[:, mesh.facets])
+    mark = np.all(np.abs(ends - 0.25) < 1e-9, axis=0)  # half of the magnet's rim
+    half = mark & (mesh.p[0, mesh.facets].mean(axis=0) > 0.0)
+    ring_ = np.all(np.abs(ends - 0.5) < 1e-9, axis=0)
+    names = {"pole": half, "ring": ring_, "outer": np.all(ends > 1.999, axis=0)}
+    return MeshTri(mesh.p, mesh.t, {name: np.flatnonzero(at) for name, at in names.items()}, mesh.subdomains)
+
+
+def torque(mesh, angle):
+    """Of a magnet of 1 A m^2 per metre at an angle in a field of 1 T along x."""
+    size = MU0 / area(mesh)[mesh.subdomains["magnet"]].sum()
+    materials = {"magnet": Material(remanence=(size * np.cos(angle), size * np.sin(angle))), "air": Material()}
+    return Magnetostatics(materials, {"outer": lambda x: x[1]}).solve(mesh).torque("magnet")
+
+
+@pytest.mark.parametrize("steps", [-8, 1, 24, 200])
+def test_what_turns_is_carried_and_the_rest_stays(steps):
+    mesh, angle = machine(), 2 * np.pi * steps / 96
+    new = ka.turned(mesh, "rotor", angle)
+    assert new.is_valid() and new.p.shape == mesh.p.shape and new.p.flags.c_contiguous
+    turns = np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"])
+    wanted = np.where(turns, np.exp(1j * angle), 1.0) * (centres(mesh)[0] + 1j * centres(mesh)[1])
+    np.testing.assert_allclose(centres(new)[0] + 1j * centres(new)[1], wanted, atol=1e-14)
+    for name, rows in mesh.subdomains.items():
+        np.testing.assert_array_equal(new.subdomains[name], rows)
+    assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
+    x, y = new.p[:, new.facets[:, new.boundaries["pole"]]].mean(axis=1)
+    assert np.all(np.cos(angle) * x + np.sin(angle) * y > 0.0)
+    assert len(new.boundary_facets()) == 96
+    assert torque(new, angle) == pytest.approx(-np.sin(angle), abs=0.01)
+
+
+def test_turned_by_nothing_and_there_and_back():
+    mesh = machine()
+    same = ka.turned(mesh, ["rotor"], 0.0)
+    np.testing.assert_array_equal(same.p, mesh.p)
+    np.testing.assert_array_equal(same.t, mesh.t)
+    back = ka.turned(ka.turned(mesh, "rotor", 5 * np.pi / 48), "rotor", -5 * np.pi / 48)
+    np.testing.assert_allclose(back.p, mesh.p, atol=1e-15)
+    np.testing.assert_array_equal(back.t, mesh.t)
+
+
+def test_a_ring_between_two_circles_turns_about_another_centre():
+    mesh = machine().translated((3.0, -1.0))
+    x, y = centres(mesh) - [[3.0], [-1.0]]
+    between = (np.hypot(x, y) > 0.5) & (np.hypot(x, y) < 1.0625)
+    mesh = mesh.with_subdomains({"gap": np.flatnonzero(between)})
+    new = ka.turned(mesh, "gap", np.pi / 48, centre=(3.0, -1.0))
+    assert new.is_valid() and area(new).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
+    np.testing.assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)
+
+
+def uneven():
+    """The same ring of nodes but for one."""
+    angle = np.arange(24) * STEP + np.where(np.arange(24) == 5, 0.01, 0.0)
+    middle = 0.5 * np.stack([np.cos(angle), np.sin(angle)])
+    mesh = shells([0.2 * circle(24), middle, circle(24)], 2)
+    return mesh.with_subdomains({"rotor": np.flatnonzero(np.arange(mesh.nelements) % 96 < 48)})
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "message"),
+    [
+        (
+            {},
+            ("rotor", 0.1),
+            r"^angle must be whole steps of the nodes on the circle, 0\.0654498469 rad \(3\.75 degrees\) each; got "
+            r"0\.1 rad\. The nearest two are 0\.0654498469 and 0\.130899694 rad\.$",
+        ),
+        ({}, ("rotor", -0.1), r"The nearest two are -0\.130899694 and -0\.0654498469 rad\.$"),
+        ({}, ("rotor", None), r"^angle of a Rotation must be a finite number in radians; got None"),
+        ({}, ("rotr", 0.0), r"^subdomain 'rotr' is not in the mesh; it has 'air', 'magnet', 'rotor'"),
+        ({}, ([], 0.0), r"^a part of the mesh must turn in the rest of it; \[\] is none\."),
+        ({}, (["magnet", "air"], 0.0), r"^a part of the mesh must turn in the rest of it; .* is all\."),
+        (
+            {"centre": (0.01, 0.0)},
+            ("rotor", 0.0),
+            r"^what turns and the rest must meet on circles about \(0\.01, 0\.0\); ",
+        ),
+        (
+            {"half": True},
+            ("half", 0.0),
+            r"they meet elsewhere, too, as at \(.*Name all that turns, up to a ring",
+        ),
+    ],
+)
+def test_what_cannot_turn(change, arguments, message):
+    mesh = machine()
+    if change.pop("half", False):
+        mesh = mesh.with_subdomains({"half": lambda x: x[0] < 0.0})
+    with pytest.raises(ValueError, match=message):
+        ka.turned(mesh, *arguments, **change)
+
+
+def test_nodes_that_are_not_evenly_spaced_are_refused():
+    angle = r"15(\.0*\d*)? degrees|14\.427 to 15\.573 degrees"
+    mesh = uneven()
+    rotor_ = np.flatnonzero(np.hypot(*centres(mesh)) < 0.5 * np.cos(STEP / 2))
+    with pytest.raises(ValueError, match=rf"must be evenly spaced; they are ({angle}) apart\. Mesh it so"):
+        ka.turned(mesh.with_subdomains({"rotor": rotor_}), "rotor", STEP)
