@@ -53,8 +53,8 @@ MODELS: tuple[Model, ...] = (
 )
 NUMBERS = "nodes", "published", "as meshed", "adapted", "by goal=", "error %", "adapted", "by goal=", "0.4.0, adapted"
 LAST_RELEASE = (  # errors in % of the adapted meshes of 0.4.0, of every row; pairs named to `adapt`, as it wanted them
-    *(0.31, 15.0, 2.2, 0.93, 25.0, 0.020, 0.51, 0.071),
-    *(0.49, 33.0, 0.56, 0.062, 0.24, 0.082),
+    *(0.31, 15.0, 6.2, 2.2, 0.93, 25.0, 11.0, 0.020, 0.51),
+    *(0.071, 0.49, 33.0, 11.0, 0.56, 0.062, 0.24, 0.082),
 )
 REMARKS = """\
 of more values than one the largest is shown; they are off by the largest difference from those published, in % of that

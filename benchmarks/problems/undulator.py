@@ -12,7 +12,8 @@ VACUUM_PERMEABILITY = 4e-7 * np.pi
 UPPER = [f"upper_{k}" for k in range(BLOCKS)]
 MIDDLE = np.stack(((np.arange(64) + 0.5) * PERIOD / 64, np.zeros(64)))  # of the gap, over a period
 POINTS = np.stack((np.linspace(0.0005, 0.0395, 14), np.full(14, 0.0017)))  # in the gap, off its middle
-HARMONIC, FIELD, FORCE = "first harmonic in the middle (T)", "field at 14 points (T)", "force on an array (N/m)"
+HARMONIC, FIELD = "first harmonic in the middle (T)", "field at 14 points (T)"
+RECOVERED, FORCE = "the same, recovered (T)", "force on an array (N/m)"
 
 
 class Undulator:
@@ -57,6 +58,7 @@ class Undulator:
         return {
             HARMONIC: first_harmonic(flux_density(MIDDLE)),
             FIELD: flux_density(POINTS).ravel(),
+            RECOVERED: flux_density(POINTS).ravel(),
             FORCE: np.array([-attraction()]),
         }
 
@@ -66,6 +68,7 @@ class Undulator:
         return {
             HARMONIC: first_harmonic(field.flux_density_at(MIDDLE)),
             FIELD: field.flux_density_at(POINTS).ravel(),
+            RECOVERED: field.flux_density_at(POINTS, recovered=True).ravel(),
             FORCE: field.force(UPPER)[1:],
         }
 

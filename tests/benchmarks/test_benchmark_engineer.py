@@ -22,13 +22,16 @@ BY_TITLE = {model.title: model for model in MODELS}
 HALBACH, QUADRATIC, MOTOR, TORQUE, COIL, GETDP, ELASTIC, STOKES = BY_TITLE
 WITHOUT_GMSH = HALBACH, QUADRATIC, ELASTIC, STOKES  # Gmsh draws the other meshes
 BOUNDS = [  # in percent, of the mesh adapted by default and of the one that is adapted for a goal
+    (HALBACH, undulator.HARMONIC, 0.8, 0.8),
+    (HALBACH, undulator.RECOVERED, 8.0, 6.0),
     (HALBACH, undulator.FORCE, 2.5, 0.7),
     (QUADRATIC, undulator.HARMONIC, 0.1, None),
     (QUADRATIC, undulator.FIELD, 2.0, None),
     (QUADRATIC, undulator.FORCE, 0.05, None),
     (MOTOR, slotless_motor.TORQUE, 0.6, 0.3),
     (TORQUE, magnet_torque.TORQUE, 0.15, 0.05),
-    (COIL, thick_coil.INDUCTANCE, 0.7, 0.6),
+    (COIL, thick_coil.INDUCTANCE, 0.4, 0.5),
+    (COIL, thick_coil.RECOVERED, 8.0, 3.0),
     (GETDP, getdp_magnet.THROUGH_GAP, 0.8, None),
     (GETDP, getdp_magnet.THROUGH_MAGNET, 0.1, None),
     (ELASTIC, elastic_l.COMPLIANCE, 0.3, None),
