@@ -6,6 +6,7 @@ from pathlib import Path
 from benchmarks.checks import (
     budget,
     drift,
+    effectivity,
     engineer,
     files,
     fingerprints,
@@ -41,6 +42,7 @@ CHECKS = {
     "magnification": magnification.report,
     "outlines": outlines.report,
     "force": force.report,
+    "effectivity": effectivity.report,
     "engineer": engineer.report,
     "oracle": ngsolve_oracle.report,
     "large": large.report,

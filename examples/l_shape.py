@@ -33,12 +33,14 @@ def flow_times_solution(w):
 class LShape:
     """div grad u = 0 with the exact values on the boundary."""
 
+    calibrated = True  # the indicators come near the error itself, which the picture shows
+
     def solve(self, mesh):
         stiffness = laplace.assemble(Basis(mesh, ElementTriP1()))
         return solve(*condense(stiffness, x=exact(mesh.p), D=mesh.boundary_nodes()))
 
     def indicators(self, mesh, solution):
-        return ka.estimators.residual(mesh, solution, np.ones(mesh.t.shape[1]))
+        return ka.estimators.recovery(mesh, solution, np.ones(mesh.t.shape[1]))
 
     def energy_norm(self, mesh, solution):
         return np.sqrt(solution @ laplace.assemble(Basis(mesh, ElementTriP1())) @ solution)

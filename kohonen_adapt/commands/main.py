@@ -29,7 +29,7 @@ from kohonen_adapt.io import read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import energy_error
+from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -153,7 +153,7 @@ class _Passes:
             self.before = result
         error = energy_error(step)
         share = "" if error is None else f" ({error:.2f} %)"
-        self.known = f"{step.mesh.p.shape[1]} nodes, estimate {step.estimate:.4g}{share}"
+        self.known = f"{step.mesh.p.shape[1]} nodes, {word_for_estimate([step])} {step.estimate:.4g}{share}"
         self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
 
 

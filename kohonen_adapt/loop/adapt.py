@@ -71,7 +71,8 @@ def adapt(
         Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
         of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
         "L2": the norm in which the error is to be small), ``solve_from(mesh, old_mesh, old_solution)`` (in place of
-        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``, and
+        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``,
+        ``calibrated`` (False: whether the indicators are near the error itself, so that the table may say so), and
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
         it), and ``pairs`` (its periodic and antiperiodic boundaries).
     passes

@@ -51,6 +51,8 @@ class Pass(Work):
         norm.
     energy_norm
         Energy norm of the solution, None where the problem gives none.
+    calibrated
+        Whether the problem vouches for the scale of the estimate, see `Problem`.
     min_quality, mean_quality
         Of the elements: 1 for an equilateral triangle, 0 for a flat one.
     seconds
@@ -85,6 +87,7 @@ class Pass(Work):
     estimate: float
     worth: float
     energy_norm: float | None = None
+    calibrated: bool = False
     min_quality: float = field(metadata=shown("min quality", ".2f"))
     mean_quality: float = field(metadata=shown("mean quality", ".2f"))
     seconds: dict[str, float] = field(default_factory=dict)

@@ -20,6 +20,7 @@ __all__ = [
     "table_blocks",
     "table_columns",
     "table_lines",
+    "word_for_estimate",
 ]
 
 WIDTH = 120  # of a printed table; what does not fit goes into another beneath
@@ -44,8 +45,13 @@ def pass_figures(step: Pass) -> dict[str, Any]:
 
 
 def energy_error(step: Pass) -> float | None:
-    """The estimate as a share of the energy norm, in per cent; None where there is no such norm."""
-    return 100.0 * step.estimate / step.energy_norm if step.energy_norm else None
+    """The estimate as a share of the energy norm, in per cent; None without such a norm or a calibrated estimate."""
+    return 100.0 * step.estimate / step.energy_norm if step.calibrated and step.energy_norm else None
+
+
+def word_for_estimate(history: Sequence[Pass]) -> str:
+    """What to call the estimates of these passes: "estimate" only where the problem vouches for their scale."""
+    return "estimate" if all(step.calibrated for step in history) else "indicator"
 
 
 def change_of_output(before: float, after: float) -> float | None:
@@ -87,10 +93,10 @@ def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
 def _solved(history: tuple[Pass, ...]) -> Columns:
     columns = [
         ("nodes", [str(step.mesh.p.shape[1]) for step in history]),
-        ("estimate", [f"{step.estimate:.4g}" for step in history]),
+        (word_for_estimate(history), [f"{step.estimate:.4g}" for step in history]),
         ("change %", _changes([step.estimate for step in history], ".1f")),
     ]
-    if any(step.energy_norm is not None for step in history):
+    if any(step.calibrated and step.energy_norm is not None for step in history):
         columns.append(("Energy Error %", _cells(energy_error, ".2f", history)))
     if any(energy is not None for energy in map(_energy, history)):
         columns.append(("Delta Energy %", _changes([_energy(step) for step in history], ".2f")))

@@ -16,7 +16,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.table import energy_error
+from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, check_training
@@ -124,8 +124,8 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 
 def _title(step: Pass) -> str:
     error = energy_error(step)
-    said = f"{step.estimate:.4g}" if error is None else f"{error:.3g} %"
-    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, error {said}"
+    said = f"{word_for_estimate([step])} {step.estimate:.4g}" if error is None else f"error {error:.3g} %"
+    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, {said}"
 
 
 def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> None:

@@ -16,6 +16,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 from kohonen_adapt.mesh.measures import quality
@@ -27,8 +28,8 @@ BLUE, VERMILION = COLOURS[:2]
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """One for each of the colours, for a grey print."""
 
-ERROR = {True: "energy error (% of the energy norm)", False: "energy error"}
-"""Label of an axis, in per cent or not."""
+ERROR = "energy error (% of the energy norm)"
+"""Label of an axis in per cent."""
 
 SPREAD = 6.0
 """The factor in nodes that the axis spans at least."""
@@ -45,7 +46,7 @@ SATURATED = 0.9
 
 
 def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] | None = None) -> None:
-    """Draw the estimate over the passes, in per cent of the energy norm where every pass has one.
+    """Draw the estimate over the passes; where it is calibrated, in per cent of the energy norm if every pass has one.
 
     Parameters
     ----------
@@ -56,16 +57,16 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     errors
         The exact error of every pass, in the same norm.
     """
-    percent = all(step.energy_norm for step in history)
+    percent = _in_percent(history)
     number, norms = [step.number for step in history], _norms(history, percent)
-    axes.plot(number, [step.estimate for step in history] / norms, "o-", color=BLUE, label="estimate")
+    axes.plot(number, [step.estimate for step in history] / norms, "o-", color=BLUE, label=word_for_estimate(history))
     if errors is not None:
         exact = as_reals("errors", errors, {"passes": len(history)})
         axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.p.shape[1] for step in history})
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
-    axes.set(ylabel=ERROR[percent], ylim=(0.0, None))
+    axes.set(ylabel=_label(history), ylim=(0.0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     _rule(axes)
 
@@ -98,14 +99,15 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     if not 1 <= len(histories) <= len(COLOURS) or not all(histories.values()):
         raise ValueError(f"histories must be one to {len(COLOURS)}, each with a pass; got {len(histories)}.")
     axes = _axes_of(ax)
-    percent = all(step.energy_norm for history in histories.values() for step in history)
+    passes = [step for history in histories.values() for step in history]
+    percent = _in_percent(passes)
     drawn = [_points(history, percent) for history in histories.values()]
     for word, (nodes, errors), colour, marker in zip(histories, drawn, COLOURS, MARKERS, strict=False):
         axes.plot(nodes, errors, marker, linestyle="-", color=colour, label=word, zorder=3)
     needed = _draw_slopes(axes, *drawn[0], slope)
     axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
     axes.set(xlim=_span_of(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
-    axes.set(xlabel="nodes N", ylabel=ERROR[percent], title="Estimate over nodes")
+    axes.set(xlabel="nodes N", ylabel=_label(passes), title=f"{word_for_estimate(passes).capitalize()} over nodes")
     _number_axes(axes)
     _rule(axes)
     axes.legend(loc="upper right", fontsize="small")
@@ -126,6 +128,16 @@ def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
     nodes = np.array([step.mesh.p.shape[1] for step in history], dtype=float)
     errors = [step.estimate for step in history] / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
+
+
+def _in_percent(history: Sequence[Pass]) -> bool:
+    return all(energy_error(step) is not None for step in history)
+
+
+def _label(history: Sequence[Pass]) -> str:
+    if word_for_estimate(history) == "indicator":
+        return "indicator"
+    return ERROR if _in_percent(history) else "energy error"
 
 
 def _norms(history: Sequence[Pass], percent: bool) -> Floats:

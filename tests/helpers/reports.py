@@ -27,6 +27,7 @@ def a_pass(number, mesh, estimate, outputs=()):
         estimate=estimate,
         worth=estimate,
         energy_norm=2.0,
+        calibrated=True,
         min_quality=0.5,
         mean_quality=0.9,
         seconds={"solve": 0.1},

@@ -23,6 +23,7 @@ class Script:
     estimates: list
     energy: float = 10.0
     calls: list = field(default_factory=list)
+    calibrated: bool = True
 
     def solve(self, mesh):
         number = len(self.calls)

@@ -107,6 +107,12 @@ def test_an_unknown_norm():
     refused("norm of the problem must be 'energy' or 'L2'; got 'H1'.", problem=problem)
 
 
+def test_an_unknown_calibration():
+    problem = Constant()
+    problem.calibrated = 3.6
+    refused("calibrated of the problem must be True or False; got 3.6.", problem=problem)
+
+
 @pytest.mark.parametrize("order", [0, 1.5, 5, "1", True])
 def test_an_impossible_order(order):
     problem = Constant()

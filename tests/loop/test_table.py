@@ -30,6 +30,14 @@ def test_the_table():
     ]
 
 
+def test_the_table_calls_an_estimate_an_indicator_where_nobody_vouches_for_its_scale():
+    problem = Script([4.0, 2.0, 3.0], calibrated=False)
+    assert str(plain(adapt(MESH, problem, passes=2, topology="flip"))).splitlines()[:2] == [
+        "pass  nodes  indicator  change %  Delta Energy %  elements  min quality  mean quality  seconds",
+        "   0     25          4         -               -        32         0.87          0.90     1.50",
+    ]
+
+
 def test_the_table_with_outputs_has_their_changes():
     outputs = {"force": script_of(-2.0, -2.5, -2.4), "flux": script_of(0.0, 1.0, 1.23456789)}
     assert str(

@@ -15,6 +15,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.loop.table import energy_error
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 
@@ -90,6 +91,22 @@ def test_own_problem_has_a_smaller_estimate_at_the_same_nodes(own_problem):
     after = own_problem[1]
     assert after.estimate < 0.8 * after.history[0].estimate
     assert after.mesh.p.shape == after.history[0].mesh.p.shape
+
+
+def test_own_problem_shows_an_energy_error_that_is_near_the_truth(own_problem):
+    """It said 30 % where the error was 4.9 %."""
+    result = own_problem[1]
+    for step in result.history:
+        error = np.sqrt(0.2140758 - step.energy_norm**2)  # that of the exact solution is known
+        assert energy_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.1)
+    assert "Energy Error %" in str(result)
+
+
+def test_l_shape_shows_an_energy_error_that_is_near_the_truth(l_shape):
+    """It said 6.8 % where the error was 1.9 %."""
+    _, result, errors = l_shape
+    for step, error in zip(result.history, errors, strict=True):
+        assert energy_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.15)
 
 
 def test_magnet_has_a_smaller_error_at_the_same_nodes_and_the_same_geometry(magnet):

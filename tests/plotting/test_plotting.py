@@ -23,7 +23,7 @@ def two_regions(levels=3):
     return mesh.with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
 
 
-def a_pass(number, mesh, estimate, energy_norm=2.0):
+def a_pass(number, mesh, estimate, energy_norm=2.0, calibrated=True):
     return Pass(
         number=number,
         mesh=mesh,
@@ -32,6 +32,7 @@ def a_pass(number, mesh, estimate, energy_norm=2.0):
         estimate=estimate,
         worth=estimate,
         energy_norm=energy_norm,
+        calibrated=calibrated,
         min_quality=0.5,
         mean_quality=0.9,
     )
@@ -147,12 +148,17 @@ def test_indicators_that_are_all_zero_can_be_drawn():
 
 
 @pytest.mark.parametrize(
-    ("energy_norm", "wanted", "label"),
-    [(2.0, [50.0, 25.0], "energy error (% of the energy norm)"), (None, [1.0, 0.5], "energy error")],
+    ("energy_norm", "calibrated", "wanted", "label"),
+    [
+        (2.0, True, [50.0, 25.0], "energy error (% of the energy norm)"),
+        (None, True, [1.0, 0.5], "energy error"),
+        (2.0, False, [1.0, 0.5], "indicator"),
+    ],
 )
-def test_passes(energy_norm, wanted, label):
+def test_passes(energy_norm, calibrated, wanted, label):
+    """What nobody vouches for is neither called an error nor shown as a share of the energy norm."""
     drawing = axes()
-    history = [a_pass(0, two_regions(), 1.0, energy_norm), a_pass(1, two_regions(), 0.5, energy_norm)]
+    history = [a_pass(number, two_regions(), 1.0 / (1 + number), energy_norm, calibrated) for number in range(2)]
     plotting.draw_passes(drawing, history)
     assert_allclose(drawing.lines[0].get_ydata(), wanted)
     assert drawing.get_ylabel() == label

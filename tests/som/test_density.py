@@ -7,6 +7,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
+from kohonen_adapt.estimators import residual
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -51,6 +52,17 @@ def test_it_holds_the_number_of_nodes_in_any_unit(order, norm, unit):
     rescaled = density_from_indicators(scaled, 1e-7 * eta, order=order, norm=norm)
     assert np.sum(area(mesh) * density) == pytest.approx(mesh.p.shape[1], rel=1e-12)
     np.testing.assert_allclose(rescaled * unit**2, density, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("power", "share"), [(1, 1 / 2), (2, 1 / 8)])
+def test_squared_indicators_are_told_by_one_refinement(power, share):
+    """As the documentation says: scikit-fem's own examples return squares."""
+
+    def indicators(mesh):
+        return residual(mesh, np.sin(mesh.p[0]) * mesh.p[1] ** 2, np.ones(mesh.t.shape[1])) ** power
+
+    coarse, fine = square(16), square(32)
+    assert np.linalg.norm(indicators(fine)) == pytest.approx(share * np.linalg.norm(indicators(coarse)), rel=0.1)
 
 
 def test_equal_indicators_want_more_nodes_where_elements_are_small_in_proportion():
