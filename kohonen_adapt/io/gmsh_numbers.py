@@ -1,6 +1,6 @@
 """Take the numbers of a Gmsh file one after another from a place on, text or binary."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,9 @@ INT, SIZE, REAL = "i4", "u8", "f8"
 
 
 class Numbers:
-    """Numbers from a place on; those of a text are parsed all at once.
+    """Numbers of a whole file from `start` on, after the first line of a section; those of a text are parsed at once.
 
-    Parameters
-    ----------
-    data
-        The whole file.
-    start
-        Where the section begins, after its first line. Where a binary section ends shows while it is read; no byte of
-        it may be taken for text before.
-    binary
-        Whether the file is.
+    Where a binary section ends shows while it is read; no byte of it may be taken for text before.
     """
 
     def __init__(self, data: bytes, start: int, binary: bool) -> None:
@@ -71,61 +63,46 @@ class Numbers:
 
     def means(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take rows of a number, how many nodes, and values at each: (count,), and means (count, components)."""
-        words = 2 if self._binary else 1  # in a value
-
-        def row(nodes: int) -> tuple[int, int]:
-            return 2 + _at_least(1, nodes, "nodes") * words * components, 1
-
         numbers: list[Ints] = [np.empty(0, np.int64)]
         means = [np.empty((0, components))]
-        for (nodes,), table in self._alike(count, slice(1, 2), row):
-            values = np.ascontiguousarray(table[:, 2:]).view(REAL)
+        words = components * (2 if self._binary else 1)
+        for (nodes,), table in self._alike(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
             numbers.append(_whole(table[:, 0]))
+            values = np.ascontiguousarray(table[:, 2:]).view(REAL)
             means.append(values.reshape(-1, nodes, components).mean(axis=1))
         return np.concatenate(numbers), np.concatenate(means)
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
-        """Take the elements of MSH 2, those of the same make together.
+        """Take the elements of MSH 2: type, tags per element, and rows of number, tags (first the group) and nodes."""
 
-        Yields
-        ------
-        int, int, ndarray
-            Type, tags per element, and rows of number, tags (the first one the group) and nodes.
-        """
+        says = slice(0, 3) if self._binary else slice(1, 3)  # type, how many elements in a binary row, tags
 
-        def line(kind: int, tags: int) -> tuple[int, int]:
-            return 2 + _width(kind, tags), 1
+        def row(kind: int, *rest: int) -> tuple[int, int]:
+            many, tags = (1, *rest)[-2:]
+            return says.stop - says.start + many * (1 + tags + nodes_of(kind)), many
 
-        def block(kind: int, number: int, tags: int) -> tuple[int, int]:
-            return 3 + _at_least(1, number, "elements") * _width(kind, tags), number
-
-        says, row = (slice(3), block) if self._binary else (slice(1, 3), line)
         for (kind, *_, tags), table in self._alike(count, says, row):
-            rows = table[:, 3:] if self._binary else np.delete(table, says, axis=1)
-            yield kind, tags, _whole(rows.reshape(-1, _width(kind, tags)))
+            rows = np.delete(table, says, axis=1)
+            yield kind, tags, _whole(rows.reshape(-1, 1 + tags + nodes_of(kind)))
 
-    def _alike(
-        self, count: int, says: slice, row_of: Callable[..., tuple[int, int]]
-    ) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
-        """Rows to the end of the section whose length depends on what they begin with, those that begin alike together.
+    def _alike(self, count: int, says: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
+        """Rows to the end of the section, those that begin alike together.
 
-        All rows have `count` items; `says` is where a row says what it is, `row_of` the words and items of such a row.
-        Runs of like rows are sought in steps that double: every row is looked at a bounded number of times.
+        All rows have `count` items; `says` is where a row says what it is, `row` makes of that its words and items.
         """
         words = self.take((len(self._data) - self._position) // (4 if self._binary else 1), INT)
         tables: dict[tuple[int, ...], list[NDArray[Any]]] = {}
-        window = 1
+        window = 1  # rows looked at together: twice as many after each run of like ones, so no row is often looked at
         while count > 0:
             _need(len(words) >= says.stop)
-            head = tuple(int(word) for word in words[says])
-            width, items = row_of(*head)
+            head = tuple(_whole(words[says]).tolist())
+            width, items = row(*head)
+            if min(head) < 0 or width <= says.stop:
+                raise ValueError(f"a row begins with {head}")
             window = min(window, -(-count // items), len(words) // width)
             _need(window > 0)
             rows = words[: window * width].reshape(window, width)
-            alike = np.append(np.all(rows[:, says] == head, axis=1), False)
-            run = int(np.argmin(alike))
-            if run < 1:
-                raise ValueError("a number that is not whole stands where an element says what it is")
+            run = int(np.argmin(np.append(np.all(rows[:, says] == head, axis=1), False)))
             tables.setdefault(head, []).append(rows[:run])
             words, count, window = words[run * width :], count - run * items, 2 * window if run == window else 1
         for head, parts in tables.items():
@@ -144,14 +121,3 @@ def _whole(values: NDArray[Any]) -> Ints:
     if np.any(whole != values):
         raise ValueError(f"{values[whole != values][0]} stands where a whole number must")
     return whole
-
-
-def _width(kind: int, tags: int) -> int:
-    """Words of an element without what it says of itself: number, tags and nodes."""
-    return 1 + _at_least(0, tags, "tags") + nodes_of(kind)
-
-
-def _at_least(least: int, number: int, what: str) -> int:
-    if number < least:
-        raise ValueError(f"a row has {number} {what}")
-    return number
