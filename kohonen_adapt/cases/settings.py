@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import PAIRS, Case, material_in, quantity, shape
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
-from kohonen_adapt.io import MSH_VERSION, read_mesh
+from kohonen_adapt.io import HEADER, MSH_VERSION, read_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import elements_in
@@ -127,7 +127,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     OSError
         If the file cannot be read.
     """
-    if not case.mesh.is_file():
+    if not (case.mesh.is_file() or (case.mesh / HEADER).is_file()):
         raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{case.mesh}'.")
     with about("mesh"):
         mesh = read_mesh(case.mesh, scale=case.scale)

@@ -48,12 +48,14 @@ def _add_relocate(commands: Any) -> None:
         "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
         "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
     )
-    move.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    move.add_argument(
+        "mesh", metavar="MESH", type=Path, help="a mesh file of any kind that ka.read_mesh reads, or a folder of Elmer"
+    )
     field = move.add_mutually_exclusive_group(required=True)
     field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
     field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
     field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
-    _add_file(move, "MESH2", "the file to write, in the unit of MESH", required=True)
+    _add_file(move, "MESH2", "file (.msh, .msh2, .vtu) or folder of Elmer to write, in the unit of MESH", required=True)
     move.add_argument(
         "--scale",
         metavar="S",
@@ -117,7 +119,9 @@ def _add_init(commands: Any) -> None:
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
-    command.add_argument("mesh", metavar="MESH", type=Path, help="a Gmsh or VTU file")
+    command.add_argument(
+        "mesh", metavar="MESH", type=Path, help="a mesh file of any kind that ka.read_mesh reads, or a folder of Elmer"
+    )
     command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
 
 

@@ -12,7 +12,7 @@ from skfem import MeshTri
 from kohonen_adapt.commands.arguments import writable_folder
 from kohonen_adapt.commands.terminal import Terminal
 from kohonen_adapt.files import remove_drafts
-from kohonen_adapt.io import FIELD_SUFFIXES, MSH_VERSION, read_field, read_groups, read_mesh, write_mesh
+from kohonen_adapt.io import FIELD_SUFFIXES, WRITTEN, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.relocate import relocate
@@ -40,8 +40,8 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     remove_drafts(writable_folder(out.parent), out.name)
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
     file, name = _source(text, f"--{meaning}")
-    if out.suffix.lower() not in (*MSH_VERSION, ".vtu"):
-        raise ValueError(f"--out expected a file that ends in {', '.join(MSH_VERSION)}, .vtu; got '{out.name}'.")
+    if out.suffix.lower() not in (*WRITTEN, ""):
+        raise ValueError(f"--out expected a file that ends in {', '.join(WRITTEN)}; got '{out.name}'.")
     terminal.show("read")
     mesh, groups = read_mesh(arguments.mesh), read_groups(arguments.mesh)
     density = MEANINGS[meaning](mesh, read_field(file, mesh, name, scale=arguments.scale))

@@ -1,14 +1,17 @@
 """Read and write mesh files with every name: Gmsh MSH 2.2 and 4.1, second order too, and those of other programs."""
 
 from kohonen_adapt.io.content import MSH_VERSION
+from kohonen_adapt.io.elmer import HEADER
 from kohonen_adapt.io.fields import FIELD_SUFFIXES, read_field
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.read import read_curves, read_groups, read_mesh
-from kohonen_adapt.io.write import write_mesh
+from kohonen_adapt.io.write import WRITTEN, write_mesh
 
 __all__ = [
     "FIELD_SUFFIXES",
+    "HEADER",
     "MSH_VERSION",
+    "WRITTEN",
     "Groups",
     "read_curves",
     "read_field",

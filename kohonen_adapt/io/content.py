@@ -1,7 +1,7 @@
 """Hold what a mesh file says before anything is made of it, and refuse in one line a file that cannot be read."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +27,7 @@ __all__ = [
     "Sampled",
     "check_finite",
     "found_in",
+    "gathered",
     "nodes_of",
     "pairs_in",
     "parsed",
@@ -103,6 +104,8 @@ class Content:
         Tags of surfaces of the geometry whose triangles are not in the file.
     numbers
         (n,): numbers of the nodes in the file, if it has any.
+    version
+        Of MSH, by which it can be written again; empty of other files.
     """
 
     points: Floats
@@ -110,6 +113,7 @@ class Content:
     names: dict[tuple[int, int], str]
     missing: tuple[int, ...] = ()
     numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    version: str = ""
 
     def of_shape(self, shape: str) -> Rows:
         """All points, lines or triangles, whatever their order, by their corners: Gmsh lists these first."""
@@ -153,6 +157,21 @@ class Sampled:
     points: Floats
     triangles: Ints
     fields: list[Field]
+
+
+def gathered(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
+    """What a file holds from Gmsh's number for a type, name, nodes and numbers of the elements of its named sets.
+
+    The name is empty for elements in no set. Names are numbered as they come.
+    """
+    tags: dict[tuple[int, str], int] = {}
+    found: dict[int, list[Rows]] = {}
+    for kind, name, nodes, number in sets:
+        dimension = {POINT: 0, LINE: 1}.get(shape_of(kind), 2)
+        tag = tags.setdefault((dimension, name), 1 + len(tags)) if name else 0
+        found.setdefault(kind, []).append(Rows(nodes, np.full(len(nodes), tag), number))
+    rows = {kind: Rows.joined(parts, parts[0].nodes.shape[1]) for kind, parts in found.items()}
+    return Content(points, rows, {(dimension, tag): name for (dimension, name), tag in tags.items()})
 
 
 def shape_of(kind: int) -> str:

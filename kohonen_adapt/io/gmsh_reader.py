@@ -94,7 +94,8 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         numbers, points = nodes.rows(nodes.count(), 3)
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
-    return Content(points[order], _rows(blocks, numbers[order]), _names(data), missing, numbers[order])
+    rows, version = _rows(blocks, numbers[order]), "4.1" if version == "4.1" else "2.2"
+    return Content(points[order], rows, _names(data), missing, numbers[order], version)
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:

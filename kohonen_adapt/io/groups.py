@@ -37,10 +37,13 @@ class Groups:
         ``boundaries``, 0 for points.
     points
         Number to the coordinates (2, n) of the nodes in a group of points.
+    version
+        Of MSH, "2.2" or "4.1", in which `write_mesh` writes ``.msh``; empty for the newest.
     """
 
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     points: Mapping[int, Floats] = field(default_factory=dict)
+    version: str = ""
 
     def nodes(self, mesh: MeshTri) -> dict[int, Ints]:
         """Nodes of the mesh where the groups of points are, by number; what has no node is left out.
@@ -88,7 +91,8 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
     members = by_group(rows.group, rows.nodes[:, 0])
     nowhere = np.empty(0, np.int64)
     nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
-    return Groups(names, {number: scale * content.points[each, :2].T for number, each in nodes.items()})
+    points = {number: scale * content.points[each, :2].T for number, each in nodes.items()}
+    return Groups(names, points, content.version)
 
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:

@@ -18,7 +18,7 @@ import meshio
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import ALWAYS, EXACT, PACKED, Content, Field, Rows, Sampled, nodes_of, refusing
+from kohonen_adapt.io.content import ALWAYS, EXACT, PACKED, Content, Field, Sampled, gathered, nodes_of, refusing
 from kohonen_adapt.io.groups import UNNAMED
 from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, sides_of
 from kohonen_adapt.io.vtu_check import checked_vtu, plain_xml
@@ -192,29 +192,20 @@ def read_content(path: Path) -> Content:
         If the file is damaged, or asks for more memory than a mesh of its size needs.
     """
     mesh = _meshed(path, "read_mesh")
-    names: dict[tuple[int, int], str] = {}
-    number: dict[tuple[int, str], int] = {}
-    found: dict[int, list[Rows]] = {}
-    first = 0
     with refusing(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        for k, block in enumerate(mesh.cells):
-            kind = _kind(block)
-            nodes = _nodes(block, kind, len(points))
-            sets = [(kind, "", nodes, first + np.arange(len(nodes))), *_sets(mesh, k, kind, nodes, first, points)]
-            for shape, name, rows, cells in sets:
-                dimension = {LINE: 1, 8: 1, 15: 0}.get(shape, 2)
-                tag = number.setdefault((dimension, name), 1 + len(number)) if name else 0
-                names |= {(dimension, tag): name} if name else {}
-                found.setdefault(shape, []).append(Rows(rows, np.full(len(rows), tag), cells))
-            first += len(nodes)
-        return Content(
-            points, {kind: Rows.joined(parts, parts[0].nodes.shape[1]) for kind, parts in found.items()}, names
-        )
+        return gathered(points, _all_sets(mesh, points))
 
 
-def _kind(block: Any) -> int:
-    return KINDS.get(block.type, TETRAHEDRON if block.dim == 3 else QUADRILATERAL)
+def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]]:
+    """Kind, name, nodes and numbers of all cells, and of those of every set."""
+    first = 0
+    for k, block in enumerate(mesh.cells):
+        kind = KINDS.get(block.type, TETRAHEDRON if block.dim == 3 else QUADRILATERAL)
+        nodes = _nodes(block, kind, len(points))
+        yield kind, "", nodes, first + np.arange(len(nodes))
+        yield from _sets(mesh, k, kind, nodes, first, points)
+        first += len(nodes)
 
 
 def _points(mesh: Any) -> Floats:

@@ -1,6 +1,7 @@
 """Read a mesh, the numbers of its groups or its curves from a file."""
 
 import math
+from collections.abc import Callable
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -8,7 +9,9 @@ from pathlib import Path
 from skfem import MeshTri
 
 from kohonen_adapt.io.assembly import to_curves, to_mesh
-from kohonen_adapt.io.content import MSH_VERSION, suffix_of
+from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
+from kohonen_adapt.io.elmer import HEADER, read_elmer
+from kohonen_adapt.io.femm import read_ans
 from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.meshio_reader import FORMATS, read_content
@@ -16,6 +19,12 @@ from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["read_curves", "read_groups", "read_mesh"]
+
+Reader = Callable[[Path], Content]
+
+CURVED: dict[str, Reader] = dict.fromkeys(MSH_VERSION, read_msh)
+READERS: dict[str, Reader] = {**CURVED, **dict.fromkeys(FORMATS, read_content), ".ans": read_ans}
+"""Suffix to what reads such a file."""
 
 
 def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
@@ -35,7 +44,10 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
         A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or what meshio reads well: ``.vtu`` of one
         piece, ``.vtk``, ``.inp`` (Abaqus), ``.mesh`` (Medit), ``.su2``, and with h5py ``.med`` and ``.xdmf`` with its
         ``.h5``. Names are those of sets, families and markers, and what scikit-fem saves; numbers of groups, where a
-        format has no names, are ``region_<number>`` and ``boundary_<number>``.
+        format has no names, are ``region_<number>`` and ``boundary_<number>``. Or the folder in which Elmer has a mesh;
+        or the solution of FEMM (``.ans``), which says its unit and comes in metres, with blocks as subdomains (the
+        labels of a block that has several also as ``<block> 1``, ``<block> 2``, in their order) and the properties of
+        segments and arcs as boundaries.
     scale
         Metres per unit of the file: 1e-3 for a drawing in millimetres. The files do not say.
 
@@ -62,9 +74,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     ((2, 25), 0.001)
     """
     path = Path(path)
-    suffix = _checked(path, scale, "read_mesh", (*MSH_VERSION, *FORMATS))
-    content = read_content(path) if suffix in FORMATS else read_msh(path)
-    return to_mesh(content, path, float(scale))
+    reader = _reader(path, scale, "read_mesh", READERS)
+    return to_mesh(reader(path), path, float(scale))
 
 
 def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
@@ -75,7 +86,7 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
     Parameters
     ----------
     path
-        A Gmsh file. Of others there is nothing to read: their numbers, if they have any, are in the names.
+        A Gmsh file or a folder of Elmer. Of others there is nothing to read: their numbers, if any, are in the names.
     scale
         The same as for `read_mesh`.
 
@@ -92,8 +103,8 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
         If the suffix is unknown or the file is damaged.
     """
     path = Path(path)
-    suffix = _checked(path, scale, "read_groups", (*MSH_VERSION, *FORMATS))
-    return Groups() if suffix in FORMATS else to_groups(read_msh(path), path, float(scale))
+    reader = _reader(path, scale, "read_groups", READERS)
+    return to_groups(reader(path), path, float(scale)) if reader in (read_msh, read_elmer) else Groups()
 
 
 def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
@@ -126,17 +137,19 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
         If the suffix is not that of a Gmsh file, the file is damaged or of first order, or `mesh` is another mesh.
     """
     path = Path(path)
-    _checked(path, scale, "read_curves", tuple(MSH_VERSION))
+    _reader(path, scale, "read_curves", CURVED)
     check_mesh(mesh)
     return to_curves(read_msh(path), mesh, path, float(scale))
 
 
-def _checked(path: Path, scale: float, caller: str, known: tuple[str, ...]) -> str:
-    """The suffix of a file that can be read."""
-    remedy = f" Gmsh converts others, .unv and .cgns with all names: gmsh '{path.name}' -save -o NEW.msh"
-    suffix = suffix_of(path, caller, known, remedy)
+def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -> Reader:
+    """What reads a file, or a folder of Elmer, that is there."""
     if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
         raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
+    if readers is READERS and (path / HEADER).is_file():
+        return read_elmer
+    remedy = f" Gmsh converts others, .unv and .cgns with all names: gmsh '{path.name}' -save -o NEW.msh"
+    suffix = suffix_of(path, caller, tuple(readers), remedy)
     if not path.is_file():
         raise FileNotFoundError(f"{caller} expected a mesh file; there is none at '{path}'.")
-    return suffix
+    return readers[suffix]

@@ -13,15 +13,19 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.io.content import MSH_VERSION, suffix_of
+from kohonen_adapt.io.elmer import write_elmer
 from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["write_mesh"]
+__all__ = ["WRITTEN", "write_mesh"]
 
 logger = logging.getLogger("kohonen_adapt")
+
+WRITTEN = (*MSH_VERSION, ".vtu")
+"""Suffixes of files that can be written."""
 
 LONGEST_NAME = 127
 """Bytes of a name that Gmsh reads."""
@@ -47,6 +51,8 @@ def write_mesh(
         ``.msh`` writes Gmsh MSH 4.1 and ``.msh2`` MSH 2.2, with a physical group per name and the fields as views.
         ``.vtu`` is for ParaView: an integer array ``region`` that numbers the combinations of subdomain names, and the
         names as the arrays ``skfem:s:<name>`` and ``skfem:b:<name>``, which ``skfem.Mesh.load`` understands, too.
+        A name without a suffix is the folder of a mesh for Elmer, which is made if it is missing; in such a mesh
+        subdomains must not overlap, nor boundaries.
     mesh
         A `MeshTri`.
     point_data
@@ -54,7 +60,8 @@ def write_mesh(
     cell_data
         Fields (nelements,) or vectors (2, nelements) by name.
     groups
-        What `read_groups` read: names keep their numbers, and groups of points are written where they have a node.
+        What `read_groups` read: names keep their numbers, groups of points are written where they have a node, and
+        ``.msh`` is written in the version of MSH that was read, for programs that read one only.
         Without it, ``region_7`` and ``boundary_7`` are groups of that number and no name, and others are numbered
         anew. VTU files have no numbers.
 
@@ -75,18 +82,25 @@ def write_mesh(
     ['left']
     """
     path = Path(path)
-    suffix = suffix_of(path, "write_mesh", (*MSH_VERSION, ".vtu"))
+    for_elmer = path.is_dir() or not path.suffix
+    suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
     check_mesh(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
     points = _checked_fields(point_data, mesh.p.shape[1], "point_data", vectors=False)
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
+    groups = groups or Groups()
+    if for_elmer:
+        if points or cells:
+            raise ValueError("a mesh of Elmer holds no fields; write them to a file.")
+        write_elmer(path, mesh, subdomains, boundaries, groups)
+        return
     with whole_file(path) as draft:
         if suffix == ".vtu":
             write_vtu(draft, mesh, subdomains, boundaries, points, cells)
         else:
-            version = MSH_VERSION[suffix]
-            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups or Groups())
+            version = groups.version if suffix == ".msh" and groups.version else MSH_VERSION[suffix]
+            write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups)
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:

@@ -21,7 +21,7 @@ def test_unknown_suffix(tmp_path, name):
     ):
         read_mesh(tmp_path / name)
     with pytest.raises(ValueError, match="write_mesh expected a file name that ends in"):
-        write_mesh(tmp_path / name, MeshTri())
+        write_mesh(tmp_path / "mesh.stl", MeshTri())
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])

@@ -209,3 +209,17 @@ def test_no_file(tmp_path):
     shutil.copy(__file__, tmp_path / "mesh.msh")
     with pytest.raises(ValueError, match="expected a Gmsh file"):
         ka.read_groups(tmp_path / "mesh.msh")
+
+
+@pytest.mark.parametrize(("version", "suffix"), [("2.2", ".msh2"), ("4.1", ".msh")])
+def test_the_version_of_msh_is_kept(version, suffix, tmp_path):
+    """For programs that read one only; a suffix that says which goes before."""
+    mesh = two_rooms()
+    ka.write_mesh(tmp_path / f"one{suffix}", mesh)
+    (tmp_path / f"one{suffix}").rename(tmp_path / "one.msh")
+    assert ka.read_groups(tmp_path / "one.msh").version == version
+    ka.write_mesh(tmp_path / "f.vtu", mesh, cell_data={"f": np.ones(64)})
+    for name, wanted in (("two.msh", version), ("two.msh2", "2.2")):
+        options = ["--density", f"{tmp_path}/f.vtu:f", "--out", str(tmp_path / name), "--quiet"]
+        assert cli.main(["relocate", str(tmp_path / "one.msh"), *options]) == 0
+        assert (tmp_path / name).read_text().startswith(f"$MeshFormat\n{wanted} 0 8\n")

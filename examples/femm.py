@@ -1,0 +1,89 @@
+"""Make a case of a model that FEMM has analysed: materials, currents and conditions, on the mesh of its .ans file."""
+
+import argparse
+import json
+import re
+from math import cos, radians, sin
+from pathlib import Path
+
+UNITS = {"inches": 0.0254, "millimeters": 1e-3, "centimeters": 1e-2, "meters": 1.0, "mils": 2.54e-5}
+UNITS |= dict.fromkeys(("micrometers", "microns"), 1e-6)
+
+
+def properties(head, kind):
+    """What stands between <BeginKIND> and <EndKIND>, each as a dictionary, the rows of a curve under "BH"."""
+    found = re.findall(rf"<Begin{kind}>(.*?)<End{kind}>", head, re.DOTALL)
+    rows = re.compile(r"^\s*([-+.\deE]+)\s+([-+.\deE]+)\s*$", re.MULTILINE)
+    return [
+        {**dict(re.findall(r'<(\w+)>\s*=\s*"?([^"\n]*?)"?\s*\n', text)), "BH": rows.findall(text)} for text in found
+    ]
+
+
+def labels(head):
+    """The block labels: x, y, block, size, circuit, direction, group, turns, and more."""
+    count, rest = re.search(r"\[NumBlockLabels\]\s*=\s*(\d+)\s*\n(.*)", head, re.DOTALL).groups()
+    return [line.split() for line in rest.split("\n")[: int(count)]]
+
+
+def known(condition, what):
+    if not condition:
+        raise SystemExit(f"{what} is nothing that this recipe knows: write that part of the case by hand")
+
+
+def material(block, direction):
+    """Keys of a material of the case: H in A/m, J in A/m^2 (FEMM has MA/m^2)."""
+    known(block["Mu_x"] == block["Mu_y"], f"{block['BlockName']}: different permeabilities in x and y")
+    known(float(block["LamFill"]) == 1.0 or int(block["LamType"]) > 2, f"{block['BlockName']}: a lamination")
+    points = [[float(b), float(h)] for b, h in block["BH"] if float(b) > 0.0]
+    yield f"bh = {points}" if points else f"permeability = {float(block['Mu_x'])!r}"
+    strength, angle = float(block["H_c"]), radians(float(direction))
+    if strength:
+        yield f"coercivity = [{strength * cos(angle)!r}, {strength * sin(angle)!r}]  # A/m, at {direction} degrees"
+    if float(block["J_re"]):
+        yield f"current_density = {1e6 * float(block['J_re'])!r}"
+
+
+def case(path):
+    """Lines of a case for the solution file of FEMM, which holds the model, too."""
+    head = path.read_text(errors="replace").partition("[Solution]")[0]
+    setting = {key.lower(): value for key, value in re.findall(r'\[(\w+)\]\s*=\s*"?([^"\n]*?)"?\s*\n', head)}
+    known(float(setting["frequency"]) == 0.0, "a frequency")
+    known(setting.get("pointprops", "0") == "0", "a point property")
+    yield f"mesh = {json.dumps(path.name)}"
+    axisymmetric = setting["problemtype"] == "axisymmetric"
+    depth = UNITS[setting["lengthunits"].lower()] * float(setting["depth"])
+    yield "axisymmetric = true" if axisymmetric else f"depth = {depth!r}  # m"
+    blocks, circuits = properties(head, "Block"), properties(head, "Circuit")
+    rows = labels(head)
+    of_block = [row[2] for row in rows]
+    coils = []
+    for k, row in enumerate(rows):
+        known(int(row[2]) > 0, "a label without a material")
+        known(len(row) < 10, "a direction of magnetisation by a formula")
+        block = blocks[int(row[2]) - 1]
+        name = block["BlockName"] + (f" {1 + of_block[:k].count(row[2])}" if of_block.count(row[2]) > 1 else "")
+        yield from ("", f"[materials.{json.dumps(name)}]", *material(block, row[5]))
+        if int(row[4]) > 0:
+            circuit = circuits[int(row[4]) - 1]
+            known(circuit["CircuitType"] == "1", f"{circuit['CircuitName']}: a circuit in parallel")
+            coils.append(f"{json.dumps(name)} = {float(circuit['TotalAmps_re']) * int(row[7])!r}")
+    yield from ("", "[ampere_turns]", *coils) if coils else ()
+    yield from ("", "[potential]")
+    for boundary in properties(head, "Bdry"):
+        value = [float(boundary[key]) for key in ("A_0", "A_1", "A_2")]
+        fixed = boundary["BdryType"] == "0" and not any(value[1:])
+        known(fixed, f"the boundary {boundary['BdryName']}, which is not A = constant,")
+        yield f"{json.dumps(boundary['BdryName'])} = {value[0]!r}"
+
+
+def main(path, out):
+    Path(out).write_text("\n".join([*case(Path(path)), "", "[adapt]", "passes = 4", ""]))
+    print(f"wrote {out}; go on with: kohonen-adapt run {out} --out out")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("solution", help="the .ans file, beside which the case is to be")
+    parser.add_argument("--out", required=True, help="the case to write, in the same folder")
+    arguments = parser.parse_args()
+    main(arguments.solution, arguments.out)

@@ -1,0 +1,124 @@
+"""Read and write the folder in which Elmer has a mesh: its nodes, elements and boundary, and names for their numbers.
+
+An element of Elmer is in one body and a side in one boundary, so what overlaps cannot be written.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.files import whole_files
+from kohonen_adapt.io.content import Content, Rows, found_in, nodes_of, parsed, refusing
+from kohonen_adapt.io.groups import Groups, numbers_for
+from kohonen_adapt.mesh.measures import directed
+
+__all__ = ["HEADER", "read_elmer", "write_elmer"]
+
+Sets = Mapping[str, Ints]
+
+HEADER = "mesh.header"
+"""The file by which a folder is known to be a mesh of Elmer."""
+
+KINDS = {"101": 15, "202": 1, "203": 8, "303": 2, "306": 9}
+"""Elmer's number of a type to Gmsh's; the first digit is the shape, the rest the number of nodes."""
+
+SHAPES = {"4": 3, "5": 4, "6": 4, "7": 4, "8": 4}
+"""First digits of what is refused anyhow: quadrilaterals and solids."""
+
+NAME = re.compile(r"\$\s*(\S.*?)\s*=\s*([0-9]+)\s*")
+
+
+def read_elmer(folder: Path) -> Content:
+    """Read a mesh of Elmer; a ValueError if it is damaged or lacks a file."""
+    with refusing(folder, f"read_mesh expected a mesh of Elmer; '{folder}' cannot be read: {{}}."):
+        nodes = parsed(_text(folder, "mesh.nodes")).reshape(-1, 5)
+        nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
+        parts: dict[int, list[Rows]] = {}
+        blocks = [*_blocks(_text(folder, "mesh.elements"), 1), *_blocks(_text(folder, "mesh.boundary"), 3)]
+        for kind, rows in blocks:
+            place = found_in(nodes[:, 0], rows.nodes)
+            if np.any(place < 0):
+                raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which is not there")
+            parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
+        joined = {kind: Rows.joined(rows, nodes_of(kind)) for kind, rows in parts.items()}
+        return Content(nodes[:, 2:], joined, _names(folder), numbers=nodes[:, 0].astype(np.int64))
+
+
+def _text(folder: Path, name: str) -> str:
+    if not (folder / name).is_file():
+        raise ValueError(f"it has no file {name}")
+    return (folder / name).read_text(encoding="utf-8", errors="replace")
+
+
+def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
+    """Elements of one type, in lines of number, body or boundary, more of `before` in all, type and nodes."""
+    lines = [words for line in text.splitlines() if (words := line.split())]
+    for kind in sorted({words[1 + before] for words in lines}):
+        number = KINDS.get(kind) or SHAPES.get(kind[0])
+        if number is None:
+            raise ValueError(f"element type {kind} is unknown")
+        table = np.array([words for words in lines if words[1 + before] == kind], dtype=np.int64)
+        yield number, Rows(table[:, 2 + before :][:, : nodes_of(number)], table[:, 1], table[:, 0])
+
+
+def _names(folder: Path) -> dict[tuple[int, int], str]:
+    """Names by (dimension, number): of bodies until a comment speaks of boundaries."""
+    names: dict[tuple[int, int], str] = {}
+    dimension = 2
+    for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
+        if line.startswith("!"):
+            dimension = 1 if "boundaries" in line else 2
+        elif found := NAME.fullmatch(line):
+            names[dimension, int(found[2])] = found[1]
+    return names
+
+
+def write_elmer(folder: Path, mesh: MeshTri, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
+    """Write a mesh for Elmer; arguments as `write_mesh` has checked them.
+
+    Raises
+    ------
+    ValueError
+        If two subdomains have an element in common, or two boundaries a side.
+    """
+    numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
+    body = _numbered(subdomains, 2, mesh.t.shape[1], numbers)
+    boundary = _numbered(boundaries, 1, mesh.facets.shape[1], numbers)
+    facets = np.flatnonzero(boundary)
+    side = np.zeros(mesh.facets.shape[1], np.int64)
+    for items in boundaries.values():
+        side[np.asarray(items)] = getattr(items, "ori", 0)
+    elements = [1 + np.arange(len(body)), body, np.full(len(body), 303), *(1 + mesh.t)]
+    ends = 1 + directed(mesh, facets, side[facets]).T
+    sides = [1 + np.arange(len(facets)), boundary[facets], *(1 + mesh.f2t[:, facets]), np.full(len(facets), 202), *ends]
+    counts = f"{mesh.p.shape[1]} {len(body)} {len(facets)}\n2\n202 {len(facets)}\n303 {len(body)}\n"
+    folder.mkdir(exist_ok=True)
+    with whole_files(folder) as draft:
+        (draft / HEADER).write_text(counts, encoding="utf-8")
+        rows = [f"{number} -1 {x!r} {y!r} 0\n" for number, (x, y) in enumerate(mesh.p.T.tolist(), 1)]
+        (draft / "mesh.nodes").write_text("".join(rows), encoding="utf-8")
+        for name, columns in (("mesh.elements", elements), ("mesh.boundary", sides)):
+            np.savetxt(draft / name, np.column_stack(columns), "%d")
+        (draft / "mesh.names").write_text("".join(_named(subdomains, boundaries, numbers)), encoding="utf-8")
+
+
+def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int, str], int]) -> Ints:
+    """The number of the set that each item is in, 0 for none, (count,)."""
+    number = np.zeros(count, np.int64)
+    for name, items in sets.items():
+        taken = number[np.asarray(items)].max(initial=0)
+        if taken:
+            other = next(other for other in sets if numbers[dimension, other] == taken)
+            raise ValueError(f"Elmer has one name for a place; '{other}' and '{name}' overlap. Leave one of them out.")
+        number[np.asarray(items)] = numbers[dimension, name]
+    return number
+
+
+def _named(subdomains: Sets, boundaries: Sets, numbers: Mapping[tuple[int, str], int]) -> Iterator[str]:
+    for dimension, kind, sets in ((2, "bodies", subdomains), (1, "boundaries", boundaries)):
+        yield f"! ----- names for {kind} -----\n"
+        yield from (f"$ {name} = {numbers[dimension, name]}\n" for name in sets)

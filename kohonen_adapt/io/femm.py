@@ -1,0 +1,113 @@
+"""Read the solution file of FEMM, .ans: the mesh in metres, with the names of blocks and of boundary properties."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
+from kohonen_adapt.io.content import Content, gathered, refusing
+
+__all__ = ["read_ans"]
+
+UNITS = {
+    "inches": 0.0254,
+    "millimeters": 1e-3,
+    "centimeters": 1e-2,
+    "meters": 1.0,
+    "mils": 2.54e-5,
+    "micrometers": 1e-6,
+    "microns": 1e-6,
+}
+"""FEMM's name of a unit of length, in metres."""
+
+LINE, TRIANGLE = 1, 2
+NEAR = 1e-7  # of the length of a segment or the radius of an arc: a node nearer than that is on it
+
+Complex = NDArray[np.complex128]
+
+
+def read_ans(path: Path) -> Content:
+    """Read the mesh of a solution of FEMM; a ValueError if it is damaged or of another kind.
+
+    Boundaries are found as the nodes on segments and arcs with a property, one after another: files before 2018 do not
+    say which sides of triangles have one.
+    """
+    with refusing(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
+        head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
+        if not mark:
+            raise ValueError("it has no [Solution]: analyse the model in FEMM, and take the .ans file that this writes")
+        lines = solution.split("\n")[1:]
+        nodes = _table(lines, 2)
+        elements = _table(lines[1 + len(nodes) :], 4).astype(np.int64)
+        if np.any((elements[:, :3] < 0) | (elements[:, :3] >= len(nodes))):
+            raise ValueError("a triangle has a node that is not there")
+        blocks, boundaries = _blocks(head, elements), _boundaries(head, nodes[:, 0] + 1j * nodes[:, 1])
+        points = _unit(head) * np.column_stack([nodes, np.zeros(len(nodes))])
+        return gathered(points, [*blocks, *boundaries])
+
+
+def _unit(head: str) -> float:
+    found = re.search(r"\[LengthUnits\]\s*=\s*(\w+)", head)
+    name = found[1].lower() if found else "inches"  # as FEMM itself takes it
+    if name not in UNITS:
+        raise ValueError(f"its unit of length is '{name}'; FEMM has {listed(UNITS)}")
+    return UNITS[name]
+
+
+def _table(lines: list[str], columns: int) -> Floats:
+    """The first columns of the rows that follow a line with their number."""
+    count = int(lines[0].split("=")[-1])
+    rows = [line.split()[:columns] for line in lines[1 : 1 + max(count, 0)]]
+    if len(rows) != count:
+        raise ValueError(f"it says that {count} rows follow, and has {len(rows)}")
+    return np.array(rows, dtype=float).reshape(count, columns)
+
+
+def _section(head: str, name: str, columns: int) -> Floats:
+    start = head.find(f"[{name}]")
+    return _table(head[start:].split("\n"), columns) if start >= 0 else np.empty((0, columns))
+
+
+def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
+    """Kind, name, nodes and numbers of the elements of every block, and of each label of a block with several."""
+    names = ["", *re.findall(r'<BlockName>\s*=\s*"([^"]*)"', head)]
+    block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
+    label, number = elements[:, 3], np.arange(len(elements))
+    if np.any((label < 0) | (label >= len(block))) or np.any((block < 0) | (block >= len(names))):
+        raise ValueError("a triangle is in a block that is not there")
+    for k in np.unique(block).tolist():
+        members = np.flatnonzero(block[label] == k)
+        yield TRIANGLE, names[k], elements[members, :3], number[members]
+        labels = np.flatnonzero(block == k).tolist()
+        for place, own in enumerate(labels if k > 0 and len(labels) > 1 else [], 1):
+            yield TRIANGLE, f"{names[k]} {place}", elements[label == own, :3], number[label == own]
+
+
+def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Ints]]:
+    """The lines along every segment and arc with a property, from its first point to its second."""
+    names = ["", *re.findall(r'<BdryName>\s*=\s*"([^"]*)"', head)]
+    ends = _section(head, "NumPoints", 2) @ [1.0, 1.0j]
+    segments, arcs = _section(head, "NumSegments", 4), _section(head, "NumArcSegments", 5)
+    curves = [(*row[[0, 1, 3]].astype(int).tolist(), 0.0) for row in segments]
+    curves += [(*row[[0, 1, 4]].astype(int).tolist(), np.radians(row[2])) for row in arcs]
+    for first, last, which, angle in curves:
+        if which > 0:
+            node = _along(nodes, ends[first], ends[last], angle)
+            yield LINE, names[which], np.column_stack([node[:-1], node[1:]]), np.arange(len(node) - 1)
+
+
+def _along(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:
+    """Nodes on a segment, or on an arc of some angle counter-clockwise, from its start to its end."""
+    if angle > 0.0:
+        centre = 0.5 * (start + end) + 0.5j * (end - start) / np.tan(0.5 * angle)
+        turned = (nodes - centre) / (start - centre)
+        off, place = np.abs(turned) - 1.0, ((np.angle(turned) + NEAR) % (2.0 * np.pi) - NEAR) / angle
+    else:
+        along = (nodes - start) / (end - start)
+        off, place = along.imag, along.real
+    on = np.flatnonzero((np.abs(off) < NEAR) & (np.abs(place - 0.5) < 0.5 + NEAR))
+    return on[np.argsort(place[on], kind="stable")]

@@ -1,0 +1,141 @@
+"""Meshes of Elmer: a folder in and out with every name, number and orientation."""
+
+import numpy as np
+import pytest
+from helpers.examples import examples
+from helpers.hostile_files import spoilt
+from helpers.mesh_files import assert_same, in_front, two_rooms
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.io import Groups
+
+FILES = ("mesh.header", "mesh.nodes", "mesh.elements", "mesh.boundary", "mesh.names")
+
+
+def rooms():
+    """No element in two subdomains, no facet in two boundaries; some in none."""
+    mesh = two_rooms()
+    subdomains = {name: mesh.subdomains[name] for name in ("left", "right side")}
+    boundaries = {name: mesh.boundaries[name] for name in ("outer", "floor")}
+    mesh = MeshTri(mesh.p, mesh.t, boundaries, {**subdomains, "left": subdomains["left"][:-3]})
+    around = mesh.facets_around("right side")
+    inner = mesh.f2t[1, around] >= 0
+    inside = OrientedBoundary(np.asarray(around)[inner], around.ori[inner])
+    return mesh.with_boundaries({"inside": inside}, boundaries_only=False)
+
+
+def test_round_trip(tmp_path):
+    mesh = rooms()
+    ka.write_mesh(tmp_path / "elmer", mesh)
+    back = ka.read_mesh(tmp_path / "elmer")
+    assert_same(back, mesh)
+    assert in_front(back, "inside") == in_front(mesh, "inside")
+    assert sorted(file.name for file in (tmp_path / "elmer").iterdir()) == sorted(FILES)
+
+
+def test_a_folder_that_is_there_keeps_its_other_files(tmp_path):
+    (tmp_path / "case.sif").write_text("Header")
+    ka.write_mesh(tmp_path, MeshTri().refined(1))
+    ka.write_mesh(tmp_path, MeshTri())
+    assert_same(ka.read_mesh(tmp_path), MeshTri())
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*FILES, "case.sif"])
+
+
+# As ElmerGrid lays it out, from a second-order mesh with points; numbers have gaps and the nodes no order.
+GRID = {
+    "mesh.header": "7 1 4\n3\n306 1\n203 3\n101 1\n",
+    "mesh.nodes": "9 -1 0 0 0 \n1 -1 0 1 0 \n2 -1 1 0 0 \n4 -1 .5 0 0 \n5 -1 .5 .5 0 \n6 -1 0 .5 0 \n8 -1 7 7 0 \n",
+    "mesh.elements": "1 3 306 9 2 1 4 5 6 \n",
+    "mesh.boundary": "1 2 1 0 203 9 2 4 \n2 2 1 0 203 2 1 5 \n3 5 1 0 203 1 9 6 \n4 6 0 0 101 9 \n",
+    "mesh.names": "! ----- names for bodies -----\n$ core = 3\n! ----- names for boundaries -----\n$ far away = 2\n",
+}
+
+
+def written(folder, files):
+    folder.mkdir(exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_what_elmergrid_writes(tmp_path):
+    mesh = ka.read_mesh(written(tmp_path, GRID), scale=1e-3)
+    assert_array_equal(1e3 * mesh.p, [[0, 1, 0], [1, 0, 0]])
+    assert {name: rows.tolist() for name, rows in mesh.subdomains.items()} == {"core": [0]}
+    assert {name: len(rows) for name, rows in mesh.boundaries.items()} == {"far away": 2, "boundary_5": 1}
+
+
+def test_names_are_not_needed(tmp_path):
+    """ElmerSolver writes padded columns, and no names."""
+    padded = {name: text.replace(" ", "     ") for name, text in GRID.items() if name != "mesh.names"}
+    mesh = ka.read_mesh(written(tmp_path, padded))
+    assert set(mesh.subdomains) == {"region_3"} and set(mesh.boundaries) == {"boundary_2", "boundary_5"}
+
+
+def test_numbers_are_kept(tmp_path):
+    written(tmp_path / "one", GRID)
+    groups = ka.read_groups(tmp_path / "one")
+    assert groups.names == {(0, 6): "point_6", (1, 2): "far away", (1, 5): "boundary_5", (2, 3): "core"}
+    ka.write_mesh(tmp_path / "two", ka.read_mesh(tmp_path / "one"), groups=groups)
+    again = ka.read_groups(tmp_path / "two").names
+    assert again == {key: name for key, name in groups.names.items() if key[0] > 0}
+
+
+def test_relocate_takes_and_gives_folders(tmp_path):
+    mesh = rooms()
+    ka.write_mesh(tmp_path / "one", mesh, groups=Groups({(2, 40): "left"}))
+    ka.write_mesh(tmp_path / "f.vtu", mesh, cell_data={"f": 1.0 + np.arange(64.0)})
+    options = ["--density", f"{tmp_path}/f.vtu:f", "--out", str(tmp_path / "two"), "--quiet"]
+    assert cli.main(["relocate", str(tmp_path / "one"), *options]) == 0
+    after = ka.read_mesh(tmp_path / "two")
+    assert_array_equal(after.p, ka.relocate(mesh, 1.0 + np.arange(64.0)).p)
+    assert ka.read_groups(tmp_path / "two").names == ka.read_groups(tmp_path / "one").names
+
+
+def test_what_overlaps_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="Elmer has one name for a place; 'right side' and 'low' overlap"):
+        ka.write_mesh(tmp_path / "elmer", two_rooms())
+    with pytest.raises(ValueError, match="a mesh of Elmer holds no fields; write them to a file"):
+        ka.write_mesh(tmp_path / "elmer", rooms(), cell_data={"e": np.ones(64)})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("mesh.elements", "1 3 404 9 2 1 4\n", r"expected triangles only; .* has 3 line elements, .* 1 quadrilateral"),
+        ("mesh.elements", "1 3 504 9 2 1 4\n", "expected a plane mesh; .* 1 3D elements"),
+        ("mesh.elements", "1 3 999 9 2 1 4\n", "cannot be read: element type 999 is unknown"),
+        ("mesh.elements", "1 3 303 9 2 77\n", "cannot be read: an element has node 77, which is not there"),
+        ("mesh.elements", "1 3 303 9 2\n", "cannot be read: "),
+        ("mesh.nodes", "1 2 3\n", "cannot be read: "),
+        ("mesh.nodes", None, "expected a mesh of Elmer; '.*' cannot be read: it has no file mesh.nodes"),
+    ],
+)
+def test_what_is_refused(name, text, said, tmp_path):
+    written(tmp_path, GRID)
+    (tmp_path / name).unlink()
+    if text:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=said) as refusal:
+        ka.read_mesh(tmp_path)
+    assert str(tmp_path) in str(refusal.value)
+
+
+@examples(60, deadline=20_000, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_spoilt_files(tmp_path_factory, data):
+    folder = written(tmp_path_factory.mktemp("spoilt"), GRID)
+    name = data.draw(st.sampled_from(FILES[1:]))
+    (folder / name).write_bytes(data.draw(spoilt([GRID[name].encode()])))
+    with np.errstate(all="ignore"):
+        try:
+            ka.read_mesh(folder)
+        except ValueError as error:
+            assert str(folder) in str(error) and "\n" not in str(error)

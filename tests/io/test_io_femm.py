@@ -1,0 +1,206 @@
+"""Solutions of FEMM: the mesh with its names and in metres, and the recipe from a model to a case."""
+
+import lzma
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.examples import examples
+from helpers.hostile_files import spoilt
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.mesh.measures import area
+
+RECIPE = Path(__file__).parents[2] / "examples" / "femm.py"
+
+
+@pytest.fixture(scope="module")
+def dipole(tmp_path_factory):
+    """A real file of FEMM 4.2; where it is from is in data/README.md."""
+    path = tmp_path_factory.mktemp("femm") / "dipole.ans"
+    path.write_bytes(lzma.decompress((Path(__file__).parent / "data" / "dipole.ans.xz").read_bytes()))
+    return path
+
+
+def solution(path):
+    """Nodes with potentials, and elements with the boundary condition of each side, as FEMM's lists have them."""
+    lines = path.read_text().partition("[Solution]\n")[2].split("\n")
+    count = int(lines[0])
+    nodes = np.array([line.split() for line in lines[1 : 1 + count]], float)
+    elements = lines[2 + count : 2 + count + int(lines[1 + count])]
+    return nodes, np.array([line.split()[:7] for line in elements], int)
+
+
+def test_a_file_of_femm(dipole):
+    mesh = ka.read_mesh(dipole)
+    nodes, elements = solution(dipole)
+    assert_array_equal(mesh.p, nodes[:, :2].T)
+    assert_array_equal(mesh.t, np.sort(elements[:, :3], axis=1).T)
+    assert_array_equal(mesh.subdomains["NdFeB"], np.flatnonzero(elements[:, 3] == 0))
+    assert_array_equal(mesh.subdomains["air"], np.flatnonzero(elements[:, 3] == 1))
+    side, corner = np.nonzero(elements[:, 4:7].T == 0)[::-1]
+    marked = {frozenset(elements[e, [k, (k + 1) % 3]].tolist()) for e, k in zip(side, corner, strict=True)}
+    assert {frozenset(ends) for ends in mesh.facets[:, mesh.boundaries["A=0"]].T.tolist()} == marked
+    assert area(mesh)[mesh.subdomains["NdFeB"]].sum() == pytest.approx(0.04 * 0.01, rel=1e-12)
+
+
+def test_the_recipe_gives_the_solution_of_femm(dipole, capsys):
+    """To all its digits: the elements, the magnet and the conditions are the same."""
+    runpy.run_path(str(RECIPE))["main"](dipole, dipole.with_name("case.toml"))
+    case = read_case(dipole.with_name("case.toml"))
+    mesh = fitting_mesh(case)
+    potential = case.problem.solve(mesh).potential
+    wanted = solution(dipole)[0][:, 2]
+    assert_allclose(potential, wanted, rtol=0.0, atol=1e-10 * np.abs(wanted).max())
+    assert case.problem.depth == pytest.approx(0.04)
+
+
+BLOCK = """  <BeginBlock>
+    <BlockName> = "{}"
+    <Mu_x> = {}
+    <Mu_y> = {}
+    <H_c> = 0
+    <H_cAngle> = 0
+    <J_re> = 0
+    <LamType> = 0
+    <LamFill> = 1
+    <BHPoints> = {}
+{}  <EndBlock>
+"""
+
+HEAD = """[Format]      =  4.0
+[Frequency]   =  0
+[Depth]       =  2
+[LengthUnits] =  {unit}
+[ProblemType] =  planar
+[PointProps]   = 0
+[BdryProps]   = 2
+  <BeginBdry>
+    <BdryName> = "rim"
+    <BdryType> = 0
+    <A_0> = 0.5
+    <A_1> = 0
+    <A_2> = 0
+  <EndBdry>
+  <BeginBdry>
+    <BdryName> = "the diameter"
+    <BdryType> = 0
+    <A_0> = 0
+    <A_1> = 0
+    <A_2> = 0
+  <EndBdry>
+[BlockProps]  = 2
+{air}{steel}[CircuitProps]  = 1
+  <BeginCircuit>
+    <CircuitName> = "coil"
+    <TotalAmps_re> = 2.5
+    <TotalAmps_im> = 0
+    <CircuitType> = 1
+  <EndCircuit>
+[NumPoints] = 2
+-1	0	0	0
+1	0	0	0
+[NumSegments] = 1
+0	1	-1	2	0	0
+[NumArcSegments] = 2
+1	0	180	5	1	0	0
+0	1	180	5	1	0	0
+[NumHoles] = 0
+[NumBlockLabels] = 3
+0	0.5	1	-1	1	0	0	100	0
+0	-0.7	1	-1	0	0	0	1	0
+0	-0.2	2	-1	0	0	0	1	0
+"""
+
+
+def disc(unit="inches"):
+    """A disc of two halves, of which the lower is steel near the middle; arcs and a segment, in the format of 2013."""
+    mesh = MeshTri.init_circle(4)
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    label = np.where(y > 0.0, 0, np.where(np.hypot(x, y) > 0.5, 1, 2))
+    air, steel = (
+        BLOCK.format("air", 1, 1, 0, ""),
+        BLOCK.format("steel", 1, 1, 4, "0\t0\n1\t300\n2\t5000\n2.2\t160000\n"),
+    )
+    nodes = "".join(f"{x!r}\t{y!r}\t0\n" for x, y in mesh.p.T.tolist())
+    elements = "".join("\t".join(map(str, row)) + "\n" for row in np.column_stack([mesh.t.T, label]).tolist())
+    text = HEAD.format(unit=unit, air=air, steel=steel)
+    return mesh, label, f"{text}[Solution]\n{len(mesh.p.T)}\n{nodes}{len(label)}\n{elements}1\n1\t0\n"
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("inches", 0.0254), ("millimeters", 1e-3), ("mils", 2.54e-5)])
+def test_arcs_segments_labels_and_units(unit, metres, tmp_path):
+    wanted, label, text = disc(unit)
+    (tmp_path / "m.ans").write_text(text)
+    mesh = ka.read_mesh(tmp_path / "m.ans")
+    assert_array_equal(mesh.p, metres * wanted.p)
+    assert_array_equal(mesh.boundaries["rim"], wanted.boundary_facets())
+    assert_array_equal(mesh.boundaries["the diameter"], wanted.facets_satisfying(lambda x: np.abs(x[1]) < 1e-12))
+    parts = {"air": [0, 1], "air 1": [0], "air 2": [1], "steel": [2]}
+    assert mesh.subdomains.keys() == parts.keys()
+    for name, labels in parts.items():
+        assert_array_equal(mesh.subdomains[name], np.flatnonzero(np.isin(label, labels)))
+
+
+def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
+    (tmp_path / "m.ans").write_text(disc()[2])
+    runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+    case = read_case(tmp_path / "case.toml")
+    problem = case.problem
+    assert problem.potential == {"rim": 0.5, "the diameter": 0.0} and problem.ampere_turns == {"air 1": 250.0}
+    assert problem.materials.keys() == {"air 1", "air 2", "steel"} and problem.depth == pytest.approx(0.0508)
+    assert problem.materials["steel"].bh is not None
+    mesh = fitting_mesh(case)
+    assert problem.solve(mesh).flux_linkage("air 1", turns=100) != 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[Frequency]   =  0", "[Frequency]   =  50", "a frequency is nothing that this recipe knows"),
+        ("<BdryType> = 0", "<BdryType> = 4", "the boundary rim, which is not A = constant, is nothing"),
+        ("<Mu_y> = 1", "<Mu_y> = 2", "air: different permeabilities in x and y is nothing"),
+        ("<CircuitType> = 1", "<CircuitType> = 0", "coil: a circuit in parallel is nothing"),
+        ("0\t1\t0\n[Solution]", '0\t1\t0\t"theta"\n[Solution]', "a direction of magnetisation by a formula is nothing"),
+    ],
+)
+def test_what_the_recipe_does_not_know(old, new, said, tmp_path):
+    text = disc()[2]
+    assert old in text
+    (tmp_path / "m.ans").write_text(text.replace(old, new, 1))
+    with pytest.raises(SystemExit, match=said):
+        runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[Solution]", "[Problem]", r"it has no \[Solution\]: analyse the model in FEMM"),
+        ("inches", "furlongs", "its unit of length is 'furlongs'; FEMM has 'centimeters', 'inches', "),
+        ("[NumPoints] = 2", "[NumPoints] = 7000", "it says that 7000 rows follow, and has "),
+        ("[NumBlockLabels] = 3", "[NumBlockLabels] = 2", "a triangle is in a block that is not there"),
+    ],
+)
+def test_damage(old, new, said, tmp_path):
+    text = disc()[2]
+    (tmp_path / "m.ans").write_text(text.replace(old, new, 1))
+    with pytest.raises(ValueError, match=rf"expected a solution of FEMM; '.*' cannot be read: {said}"):
+        ka.read_mesh(tmp_path / "m.ans")
+
+
+@examples(60, deadline=20_000, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_spoilt_files(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("spoilt") / "m.ans"
+    path.write_bytes(data.draw(spoilt([disc()[2].encode()])))
+    with np.errstate(all="ignore"):
+        try:
+            ka.read_mesh(path)
+        except ValueError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
