@@ -1,7 +1,7 @@
 """Hold what a case says, and read its tables that stand for materials, outputs and curves."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -148,8 +148,8 @@ class Case:
         The mesh file.
     scale
         Metres per unit of it.
-    problem
-        What is to be solved.
+    stated
+        What is to be solved; `problem` knows the points of the mesh file, too.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
@@ -160,7 +160,7 @@ class Case:
 
     mesh: Path
     scale: float
-    problem: Magnetostatics
+    stated: Magnetostatics
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     file: str = ""
@@ -178,6 +178,16 @@ class Case:
             If it cannot be read.
         """
         return read_groups(self.mesh)
+
+    @cached_property
+    def problem(self) -> Magnetostatics:
+        """What is to be solved; where its potential names groups of points of the mesh file, these are its points."""
+        given = self.stated.boundaries
+        wanted = given.potential.keys() - given.points.keys()
+        if not wanted or not self.mesh.is_file():
+            return self.stated
+        found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
+        return replace(self.stated, points={**given.points, **found}) if found else self.stated
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:

@@ -9,13 +9,14 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted
+from kohonen_adapt.io import Groups
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 
-__all__ = ["described", "faults", "outlines_described", "thin_parts", "unit_doubts"]
+__all__ = ["described", "faults", "outlines_described", "points_described", "thin_parts", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
@@ -44,6 +45,11 @@ def described(mesh: MeshTri) -> list[str]:
         f"quality: worst {value[worst]:.3g} (triangle {worst} near {_middle(mesh, worst)} m), mean {value.mean():.3g}",
         f"angles: from {_smallest_angle(mesh):.3g} degrees on",
     ]
+
+
+def points_described(groups: Groups) -> list[str]:
+    """A line about every group of points, where a case may give A by name."""
+    return [f"point '{name}': {', '.join(map(_place, places.T))} m" for name, places in sorted(groups.places.items())]
 
 
 def _memberships(mesh: MeshTri) -> Ints:

@@ -18,14 +18,21 @@ from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
-from kohonen_adapt.commands.check import described, faults, outlines_described, thin_parts, unit_doubts
+from kohonen_adapt.commands.check import (
+    described,
+    faults,
+    outlines_described,
+    points_described,
+    thin_parts,
+    unit_doubts,
+)
 from kohonen_adapt.commands.pictures import drawn, write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import RESULTS, CaseRun, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
 from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
 from kohonen_adapt.files import remove_drafts, whole_file
-from kohonen_adapt.io import read_mesh
+from kohonen_adapt.io import read_groups, read_mesh
 from kohonen_adapt.loop.adapt import PASSES, adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
@@ -175,7 +182,8 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh)
-    terminal.say("\n".join(described(mesh)))
+    groups = read_groups(arguments.mesh, scale=arguments.scale)
+    terminal.say("\n".join([*described(mesh), *points_described(groups)]))
     found = list(faults(mesh))
     movable = MovableMesh.of(mesh, Rules())
     terminal.say("\n".join(outlines_described(movable)))

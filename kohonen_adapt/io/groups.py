@@ -45,6 +45,16 @@ class Groups:
     points: Mapping[int, Floats] = field(default_factory=dict)
     version: str = ""
 
+    @property
+    def places(self) -> dict[str, Floats]:
+        """Name to the coordinates (2, n) of a group of points, as `Magnetostatics` takes them for its ``points``.
+
+        What is the name of a group of lines, too, means those.
+        """
+        lines = {name for (dimension, _), name in self.names.items() if dimension == 1}
+        found = {self.names[0, number]: x for number, x in self.points.items() if x.size}
+        return {name: x for name, x in found.items() if name not in lines}
+
     def nodes(self, mesh: MeshTri) -> dict[int, Ints]:
         """Nodes of the mesh where the groups of points are, by number; what has no node is left out.
 

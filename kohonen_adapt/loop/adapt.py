@@ -17,10 +17,10 @@ from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.polishing.polish import PLAN, SWEEPS
 from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import Problem, check_problem, pairs_of
+from kohonen_adapt.problem.protocol import Problem, check_problem, nodes_held, pairs_of
 from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
@@ -74,7 +74,7 @@ def adapt(
         ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``,
         ``calibrated`` (False: whether the indicators are near the error itself, so that the table may say so), and
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
-        it), and ``pairs`` (its periodic and antiperiodic boundaries).
+        it), ``pairs`` (its periodic and antiperiodic boundaries), and ``points`` (names to places of nodes that stay).
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol
@@ -153,6 +153,7 @@ def adapt(
     check_problem(problem, rtol)
     pairs = pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, pairs, layers).guarded()
+    rules = holding(rules, nodes_held(problem, mesh))
     movable = MovableMesh.of(mesh, rules)
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed
-from kohonen_adapt.magnetostatics.equations.conditions import Value
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.mesh.motions import Pair
@@ -34,6 +35,7 @@ class Arguments:
     order: int = 1
     goal: Goal | None = None
     applied_field: tuple[float, float] = (0.0, 0.0)
+    points: Mapping[str, tuple[float, float] | Floats] | None = None
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -47,8 +49,28 @@ class Arguments:
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
+        object.__setattr__(self, "points", _checked_points(self.points))
         for name in ("periodic", "antiperiodic"):
             object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones, each
+        with the motion between them where that is named.
+        """
+        return (*self.periodic, *self.antiperiodic)
+
+    @property
+    def boundaries(self) -> Boundaries:
+        """The conditions on boundaries and at points, by name."""
+        return Boundaries(
+            self.potential or {},
+            self.open_boundary,
+            self.periodic,
+            self.antiperiodic,
+            self.applied_field,
+            {name: np.asarray(places) for name, places in (self.points or {}).items()},
+        )
 
     def _check_kinds(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -91,6 +113,7 @@ class Arguments:
             "an open boundary": self.open_boundary is not None,
             "periodic sides": bool(self.periodic),
             "antiperiodic sides": bool(self.antiperiodic),
+            "points": bool(self.points),
         }
         has = [name for name, there in beyond.items() if there]
         if self.estimator == "equilibrated" and has:
@@ -154,3 +177,16 @@ def _checked_pairs(name: str, given: Any) -> tuple[Pair, ...]:
         raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
     checked = (checked_pair(pair, name) for pair in given)
     return tuple((one, other) if motion is None else (one, other, motion) for one, other, motion in checked)
+
+
+def _checked_points(given: Any) -> dict[str, Floats]:
+    """The points as a dict of its own: names to places, (2, n) each."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ValueError(f"points must map names to places (x, y) in metres; got {given!r}.")
+    places = {name: np.array(place) for name, place in (given or {}).items()}
+    for name, place in places.items():
+        if place.dtype.kind not in "iuf" or place.shape[:1] != (2,) or place.ndim > 2 or not np.isfinite(place).all():
+            raise ValueError(
+                f"points[{name!r}] must be a place (x, y) in metres, or several (2, n); got {place.tolist()!r}."
+            )
+    return {name: place.reshape(2, -1).astype(float) for name, place in places.items()}

@@ -81,7 +81,7 @@ def _kinds(field: Field, materials: Sequence[Material]) -> Ints | None:
 
 def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
     """Guaranteed indicators of a planar field: the duality gap, which for linear material are the equilibrated ones."""
-    fixed, _ = fixed_values(field.elements, boundaries.potential)
+    fixed, _ = fixed_values(field.elements, boundaries)
     given = field.coefficients
     source, flux = given.current_density, given.flux
     if not given.pieces:

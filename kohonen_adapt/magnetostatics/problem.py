@@ -10,14 +10,13 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import error_of_goal, estimated, goal_indicators
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, solution_of
-from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
@@ -41,9 +40,9 @@ class Magnetostatics(Arguments):
     materials
         Subdomain name to `Material`. Every element of the mesh needs exactly one; further subdomains may exist.
     potential
-        Boundary name to A in Wb/m: a float or a callable of x (2, n) that returns (n,). At a node of two boundaries the
-        later in the mapping counts. At least one, unless something else fixes A: an open boundary, antiperiodic
-        sides, or the axis.
+        Name of a boundary or of one of the `points` to A in Wb/m: a float or a callable of x (2, n) that returns (n,).
+        At a node of two boundaries the later in the mapping counts. At least one, unless something else fixes A: an
+        open boundary, antiperiodic sides, or the axis.
     estimator
         "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6 because the bare estimate overrates the error by that
         factor, give or take 25 % (order 2: 1 / 6.1, 5 %); "recovery", which comes within 15 % by itself (order 1); or
@@ -66,6 +65,10 @@ class Magnetostatics(Arguments):
     applied_field
         (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field that is there without all that is modelled, of
         sources beyond the open boundary. The condition there is for what the model adds to it.
+    points
+        Name to a place (x, y) in metres, or to several (2, n), where the mesh has nodes; `adapt` and `polish` keep
+        these. Of a Gmsh file ``ka.read_groups(path, scale=scale).places``. Where no boundary fixes A, a value at a
+        point takes away the constant that A is free by; elsewhere it stands for a current in that point.
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
         same on both, or the other's negative. Where several motions fit, as between circles, the third entry of a pair
@@ -107,20 +110,6 @@ class Magnetostatics(Arguments):
     def calibrated(self) -> bool:
         """Whether an estimate is near the error in the energy norm: but with a goal, whose indicators do not cancel."""
         return self.goal is None
-
-    @property
-    def pairs(self) -> tuple[Pair, ...]:
-        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones, each
-        with the motion between them where that is named.
-        """
-        return (*self.periodic, *self.antiperiodic)
-
-    @property
-    def boundaries(self) -> Boundaries:
-        """The conditions on the boundaries, by name."""
-        return Boundaries(
-            self.potential or {}, self.open_boundary, self.periodic, self.antiperiodic, self.applied_field
-        )
 
     def solve(self, mesh: MeshTri) -> Field:
         """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.

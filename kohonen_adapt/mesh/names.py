@@ -4,12 +4,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.host import is_own_name
 
-__all__ = ["codes_of_names", "combinations", "named", "named_sets"]
+__all__ = ["codes_of_names", "combinations", "named", "named_sets", "nodes_of_points"]
+
+SAME = 1e-9  # of the size of the mesh: nodes nearer than that to a point are there
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
@@ -22,6 +26,26 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
     if sets is None or name not in sets:
         raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(named_sets(sets))}.")
     return sets[name]
+
+
+def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, Ints]:
+    """The nodes of a mesh at named places (2, n); refused where it has none, or a boundary has the name of a point."""
+    if not points:
+        return {}
+    tree, size, found = cKDTree(mesh.p.T), np.ptp(mesh.p, axis=1).max(), {}
+    for name, places in points.items():
+        if name in named_sets(mesh.boundaries):
+            raise ValueError(f"{name!r} is a boundary of the mesh and one of the points; rename one of them.")
+        off, nodes = tree.query(places.T)
+        worst = int(np.argmax(off))
+        if off[worst] > SAME * size:
+            near = tuple(mesh.p[:, nodes[worst]].tolist())
+            raise ValueError(
+                f"the mesh has no node at the point {name!r}, {tuple(places[:, worst].tolist())}; the nearest one is "
+                f"at {near}. Make it a point of the drawing; `adapt` and `polish` keep its node, for `relocate` pin it."
+            )
+        found[name] = np.unique(nodes)
+    return found
 
 
 def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDArray[np.uint64]:

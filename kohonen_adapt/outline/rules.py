@@ -1,7 +1,7 @@
 """Say what the nodes of a mesh may do, and check it: alone, and against the names of a mesh."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ __all__ = [
     "checked_layers",
     "checked_pair",
     "checked_pairs",
+    "holding",
     "pinned_nodes",
 ]
 
@@ -106,6 +107,12 @@ class Rules:
         if self.min_quality is None:
             raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
         return self
+
+
+def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
+    """The rules with more nodes pinned."""
+    given = [rules.pinned] if isinstance(rules.pinned, str) else rules.pinned
+    return replace(rules, pinned=[*given, *nodes]) if nodes else rules
 
 
 def pinned_nodes(mesh: MeshTri, pinned: Pinned) -> Mask:

@@ -17,11 +17,11 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.protocol import NotOffered, Problem, offered, offers, order_of, ritz_of
+from kohonen_adapt.problem.protocol import NotOffered, Problem, nodes_held, offered, offers, order_of, ritz_of
 
 __all__ = ["PLAN", "SWEEPS", "descend", "descend_and_recycle", "polish"]
 
@@ -113,7 +113,8 @@ def polish(
     True
     """
     check_polish(problem, sweeps, topology, seed)
-    movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers).guarded())
+    rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
+    movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)))
     expect("polish")
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))

@@ -10,6 +10,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.names import nodes_of_points
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "energy_norm",
     "estimate",
     "is_calibrated",
+    "nodes_held",
     "norm_of",
     "offered",
     "offers",
@@ -60,8 +62,9 @@ class Problem(Protocol):
     to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
     ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises; ``pairs``, its periodic
-    and antiperiodic boundaries as pairs, as ``Rules.periodic`` has them. A method that a class has for some of its
-    problems only raises `NotOffered` for the others, with the reason.
+    and antiperiodic boundaries as pairs, as ``Rules.periodic`` has them; ``points``, names to places (2, n) where the
+    mesh has nodes that must stay. A method that a class has for some of its problems only raises `NotOffered` for the
+    others, with the reason.
 
     ``calibrated`` (False) says that the root of the sum of the squared indicators is near the error itself, say within
     30 %, on adapted meshes, too, whose elements are stretched. Then tables, pictures and reports show it as a share of
@@ -97,6 +100,12 @@ def is_calibrated(problem: Problem) -> bool:
 def pairs_of(problem: Problem) -> Sequence[Pair]:
     """Pairs of boundaries on which the problem's solution is periodic or antiperiodic, none where it does not say."""
     return getattr(problem, "pairs", None) or ()
+
+
+def nodes_held(problem: Problem, mesh: MeshTri) -> list[int]:
+    """Nodes of the mesh that must stay where they are, those at the problem's points."""
+    nodes = nodes_of_points(mesh, getattr(problem, "points", None) or {})
+    return [int(node) for rows in nodes.values() for node in rows]
 
 
 def check_problem(problem: Problem, rtol: float | None) -> None:

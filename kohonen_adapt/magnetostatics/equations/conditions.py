@@ -1,7 +1,7 @@
 """Constrain the unknowns on the boundaries: by values given, by ties, on an open boundary by a Robin condition."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.names import named, nodes_of_points
 from kohonen_adapt.outline.matching import Unmatched
 from kohonen_adapt.outline.pairs import image_nodes
 
@@ -36,6 +36,7 @@ class Boundaries:
     periodic: Sequence[Pair] = ()
     antiperiodic: Sequence[Pair] = ()
     applied_field: tuple[float, float] = (0.0, 0.0)  # in A/m, beyond the open boundary
+    points: Mapping[str, Floats] = field(default_factory=dict)  # (2, n) each
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
     Refused are names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
     that is no circle, and connected parts of the mesh where nothing fixes the potential.
     """
-    fixed, values = fixed_values(elements, given.potential)
+    fixed, values = fixed_values(elements, given)
     values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
     beyond = None
@@ -179,18 +180,28 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: Elements, potential: Mapping[str, Value]) -> tuple[Mask, Floats]:
+def fixed_values(elements: Elements, given: Boundaries) -> tuple[Mask, Floats]:
     """Which unknowns have a given potential, (nunknowns,) bool, and the values there, (nunknowns,), zero elsewhere.
 
     A boundary hands its value to all unknowns of its facets; where several meet, the last in the mapping counts.
     """
-    x = elements.places
+    x, mesh = elements.places, elements.mesh
+    at_points = nodes_of_points(mesh, given.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
-    for name, value in potential.items():
-        rows = np.unique(elements.on_facets(named(elements.mesh.boundaries, name, "boundary")))
+    for name, value in given.potential.items():
+        rows = at_points[name] if name in at_points else _on_boundary(elements, name)
         fixed[rows] = True
         values[rows] = _evaluated(name, value, x[:, rows])
     return fixed, values
+
+
+def _on_boundary(elements: Elements, name: str) -> Ints:
+    """The unknowns of a boundary."""
+    try:
+        facets = named(elements.mesh.boundaries, name, "boundary")
+    except ValueError as error:
+        raise ValueError(f"{error} If it is a point, say in points where.") from None
+    return np.unique(elements.on_facets(facets))
 
 
 def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
