@@ -14,6 +14,7 @@ __all__ = ["Match", "Sides", "Unmatched", "matched"]
 MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
 PROBES = 8  # nodes that are tried first, where there are many motions to try
 SHOWN = 3  # motions that are proposed
+ENOUGH = 16  # motions that fit: where the mesh goes on beyond none of so many, it does beyond no other
 MIRROR = np.diag([-1.0, 1.0])
 
 
@@ -92,12 +93,13 @@ def the_only(sides: Sides) -> Match:
 
 
 def first_of(matches: Iterator[Match], near: float) -> list[Match]:
-    """The matches up to the third that will do: of a circle there are as many as it has nodes."""
-    found, will_do = list[Match](), 0
+    """The matches up to the third that will do, or the 16th that fits: on a circle there are as many as nodes."""
+    found, fitting, will_do = list[Match](), 0, 0
     for match in matches:
         found.append(match)
-        will_do += match.off <= near and match.goes_on and not match.fault
-        if will_do == SHOWN:
+        fits = match.off <= near and not match.fault
+        fitting, will_do = fitting + fits, will_do + (fits and match.goes_on)
+        if will_do == SHOWN or fitting == ENOUGH:
             break
     return found
 
@@ -151,9 +153,11 @@ def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
 def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
     """What motions do that carry two nodes of the one boundary, far apart, to two of the other; the least turns first.
 
-    Translations and rotations, or else mirror images.
+    Translations and rotations, or else reflections.
     """
     motions = candidates(sides, mirrored)
+    if mirrored:
+        motions = [motion for motion in motions if motion_of(motion, sides.size)] or motions[:1]
     nodes, others = sides.nodes
     tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
     off = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])

@@ -340,6 +340,18 @@ def test_a_point_beside_a_circle_reaches_the_turned_stator():
     np.testing.assert_allclose(som.mesh.p[:, moved], 0.5 * (mesh.p[:, moved] + rotation(angle) @ x), atol=1e-15)
 
 
+def test_a_point_beside_a_side_reaches_its_mirror_image_but_not_where_the_mesh_would_fold():
+    once = Schedule((Stage(1, 1, 0.5, neighbourhood="flat"),))
+    mesh, x = sides_of(unit_at(0.0, 8), unit_at(3.0, 8)), np.array([[0.02], [0.47]])
+    near = np.flatnonzero((mesh.p[0] == 3.125) & (mesh.p[1] == 0.5))
+    for motion, reached in ((MIRROR, 0.5), (ka.Translation((3.0, 0.0)), 0.0)):
+        som = KohonenMap(mesh, topology="fixed", periodic=[("0 left", "1 left", motion)])
+        som.train(x, once)
+        wanted = mesh.p[:, near] + reached * (moved_by(motion)(x) - mesh.p[:, near])
+        np.testing.assert_allclose(som.mesh.p[:, near], wanted, atol=1e-15)
+        assert mismatch(som.mesh, "0 left", "1 left", moved_by(motion)) < 1e-15
+
+
 class Discs:
     """-div grad u = 1 in a disc whose circle is one with the outer one of a ring beside it; u = 0 on the inner one."""
 
