@@ -28,16 +28,16 @@ class SquareMagnet:
 
     def solve(self, mesh: MeshTri) -> np.ndarray:
         """Nodal values of the potential."""
-        load = p1.integrate_gradients(mesh, _flux(mesh))
-        return p1.solve_dirichlet(mesh, p1.stiffness(mesh, self._reluctivity(mesh)), load, np.zeros(load.size))
+        load = p1.integrate_gradients(mesh, flux(mesh))
+        return p1.solve_dirichlet(mesh, p1.stiffness(mesh, reluctivity(mesh, self.iron)), load, np.zeros(load.size))
 
     def indicators(self, mesh: MeshTri, solution: np.ndarray) -> np.ndarray:
         """Residual indicators; only the tangential field jumps."""
-        return p1.residual_indicators(mesh, solution, self._reluctivity(mesh), flux=_flux(mesh))
+        return p1.residual_indicators(mesh, solution, reluctivity(mesh, self.iron), flux=flux(mesh))
 
     def energy_norm(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """Square root of int nu |grad A|^2."""
-        return p1.energy_norm(mesh, solution, self._reluctivity(mesh))
+        return p1.energy_norm(mesh, solution, reluctivity(mesh, self.iron))
 
     def ritz(self, mesh: MeshTri, solution: np.ndarray) -> ka.Ritz:
         """int nu |grad A|^2 / 2 - flux . grad A, with the numbers 0 for air, 1 for the magnet and 2 for iron."""
@@ -53,14 +53,17 @@ class SquareMagnet:
         reference = _REFERENCE_ENERGY[self.iron]
         return float(np.sqrt(1 - self.energy_norm(mesh, solution) ** 2 / reference))
 
-    def _reluctivity(self, mesh: MeshTri) -> np.ndarray:
-        reluctivity = np.ones(mesh.t.shape[1])
-        if self.iron:
-            reluctivity[mesh.subdomains["iron"]] = 1 / IRON_PERMEABILITY
-        return reluctivity
+
+def reluctivity(mesh: MeshTri, iron: bool) -> np.ndarray:
+    """nu relative to that of vacuum, (nelements,)."""
+    values = np.ones(mesh.t.shape[1])
+    if iron:
+        values[mesh.subdomains["iron"]] = 1 / IRON_PERMEABILITY
+    return values
 
 
-def _flux(mesh: MeshTri) -> np.ndarray:
-    flux = np.zeros((2, mesh.t.shape[1]))
-    flux[:, mesh.subdomains["magnet"]] = _REMANENT_FLUX[:, None]
-    return flux
+def flux(mesh: MeshTri) -> np.ndarray:
+    """nu (-Br_y, Br_x), (2, nelements)."""
+    values = np.zeros((2, mesh.t.shape[1]))
+    values[:, mesh.subdomains["magnet"]] = _REMANENT_FLUX[:, None]
+    return values

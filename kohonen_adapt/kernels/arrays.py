@@ -259,6 +259,75 @@ class Trial(NamedTuple):
 
 
 @record
+class Modes(NamedTuple):
+    """What functions of order 2 or 3 have beside their values at the nodes: coefficients of `Reference` functions.
+
+    Every side has its coefficients in both of its elements. An odd function of a side runs counter-clockwise round the
+    element, so its coefficients in the two have opposite signs.
+    """
+
+    side: np.ndarray  # (m, 3, order - 1): of the side opposite to corner k: even, of order 3 also odd
+    bubble: np.ndarray  # (m,): of order 3
+    given: np.ndarray  # (m, 3) bool: the values on the side are given
+
+
+@record
+class Reference(NamedTuple):
+    """Functions of order 2 or 3 on the triangle (0, 0), (1, 0), (0, 1), and where they are integrated.
+
+    The first three are linear, 1 at one corner. An even one for the side opposite to each corner follows, 4 times the
+    product of the two linear functions that it joins; of order 3 an odd one for each, the even one times 27 / 8 of
+    their difference, and the bubble, 27 times the product of all three.
+    """
+
+    slope: np.ndarray  # (points, functions, 2): gradients
+    weight: np.ndarray  # (points,): 1 in sum
+    mean: np.ndarray  # (functions,): integrals
+    halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p in the middle of 1, 2
+
+
+@record
+class Block(NamedTuple):
+    """Room for the unknowns that change with a node, or with an edge: d elements, u unknowns, b functions."""
+
+    place: np.ndarray  # (d, b) int32: the unknown that each coefficient of an element is, -1 for none
+    sign: np.ndarray  # (d, b): of the coefficient, times the unknown
+    spoke: np.ndarray  # (u,) int32: the other end of every side that is an unknown
+    local: np.ndarray  # (4, b): coefficients of elements
+    part: np.ndarray  # (b,): of one more
+    across: np.ndarray  # (b, 2): of each function, D times its gradient turned
+    stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then its Cholesky factor
+    rest: np.ndarray  # (u,): first derivatives; then solved for with the factor
+    mixed: np.ndarray  # (u, 2): second ones by the unknown and the position; then solved for with the factor
+    still: np.ndarray  # (u,): change to the least value at the old place
+    follow: np.ndarray  # (u,): what a step adds to it
+
+    @classmethod
+    def of(cls, elements: int, functions: int) -> "Block":
+        """Room for the elements around a node, so many at most."""
+        elements = max(elements, 4)  # of an edge that is split
+        unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
+        place, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
+        local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
+        table, mixed, spoke = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
+        return cls(place, sign, spoke, local[:4], local[4], across, table, vectors[0], mixed, vectors[1], vectors[2])
+
+
+@record
+class Descent(NamedTuple):
+    """A mesh, the function of order 2 or 3 on it that is judged, and room for one thread to lower its functional."""
+
+    position: np.ndarray  # (n, 2)
+    elements: Elements
+    star: Star
+    constraints: Constraints
+    trial: Trial
+    modes: Modes
+    reference: Reference
+    block: Block
+
+
+@record
 class Offers(NamedTuple):
     """What splits would take off a functional, what collapses would add to it, and what is out of the question."""
 

@@ -10,9 +10,12 @@ from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
     descend,
+    descend_higher,
     energy_recycle,
+    energy_recycle_higher,
     equilibrate,
     flip,
+    flip_higher,
     geometry,
     locate,
     recycle,
@@ -42,6 +45,10 @@ HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 LAWS = RecordType(arrays.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
+MODES = RecordType(arrays.Modes, (R3, R1, boolean[:, ::1]))
+REFERENCE = RecordType(arrays.Reference, (R3, R1, R1, R3))
+BLOCK = RecordType(arrays.Block, (I2, R2, I1, R2, R1, R2, R2, R1, R2, R1, R1))
+DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, BLOCK))
 OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
@@ -115,6 +122,14 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIAL, OFFERS, float64, float64, int64, int64),
         Entry(energy_recycle.exchange, OPEN_MESH, TRIAL, OFFERS, L1, L1, float64),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
+    ),
+    "polish of higher order": (
+        Entry(flip_higher.mark_gainful_higher, DESCENT, int64, int64, B1),
+        Entry(flip_higher.descend_flips_higher, DESCENT, float64, B1),
+        Entry(descend_higher.descend_nodes_higher, DESCENT, I1, float64),
+        Entry(energy_recycle_higher.weigh_splits_higher, OPEN_MESH, DESCENT, OFFERS, float64, int64, int64),
+        Entry(energy_recycle_higher.weigh_collapses_higher, OPEN_MESH, DESCENT, OFFERS, float64, float64, int64, int64),
+        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENT, OFFERS, L1, L1, float64),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
     "carrying": (

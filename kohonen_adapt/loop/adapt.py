@@ -18,9 +18,10 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules, holding
-from kohonen_adapt.polishing.polish import PLAN, SWEEPS
+from kohonen_adapt.polishing.polish import PLAN
+from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import Problem, check_problem, nodes_held, pairs_of
+from kohonen_adapt.problem.protocol import Problem, check_problem, nodes_held, order_of, pairs_of
 from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
@@ -158,7 +159,7 @@ def adapt(
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect_loops(rules.topology, *(["polish", "carrying"] if polish else []))
+    expect_loops(rules.topology, *([*loops_of(order_of(problem)), "carrying"] if polish else []))
     adaptation = Adaptation(problem, movable, settings, steps, PLAN if rules.topology == "recycle" else (SWEEPS,))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 

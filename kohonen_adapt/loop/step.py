@@ -148,9 +148,9 @@ class Adaptation:
         with self.steps("polish"):
             if solved.functional is None:
                 return moved, 0.0
-            values, fixed = carried(solved.functional, moved.before, self.movable, moved.recycled.hint)
-            arrays = solved.functional, values, fixed, moved.recycled
-            recycled, gain = descend_and_recycle(self.movable, *arrays, self.plan)
+            functional = solved.functional
+            trial = carried(functional, moved.before, self.movable, moved.recycled.hint)
+            recycled, gain = descend_and_recycle(self.movable, functional, trial, moved.recycled, self.plan)
             return replace(moved, recycled=recycled), gain
 
     def _functional(self, mesh: MeshTri, solution: Any) -> tuple[Functional | None, float | None, str]:
@@ -162,7 +162,7 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             value = functional_value(mesh, ritz)
-            return Functional.of(ritz, self.movable), value, ""
+            return Functional.of(ritz, self.movable, mesh), value, ""
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:

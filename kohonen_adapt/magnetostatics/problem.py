@@ -301,7 +301,7 @@ class Magnetostatics(Arguments):
         Raises
         ------
         NotOffered
-            If the functional is of another form: for an axis, order 2 and an open boundary; and with a goal, for which
+            If the functional is of another form: for an axis and an open boundary; and with a goal, for which
             another mesh is best than for the energy.
         """
         if self.goal is not None:

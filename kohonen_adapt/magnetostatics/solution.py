@@ -87,7 +87,7 @@ def carried(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    """State the functional of a planar field of order 1: one number per material, and a function where magnets turn.
+    """State the functional of a planar field: one number per material, and a function where magnets turn.
 
     Raises
     ------
@@ -96,8 +96,6 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     """
     if field.axisymmetric:
         raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
-    if field.elements.order == 2:
-        raise NotOffered("its elements are of order 2")
     if boundaries.open_boundary is not None:
         raise NotOffered("its open boundary adds to the energy, which the polish does not see")
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
@@ -106,9 +104,8 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     turns = any(material.turns for material in present.values())
     flux: Flux = varying_flux(present) if turns else given.flux[:, first]
     laws = tuple(material.bh for material in present.values()) if given.pieces else ()
-    return Ritz(
-        field.potential, conditions.held, given.reluctivity[first], given.current_density[first], flux, place, laws
-    )
+    tables = given.reluctivity[first], given.current_density[first], flux
+    return Ritz(field.unknown, conditions.held, *tables, place, laws, field.elements.order)
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:

@@ -86,10 +86,10 @@ class Surgery:
         records = with_state(movable.triangulation.elements, movable.constraints, state)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
 
-    def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> Ints:
+    def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
         """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
 
-        Returns the row of every node.
+        Returns the row of every node, and of every element.
         """
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
         kept = np.flatnonzero(anchor >= 0)
@@ -105,7 +105,7 @@ class Surgery:
         partner = state["twins.partner"]
         state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
         movable.become(state)
-        return kept
+        return kept, used
 
 
 def longest_joined(movable: MovableMesh) -> Floats:

@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import HELD, Offers, OpenMesh, SurgeryScratch, Trial
+from kohonen_adapt.kernels.arrays import HELD, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
+from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
+    exchange_higher,
+    weigh_collapses_higher,
+    weigh_splits_higher,
+)
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery, padded
-from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.functional import Functional, TrialFunction
 
 __all__ = ["recycle_by_energy"]
 
@@ -18,28 +23,27 @@ PART = 5_000  # elements or nodes per compiled call: Python hears Ctrl-C in betw
 
 
 def recycle_by_energy(
-    movable: MovableMesh, functional: Functional, values: Floats, fixed: Mask, recycled: Recycled
-) -> tuple[Floats, Mask, Recycled, float]:
+    movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
+) -> tuple[TrialFunction, Recycled, float]:
     """Split edges and collapse others, in pairs, as long as a split gains more than its collapse costs.
 
-    Returns the nodal values and which of them are given, (n,), what was recycled in all, and what it took off the
-    functional. Outlines that nodes may not slide on, for the functional is not known there or would be another one,
-    keep theirs.
+    Returns the function that it leaves, what was recycled in all, and what it took off the functional. Outlines that
+    nodes may not slide on, for the functional is not known there or would be another one, keep theirs.
     """
-    n, fixed = movable.nnodes, fixed | (movable.constraints.twins.partner >= 0)
+    n = movable.nnodes
+    trial = trial._replace(fixed=trial.fixed | (movable.constraints.twins.partner >= 0))
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
-    mesh, rows = surgery.mesh, len(surgery.mesh.position)
-    trial = functional.trial(movable.triangulation, padded(values, rows, 0.0), padded(fixed, rows, False))
-    offers = offers_of(movable, functional, fixed, mesh)
-    most = weighed(movable, mesh, trial, offers)
+    mesh, offers = surgery.mesh, offers_of(movable, functional, trial.fixed, surgery.mesh)
+    judging = judge_of(movable, functional, trial, mesh, offers)
+    most = weighed(judging, offers)
     edges, nodes = in_order(-offers.gain.ravel(), 0.0), in_order(offers.cost, most)
-    pairs, lowered = exchange(mesh, trial, offers, edges, nodes, movable.floor)
+    pairs, lowered = judging.exchange(edges, nodes)
     if not pairs:
-        return values, fixed, recycled, 0.0
-    kept = surgery.hand_back(movable)
+        return trial, recycled, 0.0
+    kept, used = surgery.hand_back(movable)
     known = {"old": mesh.origins.old[kept], "hint": mesh.origins.hint[kept]}
     recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
-    return trial.value[kept], trial.fixed[kept], recycled, lowered
+    return judging.left(kept, used), recycled, lowered
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
@@ -51,24 +55,91 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 
 
-def weighed(movable: MovableMesh, mesh: OpenMesh, trial: Trial, offers: Offers) -> float:
+class _Linear:
+    """Gains and costs of functions of order 1; threads have room of their own."""
+
+    def __init__(
+        self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
+    ) -> None:
+        rows, triangulation = len(mesh.position), movable.triangulation
+        values, fixed = padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False)
+        self.mesh, self.star, self.floor, self.offers = mesh, triangulation.star, movable.floor, offers
+        self.trial = functional.trial(triangulation, values, fixed)
+
+    def weigh_splits(self, thread: int, first: int, last: int) -> None:
+        weigh_splits(self.mesh, self.trial, self.offers, self.floor, first, last)
+
+    def weigh_collapses(self, thread: int, scratch: SurgeryScratch, most: float, first: int, last: int) -> None:
+        mesh = self.mesh._replace(scratch=scratch)
+        weigh_collapses(mesh, self.star, self.trial, self.offers, most, self.floor, first, last)
+
+    def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
+        return exchange(self.mesh, self.trial, self.offers, edges, nodes, self.floor)
+
+    def left(self, kept: Ints, used: Ints) -> TrialFunction:
+        """The function on the rows of nodes and elements that are in use in the end."""
+        return TrialFunction(self.trial.value[kept], self.trial.fixed[kept], None)
+
+
+class _Higher(_Linear):
+    """The same of functions of order 2 or 3."""
+
+    def __init__(
+        self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
+    ) -> None:
+        super().__init__(movable, functional, trial, mesh, offers)
+        self.modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in trial.modes or ()))
+        self.shared = mesh.position, mesh.elements, self.star, mesh.constraints, self.trial, self.modes
+        self.reference, self.rooms = functional.reference, dict[int, Descent]()
+
+    def _room(self, thread: int) -> Descent:
+        if thread not in self.rooms:
+            block = Block.of(int(np.diff(self.star.start).max()), self.reference.slope.shape[1])
+            self.rooms[thread] = Descent(*self.shared, self.reference, block)
+        return self.rooms[thread]
+
+    def weigh_splits(self, thread: int, first: int, last: int) -> None:
+        weigh_splits_higher(self.mesh, self._room(thread), self.offers, self.floor, first, last)
+
+    def weigh_collapses(self, thread: int, scratch: SurgeryScratch, most: float, first: int, last: int) -> None:
+        mesh = self.mesh._replace(scratch=scratch)
+        weigh_collapses_higher(mesh, self._room(thread), self.offers, most, self.floor, first, last)
+
+    def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
+        pairs, lowered = exchange_higher(self.mesh, self._room(0), self.offers, edges, nodes, self.floor)
+        return int(pairs), float(lowered)
+
+    def left(self, kept: Ints, used: Ints) -> TrialFunction:
+        modes = Modes(*(array[used] for array in self.modes))
+        return TrialFunction(self.trial.value[kept], self.trial.fixed[kept], modes)
+
+
+def judge_of(
+    movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
+) -> _Linear:
+    """What knows gains and costs at the order of the function."""
+    judge = _Linear if trial.modes is None else _Higher
+    return judge(movable, functional, trial, mesh, offers)
+
+
+def weighed(judging: _Linear, offers: Offers) -> float:
     """Work out all gains, and all costs below the largest of them, which is returned; threads share the work.
 
     Each depends on the mesh as it is now alone, so none of them on the number of threads.
     """
-    floor, star, cuts = movable.floor, movable.triangulation.star, even_cuts(len(offers.cost), PART)
-    own = [mesh._replace(scratch=SurgeryScratch.of(len(mesh.position), len(mesh.elements.node))) for _ in cuts[1:]]
+    mesh, cuts = judging.mesh, even_cuts(len(offers.cost), PART)
+    own = [SurgeryScratch.of(len(mesh.position), len(mesh.elements.node)) for _ in cuts[1:]]
 
     def weigh_edges(thread: int, first: int, last: int) -> None:
         for e in range(first, last, PART):
-            weigh_splits(mesh, trial, offers, floor, e, min(e + PART, last))
+            judging.weigh_splits(thread, e, min(e + PART, last))
 
     shared(weigh_edges, even_cuts(len(offers.gain), PART))
     most = float(offers.gain.max())
 
     def weigh_nodes(thread: int, first: int, last: int) -> None:
         for v in range(first, last, PART):
-            weigh_collapses(own[thread], star, trial, offers, most, floor, v, min(v + PART, last))
+            judging.weigh_collapses(thread, own[thread], most, v, min(v + PART, last))
 
     shared(weigh_nodes, cuts)
     return most

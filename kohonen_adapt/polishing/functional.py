@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import (
@@ -19,16 +21,19 @@ from kohonen_adapt.kernels.arrays import (
     STRAIGHT,
     VARYING,
     Laws,
+    Modes,
+    Reference,
     Trial,
 )
 from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, flux_at, gradients, value_on
+from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, flux_at, integrated, value_on
 
-__all__ = ["Functional", "VariesInside"]
+__all__ = ["Functional", "TrialFunction", "VariesInside"]
 
 LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
 
@@ -37,14 +42,29 @@ class VariesInside(ValueError):
     """The constants of a functional change inside a region of the mesh."""
 
 
+class TrialFunction(NamedTuple):
+    """A function on a mesh: values at the nodes, which of them are given, and of order 2 and 3 its other unknowns."""
+
+    values: Floats  # (n,)
+    fixed: Mask  # (n,)
+    modes: Modes | None
+
+    def copy(self) -> "TrialFunction":
+        """The function, for sweeps to change."""
+        modes = self.modes and Modes(*(array.copy() for array in self.modes))
+        return TrialFunction(self.values.copy(), self.fixed.copy(), modes)
+
+
 @dataclass(frozen=True)
 class Functional:
     """What the polish lowers: it holds for the triangulation as it is now, wherever its nodes and edges have gone.
 
     Attributes
     ----------
-    values, fixed
-        Nodal values of the solution, and whether they are given, (n,), on the mesh it was found on.
+    solution
+        What minimises it on the mesh that it was stated on.
+    reference
+        Functions of the elements, and where they are integrated.
     ritz
         As its user states it.
     number
@@ -69,8 +89,8 @@ class Functional:
         The energies of the laws.
     """
 
-    values: Floats
-    fixed: Mask
+    solution: TrialFunction
+    reference: Reference
     ritz: Ritz
     number: NDArray[np.int64]
     constants: Floats
@@ -83,8 +103,10 @@ class Functional:
     tables: Tables
 
     @classmethod
-    def of(cls, ritz: Ritz, movable: MovableMesh) -> "Functional":
+    def of(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None = None) -> "Functional":
         """Look up the constants of every region and how values are given on every chain.
+
+        The mesh is that of the movable one as it is now, where that is at hand.
 
         Raises
         ------
@@ -92,34 +114,44 @@ class Functional:
             If `ritz` is of another mesh, or its constants change inside a region.
         """
         triangulation, outline = movable.triangulation, movable.outline
-        check_fits(ritz, triangulation.nnodes, len(triangulation.elements.node))
-        values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+        mesh = movable.mesh() if mesh is None else mesh
+        check_fits(ritz, mesh)
+        if callable(ritz.flux) and ritz.order > 1:
+            raise VariesInside("flux of Ritz can be a function with elements of order 1 only.")
+        solution = solution_on(ritz, triangulation, mesh)
+        values, fixed, modes = solution
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
         bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
         on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
+        if modes is not None:
+            e, k = np.nonzero(triangulation.elements.chain >= 0)
+            side = triangulation.elements.chain[e, k]
+            whole &= np.bincount(side, weights=~modes.given[e, k], minlength=count) == 0
+            np.maximum.at(off, side, np.abs(modes.side[e, k]).max(axis=1))
         straight = outline.constraints.chains.shape == STRAIGHT
         linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         held = ~straight | (given & ~linear) | (whole & bare)
         number = numbers_of_regions(ritz, triangulation)
-        law, tables = laws_of_regions(ritz, number, triangulation)
+        law, tables = laws_of_regions(ritz, number, triangulation, solution)
         constants = constants_of(ritz, number)
-        return cls(values, fixed, ritz, number, constants, given, linear, held, on_chain, comparable, law, tables)
+        at = integrated(ritz)
+        return cls(solution, at, ritz, number, constants, given, linear, held, on_chain, comparable, law, tables)
 
     @property
     def varies(self) -> bool:
         """Whether the flux varies inside regions, so that elements that move have another one."""
         return callable(self.ritz.flux)
 
-    def value(self, triangulation: Triangulation, values: Floats) -> float:
-        """The functional of a function with these nodal values, (n,)."""
-        node = triangulation.elements.node.T
-        number = self.number[triangulation.elements.region]
-        return value_on(triangulation.position.T[:, node], values[node], number, self.ritz)
+    def value(self, triangulation: Triangulation, trial: TrialFunction) -> float:
+        """The functional of a function."""
+        node, number = triangulation.elements.node, self.number[triangulation.elements.region]
+        coefficients = local_coefficients(trial.values[node], trial.modes)
+        return value_on(triangulation.position[node], coefficients, number, self.ritz)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""
@@ -148,8 +180,7 @@ class Functional:
 
 def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
     """The number of every region of the triangulation in the tables of the functional, (nregions,)."""
-    region = triangulation.elements.region
-    first = np.unique(region, return_index=True)[1]
+    region, first = triangulation.elements.region, first_of_regions(triangulation)
     number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
     if len(stray):
@@ -160,6 +191,19 @@ def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.i
             "mesh; a flux that varies inside one is a function."
         )
     return number[first]
+
+
+def first_of_regions(triangulation: Triangulation) -> NDArray[np.intp]:
+    """The first element of every region."""
+    return np.unique(triangulation.elements.region, return_index=True)[1]
+
+
+def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> TrialFunction:
+    """The solution of a functional in the form of the kernels."""
+    values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
+    if ritz.order > 1:
+        modes = modes_of(mesh, triangulation.elements.node, values, ritz.order, fixed)
+    return TrialFunction(values[:n], fixed[:n], modes)
 
 
 def constants_of(ritz: Ritz, number: NDArray[np.int64]) -> Floats:
@@ -195,8 +239,9 @@ def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
     Returns its value at the centre (m,), and gradient and Hessian there, by x, y, xx, xy and yy, (5, m).
     """
     corner, middle = values[:3], values[3:]
-    units = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, points.shape[2]))
-    hat = np.stack([np.stack(gradients(points, unit)[1:]) for unit in units])
+    hat = np.stack(
+        [gradients(points.T, np.tile(unit, (points.shape[2], 1)), LINEAR_FUNCTIONS)[1][:, 0] for unit in np.eye(3)]
+    )
     after = np.roll(hat, -1, axis=0)
     slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
     bend = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
@@ -205,7 +250,7 @@ def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def laws_of_regions(
-    ritz: Ritz, number: NDArray[np.int64], triangulation: Triangulation
+    ritz: Ritz, number: NDArray[np.int64], triangulation: Triangulation, solution: TrialFunction
 ) -> tuple[NDArray[np.int32], Tables]:
     """The law of every region as a place among tables, -1 for none, and the tables."""
     distinct: list[EnergyLaw] = []
@@ -216,14 +261,15 @@ def laws_of_regions(
             same = [k for k, other in enumerate(distinct) if other is found]
             law[place] = same[0] if same else len(distinct)
             distinct += [] if same else [found]
-    return law, tabulated(distinct, steepest(ritz, triangulation) if distinct else 0.0)
+    return law, tabulated(distinct, steepest(ritz, triangulation, solution) if distinct else 0.0)
 
 
-def steepest(ritz: Ritz, triangulation: Triangulation) -> float:
+def steepest(ritz: Ritz, triangulation: Triangulation, solution: TrialFunction) -> float:
     """The largest gradient of the solution."""
     node = triangulation.elements.node
-    _, along_x, along_y = gradients(triangulation.position.T[:, node.T], np.asarray(ritz.values)[node.T])
-    return float(np.hypot(along_x, along_y).max(initial=0.0))
+    coefficients = local_coefficients(solution.values[node], solution.modes)
+    _, slope = gradients(triangulation.position[node], coefficients, integrated(ritz))
+    return float(np.hypot(*slope).max(initial=0.0))
 
 
 def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -4,10 +4,11 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import ROUND, SLIDING
+from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import constants_of
-from kohonen_adapt.problem.ritz import Ritz, flux_at, gradients
+from kohonen_adapt.problem.ritz import Ritz, flux_at
 
 __all__ = ["longest_on_arcs"]
 
@@ -66,13 +67,13 @@ def shift_per_area(ritz: Ritz, triangulation: Triangulation, e: Ints, k: Ints) -
 def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     """Coefficient, source, flux and gradient of elements (2, f), as (6, 2, f); in nonlinear material it is H / b."""
     e = sides.ravel()
-    node, number = triangulation.elements.node[e].T, np.zeros(e.size, dtype=np.int64)
+    node, number = triangulation.elements.node[e], np.zeros(e.size, dtype=np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]
-    corners = triangulation.position.T[:, node]
-    _, gx, gy = gradients(corners, np.asarray(ritz.values)[node])
+    corners = triangulation.position[node]
+    gx, gy = gradients(corners, np.asarray(ritz.values)[node], LINEAR_FUNCTIONS)[1][:, 0]  # at any order from the nodes
     coefficient, source, *flux = constants_of(ritz, number).T
     if callable(ritz.flux):
-        flux = [*flux_at(corners.mean(axis=1, keepdims=True), number, ritz.flux)[:, 0]]
+        flux = [*flux_at(corners.mean(axis=1).T[:, None], number, ritz.flux)[:, 0]]
     size = np.hypot(gx, gy)
     for place, law in enumerate(ritz.laws):
         bent = (number == place) & (size > 0.0)

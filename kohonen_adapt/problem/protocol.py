@@ -206,15 +206,15 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
     Raises
     ------
     NotOffered
-        If it has none, or its elements are not of degree 1.
+        If it has none, or one of another order than its own.
     ValueError
         If it is no `Ritz`.
     """
     ritz = offered(problem, "ritz")(mesh, solution)
-    if order_of(problem) != 1:
-        raise NotOffered(f"the order of its elements is {order_of(problem)}, not 1")
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
+    if ritz.order != order_of(problem):
+        raise NotOffered(f"its Ritz is of order {ritz.order}, its elements of order {order_of(problem)}")
     return ritz
 
 

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Reference
 from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.polynomials import count_unknowns, gradients, local_coefficients, modes_of, reference
 
-__all__ = ["EnergyLaw", "Flux", "Ritz", "check_fits", "flux_at", "functional_value", "gradients", "value_on"]
+__all__ = ["EnergyLaw", "Flux", "Ritz", "check_fits", "flux_at", "functional_value", "integrated", "value_on"]
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
@@ -28,7 +30,7 @@ class EnergyLaw(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Ritz:
-    """The functional that the exact solution minimises, and a P1 solution of it.
+    """The functional that the exact solution minimises, and a solution of it by elements of order 1 to 3.
 
     ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, of which
     ``-div(coefficient grad u - flux) = source`` is the Euler equation; where no value is fixed the natural boundary
@@ -38,9 +40,10 @@ class Ritz:
     Parameters
     ----------
     values
-        (nnodes,): nodal values of the solution.
+        (nunknowns,): values of the solution, in the order of scikit-fem's `ElementTriP1`, `ElementTriP2` or
+        `ElementTriP3` on the mesh: of order 1 at the nodes, (nnodes,).
     fixed
-        (nnodes,) bool: the nodes whose values are given (Dirichlet).
+        (nunknowns,) bool: which of these are given (Dirichlet).
     coefficient
         > 0: a constant, or one value per region number, (nregions,).
     source
@@ -57,6 +60,8 @@ class Ritz:
         None or a law per region number, (nregions,); a law is an object with the methods ``field_strength(b)``, which
         rises from 0, and its integral ``energy(b)``, both for arrays of b >= 0. Where there is one the coefficient has
         no say. Empty for a linear problem.
+    order
+        Degree of the elements, 1, 2 or 3.
 
     Raises
     ------
@@ -81,16 +86,19 @@ class Ritz:
     flux: Flux = (0.0, 0.0)
     region: ArrayLike | None = None
     laws: Sequence[EnergyLaw | None] = ()
+    order: int = 1
 
     def __post_init__(self) -> None:
+        if isinstance(self.order, bool) or self.order not in (1, 2, 3):
+            raise ValueError(f"order of Ritz must be the degree of the elements, 1, 2 or 3; got {self.order!r}.")
         region = None if self.region is None else _numbers(self.region)
         values, fixed = _floats("values", self.values), np.array(self.fixed)
         if values.ndim != 1:
-            raise ValueError(f"values of Ritz must have shape (nnodes,); got {values.shape}.")
+            raise ValueError(f"values of Ritz must have shape (nunknowns,); got {values.shape}.")
         if fixed.dtype != np.bool_ or fixed.shape != values.shape:
             raise ValueError(
-                f"fixed of Ritz must be bool of shape (nnodes,) = {values.shape}; got {fixed.dtype} of shape "
-                f"{fixed.shape}. From node numbers: numpy.isin(numpy.arange(nnodes), numbers)."
+                f"fixed of Ritz must be bool of shape (nunknowns,) = {values.shape}; got {fixed.dtype} of shape "
+                f"{fixed.shape}. From numbers: numpy.isin(numpy.arange(nunknowns), numbers)."
             )
         coefficient = _constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
@@ -165,41 +173,49 @@ def _laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -
     return tuple(given)
 
 
-def check_fits(ritz: Ritz, nodes: int, elements: int) -> None:
+def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
     """Refuse a functional of another mesh."""
-    if np.shape(ritz.values) != (nodes,):
-        raise ValueError(f"values of Ritz must have shape (nnodes,) = ({nodes},); got {np.shape(ritz.values)}.")
+    unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
+    if np.shape(ritz.values) != (unknowns,):
+        wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
+        raise ValueError(f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}.")
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
 
 
+def integrated(ritz: Ritz) -> Reference:
+    """The functions of the elements, and the points at which the functional is integrated: exactly without laws."""
+    return reference(ritz.order, 2 * (ritz.order - 1) + (2 if ritz.laws and ritz.order > 1 else 0))
+
+
 def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     """The functional of the solution on its own mesh, or an error if that is another one."""
-    check_fits(ritz, mesh.p.shape[1], mesh.t.shape[1])
+    check_fits(ritz, mesh)
     number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-    return value_on(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], number, ritz)
+    values, node = np.asarray(ritz.values), mesh.t.T
+    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order)
+    return value_on(mesh.p.T[node], local_coefficients(values[node], modes), number, ritz)
 
 
-def value_on(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
-    """The functional on elements with these corners (2, 3, m), values there (3, m) and region numbers (m,)."""
-    doubled, along_x, along_y = gradients(corners, values)
-    u0, u1, u2 = values
+def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
+    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,)."""
+    at = integrated(ritz)
+    doubled, slope = gradients(corners, coefficients, at)
     coefficient, source = (_looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
     flux_x, flux_y = _flux_on(corners, number, ritz)
-    stored = 0.5 * coefficient * (along_x**2 + along_y**2)
+    stored = 0.5 * coefficient * np.sum(slope**2, axis=0)
     for k, law in enumerate(ritz.laws):
         if law is not None:
             rows = number == k
-            stored[rows] = law.energy(np.hypot(along_x[rows], along_y[rows]))
-    density = stored - source * (u0 + u1 + u2) / 3.0
-    density -= flux_x * along_x + flux_y * along_y
+            stored[:, rows] = law.energy(np.hypot(*slope[:, :, rows]))
+    density = at.weight @ (stored - flux_x * slope[0] - flux_y * slope[1]) - 2.0 * source * (coefficients @ at.mean)
     return 0.5 * float(np.sum(np.abs(doubled) * density))
 
 
 def _flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
     """The mean flux over elements, (2, m), or a constant (2,)."""
     if callable(ritz.flux):
-        return flux_at(inner_points(corners), number, ritz.flux).mean(axis=1)
+        return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
     return np.stack([_looked_up(part, number) for part in np.asarray(ritz.flux)])
 
 
@@ -224,13 +240,3 @@ def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) 
     if bad.size:
         raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
     return values.reshape(x.shape)
-
-
-def gradients(corners: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:
-    """Doubled signed area and both parts of the gradient of P1 functions, for corners (2, 3, m) and values (3, m)."""
-    (x0, x1, x2), (y0, y1, y2) = corners
-    u0, u1, u2 = values
-    doubled = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    along_x = (u0 * (y1 - y2) + u1 * (y2 - y0) + u2 * (y0 - y1)) / doubled
-    along_y = (u0 * (x2 - x1) + u1 * (x0 - x2) + u2 * (x1 - x0)) / doubled
-    return doubled, along_x, along_y

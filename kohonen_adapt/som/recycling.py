@@ -38,7 +38,7 @@ def recycle_nodes(
     splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     if not splits:
         return unchanged(movable.triangulation)
-    kept = spacious.hand_back(movable, renumbered=pairs)
+    kept, _ = spacious.hand_back(movable, renumbered=pairs)
     return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], splits, collapses)
 
 

@@ -174,7 +174,7 @@ def test_the_message_says_where_the_polish_ends(problem, remark):
 @pytest.mark.parametrize(
     ("attribute", "value", "remark"),
     [
-        ("order", 2, "there was no polish: the order of its elements is 2, not 1"),
+        ("order", 2, "there was no polish: its Ritz is of order 1, its elements of order 2"),
         ("norm", "L2", "there was no polish: its norm is 'L2', not 'energy'"),
     ],
 )

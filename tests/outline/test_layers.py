@@ -14,7 +14,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.functional import Functional, TrialFunction
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.som.kohonen_map import KohonenMap
 
@@ -174,7 +174,7 @@ def test_the_polish_keeps_layers_that_it_would_lose():
         ritz = problem.ritz(mesh, field)
         functional = Functional.of(ritz, movable)
         values, fixed = 1e3 * np.sin(40.0 * mesh.p[0] + 9.0 * mesh.p[1]), np.array(ritz.fixed)
-        descend(movable, functional, values, fixed, sweeps=20)
+        descend(movable, functional, TrialFunction(values, fixed, None), sweeps=20)
         return movable.mesh()
 
     assert layers_of(polished(None)) == 1

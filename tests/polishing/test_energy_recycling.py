@@ -16,8 +16,8 @@ from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Surgery, unchanged
-from kohonen_adapt.polishing.energy_recycling import offers_of, recycle_by_energy, weighed
-from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.energy_recycling import judge_of, offers_of, recycle_by_energy, weighed
+from kohonen_adapt.polishing.functional import Functional, TrialFunction
 
 FLOOR = 0.3
 LAWS = {"none": None, "Brauer": Brauer(100.0, 10.0, 1.8), "Froehlich": Froehlich(4000.0, 2.1)}
@@ -72,16 +72,17 @@ class Setting:
         return size_of_functional(*self.arrays, self.laws())
 
     def recycle(self):
-        now = self.movable, self.functional, self.values, self.fixed, self.recycled
-        self.values, self.fixed, self.recycled, self.lowered = recycle_by_energy(*now)
+        trial = TrialFunction(self.values, self.fixed, None)
+        trial, self.recycled, self.lowered = recycle_by_energy(self.movable, self.functional, trial, self.recycled)
+        self.values, self.fixed, _ = trial
         return self
 
     def offers(self):
         """What splits gain and collapses cost, and the largest gain."""
         mesh = Surgery.on(self.movable, np.ones(len(self.values)), len(self.values), self.recycled).mesh
-        trial = self.functional.trial(self.movable.triangulation, self.values, self.fixed)
+        trial = TrialFunction(self.values, self.fixed, None)
         offers = offers_of(self.movable, self.functional, self.fixed, mesh)
-        return offers, weighed(self.movable, mesh, trial, offers)
+        return offers, weighed(judge_of(self.movable, self.functional, trial, mesh, offers), offers)
 
 
 def worst(position, node, elements):

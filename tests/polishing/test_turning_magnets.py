@@ -18,7 +18,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
-from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.functional import Functional, TrialFunction
 from kohonen_adapt.problem.ritz import functional_value
 
 FLUX = np.random.default_rng(5).normal(size=(2, 6))
@@ -44,7 +44,7 @@ class Setting:
         self.trial = self.functional.trial(self.tri, self.values, fixed)
 
     def value(self):
-        return self.functional.value(self.tri, self.values)
+        return self.functional.value(self.tri, TrialFunction(self.values, self.trial.fixed, None))
 
     def at(self, v, z):
         """The functional with v moved and its value changed by z = (x, y, w)."""
@@ -99,9 +99,10 @@ def test_a_flip_gains_what_the_functional_loses(build):
 def test_recycling_takes_off_what_it_says(build):
     at = Setting(build())
     fixed, before = at.trial.fixed, at.value()
-    values, _, recycled, lowered = recycle_by_energy(at.movable, at.functional, at.values, fixed, unchanged(at.tri))
+    trial = TrialFunction(at.values, fixed, None)
+    left, recycled, lowered = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
     assert recycled.splits > 0
-    assert before - at.functional.value(at.tri, values) == pytest.approx(lowered, rel=1e-9)
+    assert before - at.functional.value(at.tri, left) == pytest.approx(lowered, rel=1e-9)
 
 
 def test_sweeps_lower_the_functional_by_their_gain():

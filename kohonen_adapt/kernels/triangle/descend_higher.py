@@ -1,0 +1,398 @@
+"""Lower a Ritz functional of functions of order 2 or 3 by sweeps that move nodes and flip edges.
+
+On an element (v, a, b), counter-clockwise with doubled area D, whose functions have the gradients (g1, g2) on the
+reference triangle, u = sum U_i phi_i has at a quadrature point of weight w
+
+    n = G2 (a - x_v) - G1 (b - x_v),    G = sum U_i g_i,    J grad u = n / D up to sign,
+
+affine in the position of v as of order 1, so that the derivatives of `descend.py` hold at every point with the share w
+of the element, and those by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in place of dn / dw. What
+changes with a node is one block: its value, the coefficients of its sides, and the bubbles of its elements. They are
+eliminated by Cholesky's method, so that a node moves to where the least value over all of them is lower.
+"""
+
+import math
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import (
+    DIRECTION_X,
+    DIRECTION_Y,
+    FREE,
+    HALF_COEFFICIENT,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    HELD,
+    OWN,
+    SIXTH_SOURCE,
+)
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.chains import point_at
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING, TRIES, newton_step
+from kohonen_adapt.kernels.triangle.geometry import may_move
+from kohonen_adapt.kernels.triangle.nonlinear import stored
+
+EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
+
+
+@kernel
+def descend_nodes_higher(descent, order, floor):
+    """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
+
+    The coefficients around a node follow; as of order 1, what better ones at the same place gain does not count.
+    """
+    constraints, trial, gain = descent.constraints, descent.trial, 0.0
+    for node in order:
+        v = np.int64(node)
+        kind, first = constraints.kind[v], 1 if trial.fixed[v] else 0  # of the unknowns that are free
+        own, count = trial.value[v], number_block(descent, v)
+        if kind == HELD or trial.bent[v]:
+            improve(descent, v, own, first, count)
+        if kind == FREE:
+            gain += move_free(descent, v, own, count, floor)
+        elif kind != HELD:
+            gain += move_on_chain(descent, v, own, first, count, floor)
+    return gain
+
+
+@inner_kernel
+def number_block(descent, v):
+    """Number the unknowns of the block of v, its own value first, in all elements around it; returns how many."""
+    elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
+    place, sign, degrees = block.place, block.sign, modes.side.shape[2]
+    begin, spokes = star.start[v], 0
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(elements.node, e, v)
+        for i in range(place.shape[1]):
+            place[j, i], sign[j, i] = -1, 1.0
+        place[j, 0] = 0
+        for side in range(1, 3):  # (b, v) is opposite to corner 1, (v, a) to corner 2
+            if modes.given[e, (k + side) % 3]:
+                continue
+            other, s = star.ahead[row] if side == 2 else star.behind[row], 0
+            while s < spokes and block.spoke[s] != other:
+                s += 1
+            if s == spokes:
+                block.spoke[s] = other
+                spokes += 1
+            place[j, EVEN + side] = 1 + degrees * s
+            if degrees == 2:
+                place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
+    count = 1 + degrees * spokes
+    if degrees == 2:
+        for j in range(star.start[v + 1] - begin):
+            place[j, BUBBLE] = count
+            count += 1
+    return count
+
+
+@inner_kernel
+def gather(node, value, modes, e, k, own, local):
+    """The coefficients of e, turned so that its corner k comes first, relative to the value `own`."""
+    degrees = modes.side.shape[2]
+    for i in range(3):
+        corner = (k + i) % 3
+        local[i] = value[node[e, corner]] - own
+        for d in range(degrees):
+            local[EVEN + 3 * d + i] = modes.side[e, corner, d]
+    if degrees == 2:
+        local[BUBBLE] = modes.bubble[e]
+
+
+@inner_kernel
+def clear(block, count):
+    """Set the derivatives by so many unknowns to zero."""
+    for i in range(count):
+        block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
+        for j in range(i + 1):
+            block.stiffness[i, j] = 0.0
+
+
+@inner_kernel
+def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
+    """Add the derivatives of e by the unknowns of the block, numbered in its row j, and of its first corner's position.
+
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy).
+    """
+    place, sign, across, slope = block.place, block.sign, block.across, reference.slope
+    size, total, by_x, by_y, xx, xy, yy, mean = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    functions, ex, ey = slope.shape[1], bx - ax, by - ay
+    doubled = ax * by - ay * bx
+    inverse, law = 1.0 / doubled, trial.laws.number[e]
+    load, half = 6.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
+    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    for q in range(slope.shape[0]):
+        share, along, aside = reference.weight[q], 0.0, 0.0
+        for i in range(functions):
+            along += local[i] * slope[q, i, 0]
+            aside += local[i] * slope[q, i, 1]
+        difference = along - aside
+        nx, ny = aside * ax - along * bx, aside * ay - along * by
+        qx, qy = inverse * nx, inverse * ny
+        weight, bent = share * half * inverse, 0.0
+        energy = 0.5 * weight * (nx * nx + ny * ny)
+        # derivatives of n by x, y less q times those of the doubled area
+        x_x, x_y = difference + qx * ey, qy * ey
+        y_x, y_y = -qx * ex, difference - qy * ex
+        if law >= 0:
+            density, rate, bend = stored(trial.laws, law, qx * qx + qy * qy)
+            weight, energy = share * rate * inverse, 0.5 * share * doubled * density
+            bent = 2.0 * share * bend * inverse
+            rest = 0.5 * share * (density - rate * (qx * qx + qy * qy))
+            by_x -= rest * ey
+            by_y += rest * ex
+        square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
+        push = share * (flux_y * nx - flux_x * ny)
+        size += energy + abs(push)
+        total += energy - push
+        half_square = 0.5 * (qx * nx + qy * ny)
+        by_x += weight * (difference * nx + half_square * ey) - share * difference * flux_y
+        by_y += weight * (difference * ny - half_square * ex) + share * difference * flux_x
+        xx += weight * (x_x * x_x + x_y * x_y) + bent * square_x * square_x
+        xy += weight * (x_x * y_x + x_y * y_y) + bent * square_x * square_y
+        yy += weight * (y_x * y_x + y_y * y_y) + bent * square_y * square_y
+        for i in range(functions):
+            row = place[j, i]
+            if row < 0:
+                continue
+            g1, g2 = sign[j, i] * slope[q, i, 0], sign[j, i] * slope[q, i, 1]
+            ix, iy = g2 * ax - g1 * bx, g2 * ay - g1 * by
+            across[i, 0], across[i, 1] = ix, iy
+            square = qx * ix + qy * iy
+            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy)
+            turn = g1 - g2
+            block.mixed[row, 0] += (
+                weight * (x_x * ix + x_y * iy + nx * turn) + bent * square_x * square - share * flux_y * turn
+            )
+            block.mixed[row, 1] += (
+                weight * (y_x * ix + y_y * iy + ny * turn) + bent * square_y * square + share * flux_x * turn
+            )
+            for other in range(i + 1):
+                column = place[j, other]
+                if column >= 0:
+                    product = weight * (ix * across[other, 0] + iy * across[other, 1])
+                    product += bent * square * (qx * across[other, 0] + qy * across[other, 1])
+                    block.stiffness[max(row, column), min(row, column)] += product
+    if load != 0.0:
+        for i in range(functions):
+            mean += reference.mean[i] * local[i]
+            if place[j, i] >= 0:
+                pulled = load * sign[j, i] * reference.mean[i]
+                block.rest[place[j, i]] -= pulled * doubled
+                block.mixed[place[j, i], 0] += pulled * ey
+                block.mixed[place[j, i], 1] -= pulled * ex
+        by_x += load * mean * ey
+        by_y -= load * mean * ex
+        size += abs(load * mean * doubled)
+        total -= load * mean * doubled
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def derivatives(descent, v, own, count, x, y):
+    """The functional of the star of v, were it at (x, y), with all derivatives by its position and its block.
+
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). Values of the function are taken relative to `own`: what
+    that adds to the load depends on the area of the star alone, which no move changes.
+    """
+    position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
+    node = descent.elements.node
+    clear(block, count)
+    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    begin = star.start[v]
+    for row in range(begin, star.start[v + 1]):
+        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        gather(node, descent.trial.value, descent.modes, e, corner_of(node, e, v), own, local)
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by)
+        size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
+        xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def factorise(block, first, count):
+    """Factorise the stiffness of the unknowns from `first` on, and solve with the lower factor; False without one.
+
+    `rest` and `mixed` become L^-1 of what they were. Returns whether it went, and the square of the new `rest`.
+    """
+    stiffness, rest, mixed, square = block.stiffness, block.rest, block.mixed, 0.0
+    for i in range(first, count):
+        for j in range(first, i):
+            product = stiffness[i, j]
+            for k in range(first, j):
+                product -= stiffness[i, k] * stiffness[j, k]
+            product /= stiffness[j, j]
+            stiffness[i, j] = product
+            rest[i] -= product * rest[j]
+            mixed[i, 0] -= product * mixed[j, 0]
+            mixed[i, 1] -= product * mixed[j, 1]
+        diagonal = stiffness[i, i]
+        for k in range(first, i):
+            diagonal -= stiffness[i, k] * stiffness[i, k]
+        if not diagonal > 0.0:
+            return False, 0.0
+        diagonal = math.sqrt(diagonal)
+        stiffness[i, i] = diagonal
+        rest[i] /= diagonal
+        mixed[i, 0] /= diagonal
+        mixed[i, 1] /= diagonal
+        square += rest[i] * rest[i]
+    return True, square
+
+
+@inner_kernel
+def solve_upper(block, first, count, along_x, along_y):
+    """Solve for the change of the unknowns where the node stays, `still`, and what a step (x, y) adds, `follow`."""
+    stiffness = block.stiffness
+    for i in range(count - 1, first - 1, -1):
+        still, follow = -block.rest[i], -along_x * block.mixed[i, 0] - along_y * block.mixed[i, 1]
+        for k in range(i + 1, count):
+            still -= stiffness[k, i] * block.still[k]
+            follow -= stiffness[k, i] * block.follow[k]
+        block.still[i], block.follow[i] = still / stiffness[i, i], follow / stiffness[i, i]
+
+
+@inner_kernel
+def change_block(descent, v, first, still, follow):
+    """Add these multiples of `still` and `follow` to the unknowns of the block, wherever they stand."""
+    trial, modes, star, block = descent.trial, descent.modes, descent.star, descent.block
+    place, begin, degrees = block.place, star.start[v], modes.side.shape[2]
+    if first == 0:
+        trial.value[v] += still * block.still[0] + follow * block.follow[0]
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(descent.elements.node, e, v)
+        for side in range(1, 3):
+            for d in range(degrees):
+                i = EVEN + 3 * d + side
+                if place[j, i] >= 0:
+                    change = still * block.still[place[j, i]] + follow * block.follow[place[j, i]]
+                    modes.side[e, (k + side) % 3, d] += block.sign[j, i] * change
+        if degrees == 2:
+            modes.bubble[e] += still * block.still[place[j, BUBBLE]] + follow * block.follow[place[j, BUBBLE]]
+
+
+@inner_kernel
+def improve(descent, v, own, first, count):
+    """Change the block by Newton's step, or beside nonlinear material half as far until the functional falls."""
+    x, y, bent = descent.position[v, 0], descent.position[v, 1], descent.trial.bent[v]
+    before, length = derivatives(descent, v, own, count, x, y)[1], 1.0
+    if not factorise(descent.block, first, count)[0]:
+        return
+    solve_upper(descent.block, first, count, 0.0, 0.0)
+    change_block(descent, v, first, length, 0.0)
+    for _ in range(TRIES if bent else 0):
+        if derivatives(descent, v, own, count, x, y)[1] <= before:
+            return
+        change_block(descent, v, first, -0.5 * length, 0.0)
+        length *= 0.5
+    if bent:
+        change_block(descent, v, first, -length, 0.0)
+
+
+@inner_kernel
+def gain_at(descent, v, own, first, count, x, y, length, now):
+    """What the functional of the star is lower with v at (x, y), its block changed as a step of that length says.
+
+    Where all is linear the best values there are put in; where not, and it is no gain, those of before.
+    """
+    bent = descent.trial.bent[v]
+    if bent:
+        change_block(descent, v, first, 1.0, length)
+        gain = now - derivatives(descent, v, own, count, x, y)[1]
+        if not gain > 0.0:
+            change_block(descent, v, first, -1.0, -length)
+        return gain
+    total = derivatives(descent, v, own, count, x, y)[1]
+    solved, square = factorise(descent.block, first, count)
+    return now - total + 0.5 * square if solved else 0.0
+
+
+@inner_kernel
+def move_free(descent, v, own, count, floor):
+    """Move a free node by a step with its block eliminated, or half as far until it is a gain; returns the gain."""
+    position, block, bent = descent.position, descent.block, descent.trial.bent[v]
+    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, own, count, position[v, 0], position[v, 1])
+    solved, square = factorise(block, 0, count)
+    if not solved:
+        return 0.0
+    if not bent:
+        now -= 0.5 * square
+    for i in range(count):
+        along, aside = block.mixed[i, 0], block.mixed[i, 1]
+        by_x, by_y = by_x - along * block.rest[i], by_y - aside * block.rest[i]
+        xx, xy, yy = xx - along * along, xy - along * aside, yy - aside * aside
+    step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
+    solve_upper(block, 0, count, step_x, step_y)
+    if -(step_x * by_x + step_y * by_y) > ROUNDING * size:
+        length = 1.0
+        for _ in range(HALVINGS + 1):
+            x, y = position[v, 0] + length * step_x, position[v, 1] + length * step_y
+            if may_move(position, descent.star, v, x, y, floor):
+                gain = gain_at(descent, v, own, 0, count, x, y, length, now)
+                if gain > ROUNDING * size:
+                    position[v, 0], position[v, 1] = x, y
+                    settle(descent, v, 0, count)
+                    return gain
+            length *= 0.5
+    if not bent:
+        change_block(descent, v, 0, 1.0, 0.0)
+    return 0.0
+
+
+@inner_kernel
+def settle(descent, v, first, count):
+    """Put the best values of the block in after a move, where all is linear; elsewhere they are there already."""
+    if not descent.trial.bent[v]:
+        solve_upper(descent.block, first, count, 0.0, 0.0)
+        change_block(descent, v, first, 1.0, 0.0)
+
+
+@inner_kernel
+def move_on_chain(descent, v, own, first, count, floor):
+    """Move a node along a straight chain in the same way; where its value is given, that is looked up."""
+    position, constraints, trial, block = descent.position, descent.constraints, descent.trial, descent.block
+    chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
+    tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
+    rate = trial.on_chain[chain, 1] if first else 0.0
+    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, own, count, position[v, 0], position[v, 1])
+    slope = tx * by_x + ty * by_y + rate * block.rest[0]
+    curvature = tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy
+    for i in range(count):
+        # along the chain, in the first column; the second is not needed
+        mixed = tx * block.mixed[i, 0] + ty * block.mixed[i, 1]
+        curvature += rate * (2.0 * mixed + rate * block.stiffness[0, 0]) if i == 0 else 0.0
+        block.mixed[i, 0], block.mixed[i, 1] = mixed + rate * block.stiffness[i, 0], 0.0
+    solved, square = factorise(block, first, count)
+    if not solved:
+        return 0.0
+    if not trial.bent[v]:
+        now -= 0.5 * square
+    for i in range(first, count):
+        slope -= block.mixed[i, 0] * block.rest[i]
+        curvature -= block.mixed[i, 0] * block.mixed[i, 0]
+    change = -OVERSTEP * slope / abs(curvature)
+    solve_upper(block, first, count, change, 0.0)
+    value = trial.value[v]
+    if -change * slope > ROUNDING * size:
+        length = 1.0
+        for _ in range(HALVINGS + 1):
+            x, y = point_at(constraints.chains, chain, parameter + length * change)
+            if may_move(position, descent.star, v, x, y, floor):
+                if first:
+                    trial.value[v] = trial.on_chain[chain, 0] + rate * (parameter + length * change)
+                gain = gain_at(descent, v, own, first, count, x, y, length, now)
+                if gain > ROUNDING * size:
+                    constraints.parameter[v] = parameter + length * change
+                    position[v, 0], position[v, 1] = x, y
+                    settle(descent, v, first, count)
+                    return gain
+                if first:
+                    trial.value[v] = value
+            length *= 0.5
+    if not trial.bent[v]:
+        change_block(descent, v, first, 1.0, 0.0)
+    return 0.0

@@ -1,0 +1,188 @@
+"""Flip edges where that lowers a Ritz functional of functions of order 2 or 3, what is inside the pair eliminated."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
+from kohonen_adapt.kernels.triangle.descend import ROUNDING
+from kohonen_adapt.kernels.triangle.descend_higher import (
+    BUBBLE,
+    EVEN,
+    ODD,
+    add_element,
+    clear,
+    factorise,
+    gather,
+    solve_upper,
+)
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.geometry import orientation
+
+NEWTON = 2  # steps for the coefficients inside two elements of nonlinear material
+
+
+@kernel
+def mark_gainful_higher(descent, first, last, gainful):
+    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
+    elements = descent.elements
+    for e in range(first, last):
+        gainful[e] = False
+        for k in range(3):
+            other = np.int64(elements.neighbour[e, k])
+            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
+                gainful[e] = gain_of_flip(descent, e, k, other) > 0.0
+
+
+@kernel
+def descend_flips_higher(descent, floor, gainful):
+    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
+
+    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
+    these it marks.
+    """
+    position, elements, gain, flips = descent.position, descent.elements, 0.0, 0
+    for e in range(elements.node.shape[0]):
+        if not gainful[e]:
+            continue
+        for k in range(3):
+            other = np.int64(elements.neighbour[e, k])
+            if other > e and elements.chain[e, k] < 0:
+                lowered = gain_of_flip(descent, e, k, other)
+                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                    flip_with_modes(descent, e, k, other)
+                    gain += lowered
+                    flips += 1
+                    for changed in (e, other):
+                        for j in range(3):
+                            if elements.neighbour[changed, j] >= 0:
+                                gainful[elements.neighbour[changed, j]] = True
+    return gain, flips
+
+
+@inner_kernel
+def flip_with_modes(descent, e, k, other):
+    """Flip the edge opposite to corner k of e, and put in the coefficients that `gain_of_flip` has just found."""
+    elements, modes, local = descent.elements, descent.modes, descent.block.local
+    j = corner_towards(elements.neighbour, other, e)
+    k1, j1 = (k + 1) % 3, (j + 1) % 3
+    modes.given[e, k], modes.given[other, j] = modes.given[other, j1], modes.given[e, k1]
+    modes.given[e, k1] = modes.given[other, j1] = False
+    flip_edge(elements, e, k)
+    put(modes, e, k1, local[2])
+    put(modes, other, j1, local[3])
+
+
+@inner_kernel
+def put(modes, e, k, local):
+    """Put coefficients into e that begin with its corner k."""
+    degrees = modes.side.shape[2]
+    for i in range(3):
+        for d in range(degrees):
+            modes.side[e, (k + i) % 3, d] = local[EVEN + 3 * d + i]
+    if degrees == 2:
+        modes.bubble[e] = local[BUBBLE]
+
+
+@inner_kernel
+def gain_of_flip(descent, e, k, other):
+    """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
+
+    Leaves the coefficients of the elements after it in the last two rows of `Block.local`, corner p or q first.
+    """
+    elements, position, local = descent.elements, descent.position, descent.block.local
+    p, q, r, s = corners_around(elements.node, e, k, other)
+    if not (area_of(position, r, p, s) > 0.0 and area_of(position, s, q, r) > 0.0):
+        return 0.0
+    own, value, modes = descent.trial.value[r], descent.trial.value, descent.modes
+    gather(elements.node, value, modes, e, k, own, local[0])
+    j = corner_towards(elements.neighbour, other, e)
+    gather(elements.node, value, modes, other, j, own, local[1])
+    turn(local, modes.side.shape[2])
+    size, before = least_of_pair(descent, e, 0, p, q, r, s)
+    more, after = least_of_pair(descent, e, 2, s, r, p, q)
+    gain = before - after
+    return gain if gain > ROUNDING * (size + more) else 0.0
+
+
+@inner_kernel
+def area_of(position, a, b, c):
+    """Doubled signed area of the triangle of three nodes."""
+    return orientation(position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1])
+
+
+@inner_kernel
+def turn(local, degrees):
+    """Begin the elements (p, s, r) and (q, r, s), in rows 2 and 3, with what is known of (r, p, q) and (s, q, p)."""
+    for one in range(2):
+        this, that, new = local[one], local[1 - one], local[2 + one]
+        new[:] = 0.0
+        new[0], new[1 + one], new[2 - one] = local[0][1 + one], local[1][0], local[0][0]
+        for d in range(degrees):
+            i = EVEN + 3 * d
+            new[i + 1], new[i + 2] = this[i + 2], that[i + 1]
+
+
+@inner_kernel
+def least_of_pair(descent, e, row, p, q, r, s):
+    """The least functional of (r, p, q) and (s, q, p) over their inner coefficients, and its magnitudes.
+
+    The coefficients stand in this row of `Block.local` and the next one, and are changed to the best.
+    """
+    block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
+    count = number_pair(block, descent.modes.side.shape[2])
+    size, total = derivatives_of_pair(descent, e, row, count, p, q, r, s)
+    for _ in range(NEWTON if bent else 1):
+        solved, square = factorise(block, 0, count)
+        if not solved:
+            return size, total
+        solve_upper(block, 0, count, 0.0, 0.0)
+        change_pair(block, local, row, 1.0)
+        if not bent:
+            return size, total - 0.5 * square
+        _, after = derivatives_of_pair(descent, e, row, count, p, q, r, s)
+        if after > total:
+            change_pair(block, local, row, -1.0)
+            return size, total
+        total = after
+    return size, total
+
+
+@inner_kernel
+def number_pair(block, degrees):
+    """Number the inner unknowns of two elements whose first corners are opposite to the edge; returns how many."""
+    place, sign = block.place, block.sign
+    for j in range(2):
+        for i in range(place.shape[1]):
+            place[j, i], sign[j, i] = -1, 1.0
+        place[j, EVEN] = 0
+        if degrees == 2:
+            place[j, ODD], place[j, BUBBLE] = 1, 2 + j
+    if degrees == 1:
+        return 1
+    sign[1, ODD] = -1.0
+    return 4
+
+
+@inner_kernel
+def derivatives_of_pair(descent, e, row, count, p, q, r, s):
+    """Sum of magnitudes and value of the functional of (r, p, q) and (s, q, p), with its derivatives in the block."""
+    block = descent.block
+    clear(block, count)
+    size, total = 0.0, 0.0
+    for j in range(2):
+        v, a, b = (r, p, q) if j == 0 else (s, q, p)
+        x, y = descent.position[v, 0], descent.position[v, 1]
+        ax, ay = descent.position[a, 0] - x, descent.position[a, 1] - y
+        bx, by = descent.position[b, 0] - x, descent.position[b, 1] - y
+        part = add_element(descent.trial, descent.reference, block, e, j, block.local[row + j], ax, ay, bx, by)
+        size, total = size + part[0], total + part[1]
+    return size, total
+
+
+@inner_kernel
+def change_pair(block, local, row, times):
+    """Add a multiple of the change that was solved for to the inner coefficients of both elements."""
+    for j in range(2):
+        for i in range(EVEN, local.shape[1]):
+            if block.place[j, i] >= 0:
+                local[row + j, i] += times * block.sign[j, i] * block.still[block.place[j, i]]

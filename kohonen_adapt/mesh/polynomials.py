@@ -1,0 +1,150 @@
+"""Write functions of order 1 to 3 by values at nodes and coefficients of sides and elements; evaluate them."""
+
+from functools import cache
+
+import numpy as np
+from skfem import ElementTriP1, MeshTri
+from skfem.quadrature import get_quadrature
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Modes, Reference
+from kohonen_adapt.mesh.host import number_facets
+
+__all__ = [
+    "AFTER",
+    "BEFORE",
+    "LINEAR_FUNCTIONS",
+    "count_unknowns",
+    "evaluated",
+    "facets_of_sides",
+    "gradients",
+    "local_coefficients",
+    "modes_of",
+    "places_on_sides",
+    "reference",
+    "set_bubbles",
+    "set_sides",
+]
+
+EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
+AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # the corners that the side opposite to each corner joins
+HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+
+
+def count_unknowns(mesh: MeshTri, order: int) -> int:
+    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2` or `P3`: of nodes, then facets, then elements."""
+    if order == 1:
+        return int(mesh.p.shape[1])
+    number_facets(mesh)
+    return int(mesh.p.shape[1] + (order - 1) * mesh.facets.shape[1] + (mesh.t.shape[1] if order == 3 else 0))
+
+
+def functions_at(share: Floats, order: int) -> Floats:
+    """Values of the functions of `Reference`, (n, functions), at barycentric coordinates (n, 3)."""
+    product, rise = share[:, AFTER] * share[:, BEFORE], share[:, BEFORE] - share[:, AFTER]
+    parts = [share, EVEN * product, ODD * product * rise, BUBBLE * np.prod(share, axis=1, keepdims=True)]
+    return np.hstack(parts[: (1, 2, 4)[order - 1]])
+
+
+def slopes_at(share: Floats, order: int) -> Floats:
+    """Gradients of the same on the reference triangle, (n, functions, 2)."""
+    left, right, rise = share[:, AFTER, None], share[:, BEFORE, None], (share[:, BEFORE] - share[:, AFTER])[..., None]
+    product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
+    odd = rise * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
+    bubble = np.sum(left * right * HAT_SLOPES, axis=1, keepdims=True)
+    parts = [np.broadcast_to(HAT_SLOPES, product.shape), EVEN * product, ODD * odd, BUBBLE * bubble]
+    return np.hstack(parts[: (1, 2, 4)[order - 1]])
+
+
+@cache
+def reference(order: int, degree: int) -> Reference:
+    """The functions of that order, and points at which polynomials of that degree are integrated exactly."""
+    points, weights = get_quadrature(ElementTriP1, degree)
+    share = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
+    mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
+    slope = np.ascontiguousarray(slopes_at(share, order))
+    return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order))
+
+
+def halves(order: int) -> Floats:
+    """What the coefficients of a function are on the triangles (p, 0, 1) and (p, 2, 0), p in the middle of 1 and 2."""
+    steps = np.array([(i, j, order - i - j) for i in range(order + 1) for j in range(order + 1 - i)]) / order
+    corner = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    here = functions_at(steps, order)
+    parts = [np.linalg.solve(here, functions_at(steps @ corner[rows], order)) for rows in ([0, 1, 2], [0, 3, 1])]
+    return np.stack(parts)
+
+
+def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
+    """The facet opposite to every corner of the elements (m, 3) of a mesh, whose corners may stand in another order."""
+    number_facets(mesh)
+    opposite = mesh.t2f[AFTER].T  # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
+    same = np.asarray(node)[:, :, None] == mesh.t.T[:, None, :]
+    return np.einsum("mkc,mc->mk", same, opposite)
+
+
+def modes_of(mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask | None = None) -> Modes:
+    """The coefficients of a function that scikit-fem has by its values (nunknowns,) at the unknowns of that order.
+
+    `fixed` (nunknowns,) says which of these are given: a side is where all of its own are.
+    """
+    facet, nodes, facets = facets_of_sides(mesh, node), mesh.p.shape[1], mesh.facets.shape[1]
+    own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node
+    given = np.zeros(node.shape, dtype=np.bool_)
+    if fixed is not None:
+        given = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
+    modes = Modes(np.empty((*node.shape, order - 1)), np.zeros(len(node)), given)
+    upward = (node[:, AFTER] < node[:, BEFORE])[..., None]
+    set_sides(modes, values[node], np.where(upward, own, own[..., ::-1]))
+    if order == 3:
+        set_bubbles(modes, values[node], values[nodes + 2 * facets :])
+    return modes
+
+
+def places_on_sides(corners: Floats, order: int) -> Floats:
+    """Where sides have values of their own, counter-clockwise, (m, 3, order - 1, 2), for corners (m, 3, 2)."""
+    start, end = corners[:, AFTER, None], corners[:, BEFORE, None]
+    return start + (np.arange(1, order) / order)[:, None] * (end - start)
+
+
+def set_sides(modes: Modes, corners: Floats, own: Floats) -> None:
+    """Set the coefficients of sides from values at the corners (m, 3) and inside the sides, counter-clockwise.
+
+    These are (m, 3, order - 1): at the middle, or at a third and two thirds.
+    """
+    start, end = corners[:, AFTER], corners[:, BEFORE]
+    if own.shape[2] == 1:
+        modes.side[..., 0] = own[..., 0] - 0.5 * (start + end)
+    else:
+        modes.side[..., 0] = 9.0 / 16.0 * (own[..., 0] + own[..., 1] - start - end)
+        modes.side[..., 1] = 0.5 * (own[..., 1] - own[..., 0]) - (end - start) / 6.0
+
+
+def set_bubbles(modes: Modes, corners: Floats, middle: Floats) -> None:
+    """Set the bubbles from values at the corners (m, 3), at the centroids (m,), and what the sides are."""
+    modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
+
+
+def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
+    """The coefficients of every element in the order of `Reference`, (m, functions), from values at corners (m, 3)."""
+    if modes is None:
+        return corners
+    sides = [modes.side[..., d] for d in range(modes.side.shape[2])]
+    return np.hstack([corners, *sides, *([modes.bubble[:, None]] if len(sides) == 2 else [])])
+
+
+def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:
+    """Doubled signed area (m,), and gradients (2, points, m), for corners (m, 3, 2) and coefficients (m, functions)."""
+    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    doubled = ax * by - bx * ay
+    along, aside = np.einsum("qic,mi->cqm", at.slope, coefficients)
+    return doubled, np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
+
+
+def evaluated(coefficients: Floats, share: Floats) -> Floats:
+    """Values (n,) at barycentric coordinates (n, 3) of functions with coefficients (n, functions) of their elements."""
+    order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
+    return np.sum(functions_at(share, order) * coefficients, axis=1)
+
+
+LINEAR_FUNCTIONS = reference(1, 0)

@@ -1,0 +1,179 @@
+"""Sweep nodes and edges of a mesh downhill on all threads, in parts that do not depend on their number."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Mask
+from kohonen_adapt.kernels.arrays import Block, Constraints, Descent, Modes
+from kohonen_adapt.kernels.ordering import along_curve, mark_deep
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
+from kohonen_adapt.kernels.triangle.descend_higher import descend_nodes_higher
+from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.polishing.functional import Functional, TrialFunction
+
+__all__ = ["SWEEPS", "loops_of", "sweep"]
+
+FEW = 5_000  # elements that are not worth another thread
+PART = 5_000  # unknowns: the nodes at the cuts between parts are few
+UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
+
+# Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
+#                                    0       4       8      12      16      32
+#     L: E sqrt(N), N = 3201     0.794   0.735   0.730   0.728   0.728   0.726
+#     M: error %, N = 1681       7.059   6.480   6.434   6.423   6.417   6.419
+#     the same with iron         5.128   4.707   4.657   4.642   4.639   4.630
+#     F: E sqrt(N), N = 3201     0.966   0.707   0.678   0.669   0.664   0.657
+# A sweep takes 0.6 microseconds per node; with eight, polish and recycling together cost no more than the map.
+SWEEPS = 8
+
+
+class Downhill(Protocol):
+    """What a sweep is made of, at one order of elements; `thread` is the one that calls."""
+
+    def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
+        """Move nodes in this order; returns the gain."""
+
+    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
+        """Mark elements from `first` to `last` with an edge whose flip gains."""
+
+    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
+        """Flip edges of marked elements; returns the gain and how many."""
+
+
+def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:
+    """Sweep nodes and edges of a mesh downhill from a function, which changes with them.
+
+    Edges come after nodes in every sweep; an `eager` one begins with them, so that nodes of no use are seen sooner.
+    Returns what moves and flips took off the functional; what better values alone gained is not in it.
+    """
+    outline, gain = movable.outline, 0.0
+    constraints = outline.constraints._replace(kind=functional.kinds(outline, trial.fixed))
+    twins = constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
+    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | twins), constraints)
+    order = along_curve(movable.triangulation.position).astype(np.int32)
+    part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
+    if eager:
+        gain += flip_downhill(movable, downhill)
+    for _ in range(sweeps):
+        gain += descend_in_parts(movable, downhill, order, part)
+        gain += flip_downhill(movable, downhill)
+    return gain
+
+
+def loops_of(order: int) -> tuple[str, ...]:
+    """The chapters of compiled loops that sweeps need at that order of elements."""
+    return ("polish",) if order == 1 else ("polish of higher order",)
+
+
+class _Linear:
+    """Sweeps of functions of order 1."""
+
+    def __init__(
+        self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
+    ) -> None:
+        self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
+        self.trial = functional.trial(self.triangulation, trial.values, trial.fixed)
+
+    def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
+        position, star = self.triangulation.position, self.triangulation.star
+        return float(descend_nodes(position, star, self.constraints, self.trial, nodes, self.floor))
+
+    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
+        mark_gainful(self.triangulation.position, self.triangulation.elements, self.trial, first, last, gainful)
+
+    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
+        position, elements = self.triangulation.position, self.triangulation.elements
+        gain, flips = descend_flips(position, elements, self.trial, self.floor, gainful)
+        return float(gain), int(flips)
+
+
+class _Higher:
+    """Sweeps of functions of order 2 or 3; every thread has room of its own, enough for the stars as they are."""
+
+    def __init__(
+        self,
+        movable: MovableMesh,
+        functional: Functional,
+        trial: TrialFunction,
+        modes: Modes,
+        constraints: Constraints,
+    ) -> None:
+        triangulation = movable.triangulation
+        self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descent]()
+        arrays = triangulation.position, triangulation.elements, triangulation.star, constraints
+        values = functional.trial(triangulation, trial.values, trial.fixed)
+        self.arrays = (*arrays, values, modes, functional.reference)
+
+    def _room(self, thread: int) -> Descent:
+        most = int(np.diff(self.triangulation.star.start).max())
+        if thread not in self.rooms or len(self.rooms[thread].block.place) < most:
+            self.rooms[thread] = Descent(*self.arrays, Block.of(most, self.arrays[-1].slope.shape[1]))
+        return self.rooms[thread]
+
+    def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
+        return float(descend_nodes_higher(self._room(thread), nodes, self.floor))
+
+    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
+        mark_gainful_higher(self._room(thread), first, last, gainful)
+
+    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
+        gain, flips = descend_flips_higher(self._room(0), self.floor, gainful)
+        return float(gain), int(flips)
+
+
+def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:
+    if trial.modes is None:
+        return _Linear(movable, functional, trial, constraints)
+    return _Higher(movable, functional, trial, trial.modes, constraints)
+
+
+def parts_along(order: NDArray[np.int32], nodes: int) -> NDArray[np.int32]:
+    """The part of the mesh that each node belongs to, (n,): stretches of the order of so many nodes, in sequence."""
+    part, parts = np.empty_like(order), max(1, len(order) // nodes)
+    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    return part
+
+
+def descend_in_parts(
+    movable: MovableMesh, downhill: Downhill, order: NDArray[np.int32], part: NDArray[np.int32]
+) -> float:
+    """One sweep over the nodes: threads take parts of the mesh side by side, and what lies at their cuts comes last.
+
+    A move depends on the neighbours alone; where these are all of a node's own part, no other thread has a say. So what
+    comes out does not depend on the number of threads.
+    """
+    star, parts = movable.triangulation.star, int(part[order[-1]]) + 1
+    deep = np.empty(len(order), dtype=np.bool_)
+    mark_deep(star, part, 1, deep, np.empty_like(order))
+    alone = deep[order]
+    inside, across = order[alone], order[~alone]
+    cuts = np.searchsorted(part[inside], np.arange(parts + 1))
+    gains = np.zeros(parts + 1)
+
+    def task(thread: int, first: int, last: int) -> None:
+        for i in range(first, last):
+            gains[i] = downhill.descend_nodes(thread, inside[cuts[i] : cuts[i + 1]])
+
+    shared(task, even_cuts(parts, 1))
+    gains[parts] = downhill.descend_nodes(0, across)
+    return float(gains.sum())
+
+
+def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:
+    """One sweep over the edges, where they may flip; returns what that took off the functional.
+
+    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
+    """
+    if not movable.flips:
+        return 0.0
+    gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
+    cuts = even_cuts(len(gainful), FEW)
+    shared(lambda thread, first, last: downhill.mark_gainful(thread, first, last, gainful), cuts)
+    gain, flips = downhill.descend_flips(gainful)
+    if flips:
+        movable.triangulation.refill_star()
+    return gain
