@@ -55,12 +55,12 @@ def draw(meshes, errors, folder):
 def main(folder="."):
     folder = Path(folder).resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    meshes, energies = [MESH], [solve(MESH, folder, "Indicators")]
+    meshes, energies = [MESH], [solve(MESH, folder, "Indicator")]
     for number in range(1, ROUNDS + 1):
         target = folder / f"getdp_{number}.msh2"  # MSH 2.2: GetDP reads 4.1 only if it was built with Gmsh
         relocate(meshes[-1], folder / "eta.pos", target)
         meshes.append(target)
-        energies.append(solve(target, folder, "Indicators"))
+        energies.append(solve(target, folder, "Indicator"))
     # Of a potential that vanishes on the rim, the squared error in the energy norm is twice what the energy lacks.
     reference = solve(refined(meshes[-1], folder), folder)
     errors = np.sqrt(1.0 - np.array(energies) / reference)
