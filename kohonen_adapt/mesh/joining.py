@@ -24,9 +24,9 @@ OPPOSITE = -0.5  # cosine of the angle between outlines that run along one anoth
 class Sides(NamedTuple):
     """Facets of a boundary as sides of elements, which stay what they are where nodes and facets get other numbers."""
 
-    element: Ints  # (k,)
+    element: Ints  # (k,): those on both sides, where there are two
     corner: Ints  # (k,): row of mesh.t with the node opposite to the facet
-    oriented: bool  # whether only these sides are meant; else all that there are of every facet
+    oriented: bool  # whether the side that comes first is meant, where there are two
 
 
 def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
@@ -111,14 +111,14 @@ def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
 
 
 def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
-    """The sides that the facets of a boundary are, elements numbered from `first` on."""
+    """The sides of the facets of a boundary, those that are meant first; elements are numbered from `first` on."""
     number_facets(mesh)
-    facet = np.asarray(rows, dtype=np.int64)
-    element = mesh.f2t[rows.ori, facet][None] if isinstance(rows, OrientedBoundary) else mesh.f2t[:, facet]
-    facet, element = np.broadcast_to(facet, element.shape)[element >= 0], element[element >= 0]
-    ends = mesh.facets[:, facet]
-    corner = np.argmax(np.all(mesh.t[:, None, element] != ends[None], axis=1), axis=0)
-    return Sides(element + first, corner, isinstance(rows, OrientedBoundary))
+    oriented, facet = isinstance(rows, OrientedBoundary), np.asarray(rows, dtype=np.int64)
+    meant = rows.ori if isinstance(rows, OrientedBoundary) else np.zeros(facet.size, dtype=np.int64)
+    facet, element = np.tile(facet, 2), np.concatenate([mesh.f2t[side, facet] for side in (meant, 1 - meant)])
+    facet, element = facet[element >= 0], element[element >= 0]
+    corner = np.argmax(np.all(mesh.t[:, None, element] != mesh.facets[:, facet], axis=1), axis=0)
+    return Sides(element + first, corner, oriented)
 
 
 def together(parts: list[Sides]) -> Sides:

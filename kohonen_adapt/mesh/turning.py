@@ -28,8 +28,8 @@ def turned(
 
     What turns must be all that is inside, or outside, of a circle of evenly spaced nodes, as a ring in the middle of
     an air gap, and the angle whole steps of these: then the nodes of both sides meet again. What is turned out of a
-    sector stays there, and the circle becomes part of the outer boundary at both ends. Remanences, currents and curves
-    are not of the mesh: turn them yourself.
+    sector stays there, and the circle becomes part of the outer boundary at both ends; oriented facets look to the side
+    that they have there. Remanences, currents and curves are not of the mesh: turn them yourself.
 
     Parameters
     ----------
