@@ -7,11 +7,20 @@ from typing import Any
 
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.loop.checkpoint import Checkpoint
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
 from kohonen_adapt.loop.steps import StepFailed, Steps
-from kohonen_adapt.loop.stopping import Ending, StopTest, failed, final, interrupted, not_moved, under_way
+from kohonen_adapt.loop.stopping import (
+    Ending,
+    StopTest,
+    failed,
+    final,
+    interrupted,
+    not_moved,
+    under_way,
+    worse_outputs,
+)
 from kohonen_adapt.outline.movable import Work
 from kohonen_adapt.problem.protocol import solve_again
 
@@ -169,7 +178,12 @@ class History:
         """The best pass with its solution, the history and the way the loop ended."""
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        return self._result(final(self._ending, self._kept.passes, self._adaptation.settings))
+        result = self._result(final(self._ending, self._kept.passes, self._adaptation.settings))
+        if result.status is not Status.STALLED:
+            return result
+        better = self._adaptation.better_outputs(result.mesh, result.solution)
+        remark = worse_outputs(result.history[0], result.best, better)
+        return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
 
     def _result(self, ending: Ending) -> AdaptResult:
         best = self._kept.best

@@ -24,6 +24,7 @@ from kohonen_adapt.problem.protocol import (
     estimate,
     is_calibrated,
     norm_of,
+    offered,
     order_of,
     ritz_of,
     solve,
@@ -152,6 +153,15 @@ class Adaptation:
             trial = carried(functional, moved.before, self.movable, moved.recycled.hint)
             recycled, gain = descend_and_recycle(self.movable, functional, trial, moved.recycled, self.plan)
             return replace(moved, recycled=recycled), gain
+
+    def better_outputs(self, mesh: MeshTri, solution: Any) -> dict[str, float]:
+        """The outputs of a better solution on the same mesh, none where the problem has no such solution."""
+        outputs = self.settings.outputs
+        try:
+            better = offered(self.problem, "enriched")(mesh, solution) if outputs else None
+            return {name: output_value(name, function, better) for name, function in outputs.items()}
+        except (Exception, KeyboardInterrupt):  # a remark more or less: the result is there, whatever goes wrong here
+            return {}
 
     def _functional(self, mesh: MeshTri, solution: Any) -> tuple[Functional | None, float | None, str]:
         """What the solution minimises and its value, None where there is no polish, and then why not."""

@@ -1,6 +1,6 @@
 """Decide when the loop ends, and say it in a sentence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ __all__ = [
     "interrupted",
     "not_moved",
     "under_way",
+    "worse_outputs",
 ]
 
 # The estimate of a pass carries about one per cent of chance (other training points), so one pass without a gain says
@@ -32,6 +33,10 @@ __all__ = [
 STALL_PASSES = 2
 STALL_GAIN = 1e-3
 
+
+# How much farther off than the input's an output of the result must be to be called worse, both measured from a better
+# solution on the mesh of the result. That is itself off by up to a fifth of the error (see test_goal_error.py).
+WORSE = 1.25
 
 # How a loop ends that nothing has cut short.
 AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
@@ -138,6 +143,26 @@ def final(ending: Ending, passes: Passes, settings: Settings) -> Ending:
         remarks.append(settings.growth.shortfall(passes[-1].mesh.p.shape[1]))
     message = "; ".join([ending.message.removesuffix("."), *filter(None, remarks)])
     return replace(ending, message=f"{message}.")
+
+
+def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
+    """What to add where outputs of the result are farther from those of a better solution than the input's, or empty.
+
+    A mesh for the energy may be worse for a force: where errors have cancelled in the input, they do no longer. What is
+    smaller than its error, as the force across a symmetry, is left out.
+    """
+    off = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
+    worse = [
+        f"{name!r} is off by about {now:.2g}, of the input by {before:.2g}"
+        for name, (before, now) in off.items()
+        if WORSE * before < now < abs(better[name])
+    ]
+    if not worse:
+        return ""
+    return (
+        f"; the mesh is better for the energy, but worse for outputs, by a better solution on it: {', '.join(worse)}: "
+        "adapt for what you want to know, with goal= of the problem"
+    )
 
 
 def _polish_remark(passes: Passes, settings: Settings) -> str:

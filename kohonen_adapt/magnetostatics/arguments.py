@@ -54,6 +54,11 @@ class Arguments:
             object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
 
     @property
+    def calibrated(self) -> bool:
+        """Whether an estimate is near the error in the energy norm: but with a goal, whose indicators do not cancel."""
+        return self.goal is None
+
+    @property
     def pairs(self) -> tuple[Pair, ...]:
         """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones, each
         with the motion between them where that is named.

@@ -66,6 +66,9 @@ class Problem(Protocol):
     mesh has nodes that must stay. A method that a class has for some of its problems only raises `NotOffered` for the
     others, with the reason.
 
+    ``enriched(mesh, solution)`` is a better solution on the same mesh, by elements of a higher degree: where a run has
+    stalled, it is asked for once, and tells whether outputs of the result are worse than the input's.
+
     ``calibrated`` (False) says that the root of the sum of the squared indicators is near the error itself, say within
     30 %, on adapted meshes, too, whose elements are stretched. Then tables, pictures and reports show it as a share of
     ``energy_norm`` and call it "Energy Error %"; otherwise "indicator", for it tells where the error is, but not how
