@@ -3,6 +3,7 @@
 import numpy as np
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from benchmarks.problems.drawing import annulus, meshed, sector
 from benchmarks.problems.geometry import Gmsh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
@@ -31,7 +32,7 @@ class SlotlessMotor:
 
     def start(self, setting: int) -> MeshTri:
         """Both of Gmsh, the rotor's turned by whole steps of the ring."""
-        return _merged(_rotor(), _stator(), setting)
+        return ka.turned(ka.merge(_rotor(), _stator()), "rotor", angle_of(setting))
 
     def problem(self, setting: int) -> Magnetostatics:
         """A = 0 on the shaft and outside."""
@@ -127,17 +128,3 @@ def _sectors(gmsh: Gmsh, name: str, number: int, inner: float, outer: float) -> 
 def _circle(left: float, low: float, right: float, high: float) -> str:
     """The name of a circle by its bounding box."""
     return min({"shaft": SHAFT, "ring": RING, "outside": YOKE}.items(), key=lambda item: abs(item[1] - right))[0]
-
-
-def _merged(rotor: MeshTri, stator: MeshTri, steps: int) -> MeshTri:
-    """One mesh of both, the rotor turned by whole steps of the ring, whose nodes they share."""
-    z, w = np.exp(1j * angle_of(steps)) * (rotor.p[0] + 1j * rotor.p[1]), stator.p[0] + 1j * stator.p[1]
-    mine, other = (np.flatnonzero(np.abs(np.abs(nodes) - RING) < 1e-9) for nodes in (z, w))
-    twin = np.argmin(np.abs(z[mine, None] - w[other]), axis=1)
-    number = w.size + np.cumsum(np.abs(np.abs(z) - RING) > 1e-9) - 1
-    number[mine] = other[twin]
-    p = np.concatenate((w, np.delete(z, mine)))
-    mesh = MeshTri(np.stack((p.real, p.imag)), np.hstack((stator.t, number[rotor.t])))
-    moved = {name: rows + stator.t.shape[1] for name, rows in rotor.subdomains.items()}
-    sides = {"shaft": lambda x: np.hypot(*x) < SHAFT, "outside": lambda x: np.hypot(*x) > 0.99 * YOKE}
-    return mesh.with_subdomains(stator.subdomains | moved).with_boundaries(sides)
