@@ -44,12 +44,12 @@ class Magnetostatics(Arguments):
         At a node of two boundaries the later in the mapping counts. At least one, unless something else fixes A: an
         open boundary, antiperiodic sides, or the axis.
     estimator
-        "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6 because the bare estimate overrates the error by that
-        factor, give or take 25 % (order 2: 1 / 6.1, 5 %); "recovery", which comes within 15 % by itself (order 1); or
-        "equilibrated", a guaranteed upper bound of the error on the meshed polygon (for nonlinear material of the root
-        of twice the energy's height above its minimum, by the duality gap), 1.04 to 1.3 times the error, for planar
-        problems of order 1 with potentials and natural conditions only. Where iron is deep in saturation, the first two
-        come within 30 %; where a current fills the mesh and stretches elements, the residual is 1.8 times the error.
+        "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6, by which the bare estimate overrates the error, give or
+        take 25 % (order 2: 1 / 6.1, 5 %); "recovery", within 15 % by itself (order 1); or "equilibrated", a guaranteed
+        upper bound of the error on the meshed polygon (for nonlinear material of the root of twice the energy's height
+        above its minimum, by the duality gap), 1.04 to 1.3 times the error, for planar problems of order 1 with
+        potentials and natural conditions only. Deep in saturation the first two come within 30 %; where a current fills
+        the mesh and stretches elements, the residual is 1.8 times the error.
     ampere_turns
         Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
         current times turns of a coil side. In place of the current density of its material.
@@ -216,9 +216,8 @@ class Magnetostatics(Arguments):
     def goal_error(self, field: Field) -> float:
         """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
 
-        It is what the goal would change by with quadratic elements on the same mesh (one of one's own is asked for its
-        value of a `QuadraticField`): on meshes adapted for the goal 0.78 to 1.05 times the error of exact forces and
-        torques, on others where errors do not cancel by chance. What chords cut off arcs is no part of it.
+        It is what the goal changes by with quadratic elements on the same mesh: where that is adapted for the goal 0.78
+        to 1.05 times the error of exact forces and torques. What chords cut off arcs is no part of it.
 
         Parameters
         ----------
@@ -239,11 +238,9 @@ class Magnetostatics(Arguments):
         --------
         >>> import skfem
         >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults()
-        >>> mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
-        >>> materials = {"coil": Material(current_density=1e3), "air": Material()}
-        >>> fixed = {"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0}
-        >>> problem = Magnetostatics(materials, potential=fixed, goal=FluxLinkage({"coil": 100}))
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"coil": lambda x: x[0] < 9.0})
+        >>> given = {"coil": Material(current_density=1e3)}, dict.fromkeys(mesh.boundaries, 0.0)
+        >>> problem = Magnetostatics(*given, goal=FluxLinkage({"coil": 100}))
         >>> field, finer = problem.solve(mesh), problem.solve(mesh.refined(3))
         >>> 0.9 < problem.goal_error(field) / (problem.goal(finer) - problem.goal(field)) < 1.1
         True
@@ -253,7 +250,7 @@ class Magnetostatics(Arguments):
         return error_of_goal(field, self.goal, self.boundaries, self.method)
 
     def enriched(self, mesh: MeshTri, field: Field) -> Field:
-        """The solution by quadratic elements on the mesh of a field, nearer in all, by which `adapt` judges outputs.
+        """The solution by quadratic elements on the mesh of a field, by which `adapt` judges outputs.
 
         Parameters
         ----------
