@@ -6,7 +6,16 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
-__all__ = ["DECADES", "counted", "in_unit", "level_of_share", "outlined_facets"]
+__all__ = [
+    "DECADES",
+    "counted",
+    "divided",
+    "divisions_of",
+    "in_unit",
+    "lattice",
+    "level_of_share",
+    "outlined_facets",
+]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 """Units of the axes, and the factors for metres; "" is for a mesh without a unit."""
@@ -39,3 +48,41 @@ def level_of_share(values: Floats, weights: Floats, share: float) -> float:
     order = np.argsort(values)
     running = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(running, share * running[-1])])
+
+
+def lattice(divisions: int) -> tuple[Floats, Ints]:
+    """The points of a triangle whose sides are divided into so many parts, and the triangles between them.
+
+    Returns
+    -------
+    ndarray (3, k)
+        Barycentric coordinates of the k = (n + 1) (n + 2) / 2 points; of one division the corners in their order.
+    ndarray (3, n^2)
+        Points of the triangles.
+    """
+    n = divisions
+    places = [(i, j) for j in range(n + 1) for i in range(n + 1 - j)]
+    number = {place: k for k, place in enumerate(places)}
+    share = np.array([(n - i - j, i, j) for i, j in places], dtype=float).T / n
+    upright = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in places if i + j < n]
+    others = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in places if i + j < n - 1]
+    return share, np.array(upright + others).T
+
+
+def divisions_of(points: int) -> int:
+    """The divisions of the lattice that has so many points; 0 if none has."""
+    n = round((np.sqrt(8.0 * points + 1.0) - 3.0) / 2.0)
+    return n if n > 0 and (n + 1) * (n + 2) == 2 * points else 0
+
+
+def divided(mesh: MeshTri, divisions: int) -> MeshTri:
+    """Every element as a lattice with nodes of its own, numbered as (k, nelements); with the names of subdomains."""
+    share, triangles = lattice(divisions)
+    count = mesh.t.shape[1]
+    p = np.ascontiguousarray(np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t]).reshape(2, -1))
+    t = (triangles[:, :, None] * count + np.arange(count)).reshape(3, -1)
+    parts = {
+        name: (np.arange(divisions**2)[:, None] * count + np.asarray(rows)).ravel()
+        for name, rows in named_sets(mesh.subdomains).items()
+    }
+    return MeshTri(p, np.ascontiguousarray(t)).with_subdomains(parts)

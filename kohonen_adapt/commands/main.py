@@ -28,7 +28,7 @@ from kohonen_adapt.commands.check import (
 )
 from kohonen_adapt.commands.pictures import drawn, write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
-from kohonen_adapt.commands.run import RESULTS, CaseRun, write_fields
+from kohonen_adapt.commands.run import CaseRun, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
 from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
 from kohonen_adapt.files import remove_drafts, whole_file
@@ -135,7 +135,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(result)
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
-    terminal.say(f"Files in {folder}: {', '.join([*RESULTS, *(pictures or [])])}.")
+    terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
     if result.status is Status.FAILED:
         terminal.complain(result.message)
         return FAILED

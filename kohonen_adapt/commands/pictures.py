@@ -13,6 +13,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.commands.terminal import Terminal
+from kohonen_adapt.display import lattice
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.adapt import PASSES
 from kohonen_adapt.loop.result import AdaptResult
@@ -105,11 +106,12 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
 def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
     from kohonen_adapt import plotting
 
+    potential, magnitude = _lines_and_colours(after.solution)
     return plotting.adaptation_figure(
         before,
         after,
-        potential=after.solution.unknown,
-        magnitude=_magnitude(after.solution),
+        potential=potential,
+        magnitude=magnitude,
         magnitude_label="flux density |B| (T)",
         indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{_energy_unit(case)}}}}}$",
         lines_title="Flux lines",
@@ -166,8 +168,19 @@ def _potentials(case: Case) -> dict[str, FieldOf]:
 
 
 def _magnitude(field: Any) -> Floats:
-    """|B| of every element, (nelements,), T."""
-    return np.hypot(*field.flux_density)
+    """|B| in T: constant in every element, (nelements,), of higher order at the corners of each, (3, nelements)."""
+    if field.elements.order == 1:
+        return np.hypot(*field.flux_density)
+    return np.hypot(*field.at_corners.flux_density).reshape(3, -1)
+
+
+def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
+    """What has the flux lines as contours, and |B|, as `draw_field_lines` takes them."""
+    if field.elements.order == 1:
+        return field.unknown, _magnitude(field)
+    share, _ = lattice(field.elements.order)
+    size = np.hypot(*field.at_each(share).flux_density)
+    return field.potential_at_each(share), size.reshape(share.shape[1], -1)
 
 
 def _length_unit(result: AdaptResult) -> str:

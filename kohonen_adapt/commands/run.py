@@ -12,6 +12,7 @@ from typing import Any
 from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.display import divided, lattice
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
@@ -19,9 +20,9 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import pass_figures
 
-__all__ = ["RESULTS", "CaseRun", "write_fields"]
+__all__ = ["CaseRun", "results_of", "write_fields"]
 
-RESULTS = MESH, FIELDS, HISTORY = "adapted.msh", "adapted.vtu", "history.csv"
+MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "field.vtu", "history.csv"
 PASSES = "passes"  # folder of the finished passes, below that of the results
 ENDED = "ended.txt"  # in it: says that the run came to its end, and how
 
@@ -132,6 +133,8 @@ class CaseRun:
             return
         with whole_files(self.folder) as draft:
             write_fields(self.case, result, draft / MESH, draft / FIELDS)
+            if self.case.problem.order > 1:
+                _write_inside(result.solution, draft / INSIDE)
             _write_history(result.history, draft)
         self._written = result.mesh
 
@@ -139,7 +142,8 @@ class CaseRun:
 def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
     """Write the mesh for Gmsh, and in metres with the fields for ParaView.
 
-    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place.
+    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place. In the
+    other B and H are the means of the elements.
     """
     field = result.solution
     write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
@@ -149,6 +153,21 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
         point_data={"A (Wb per m)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
+
+
+def results_of(case: Case) -> list[str]:
+    """The names of the files that are there whatever can be drawn."""
+    return [MESH, FIELDS, *([INSIDE] if case.problem.order > 1 else []), HISTORY]
+
+
+def _write_inside(field: Any, path: Path) -> None:
+    """Write a field of higher order for ParaView: its elements divided, with nodes of their own, so that B may jump."""
+    share, _ = lattice(field.elements.order)
+    at = field.at_each(share)
+    data = {"A (Wb per m)": field.potential_at_each(share).ravel()}
+    for name, unit, vector in (("B", "T", at.flux_density), ("H", "A per m", at.field_strength)):
+        data |= {f"{name}_{axis} ({unit})": values for axis, values in zip("xy", vector, strict=True)}
+    write_mesh(path, divided(field.mesh, field.elements.order), point_data=data)
 
 
 def _write_history(history: tuple[Pass, ...], folder: Path) -> None:

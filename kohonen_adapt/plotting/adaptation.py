@@ -36,7 +36,7 @@ def adaptation_figure(
     potential
         (nnodes,), nodal values on ``after.mesh``; their contours are the field lines.
     magnitude
-        (nelements,), what is coloured under the field lines.
+        (nelements,), what is coloured under the field lines; either may be of a lattice, as of `draw_field_lines`.
     magnitude_label, indicator_label
         Labels of the colour bars, with units.
     lines_title

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import Collection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets
+from kohonen_adapt.display import DECADES, divided, divisions_of, in_unit, level_of_share, outlined_facets
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["COLOURS", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale", "set_axes"]
@@ -59,7 +59,7 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
 
 def draw_indicators(
     axes: Axes, mesh: MeshTri, indicators: ArrayLike, *, norm: Normalize | None = None, unit: str = "m"
-) -> PolyCollection:
+) -> Collection:
     """Colour every element by its error indicator.
 
     Parameters
@@ -73,7 +73,7 @@ def draw_indicators(
 
     Returns
     -------
-    PolyCollection
+    Collection
         For ``figure.colorbar``.
 
     Examples
@@ -96,23 +96,26 @@ def draw_indicators(
 
 def draw_field_lines(
     axes: Axes, mesh: MeshTri, potential: ArrayLike, magnitude: ArrayLike, *, lines: int = 20, unit: str = "m"
-) -> PolyCollection:
-    """Draw contours of a nodal potential, for A_z the flux lines, over a quantity that is constant per element.
+) -> Collection:
+    """Draw contours of a potential, for A_z the flux lines, over the magnitude of a field.
 
     Parameters
     ----------
     axes, mesh, unit
         As for `draw_mesh`.
     potential
-        (nnodes,); between neighbouring lines it changes by the same amount.
+        (nnodes,), linear in every element; between neighbouring lines it changes by the same amount.
     magnitude
-        (nelements,); the colours end where 1 % of the area has more.
+        (nelements,), constant in every element; the colours end where 1 % of the area has more.
+
+        Of elements of higher order either may be (k, nelements), at the points of a `kohonen_adapt.display.lattice` in
+        every element and linear between them.
     lines
         How many contours.
 
     Returns
     -------
-    PolyCollection
+    Collection
         For ``figure.colorbar``.
 
     Examples
@@ -125,17 +128,28 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    potential = as_reals("potential", potential, {"nnodes": mesh.p.shape[1]})
-    magnitude = as_reals("magnitude", magnitude, {"nelements": mesh.t.shape[1]})
-    norm = Normalize(0.0, level_of_share(magnitude, area(mesh), 0.99))
+    magnitude = _values("magnitude", magnitude, mesh, {"nelements": mesh.t.shape[1]})
+    weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
+    norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    x, y = in_unit(unit) * mesh.p
+    potential = _values("potential", potential, mesh, {"nnodes": mesh.p.shape[1]})
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
-        axes.tricontour(x, y, mesh.t.T, potential, levels=levels, colors="black", linewidths=0.5, linestyles="solid")
+        fine = mesh if potential.ndim == 1 else divided(mesh, divisions_of(len(potential)))
+        x, y = in_unit(unit) * fine.p
+        style = {"colors": "black", "linewidths": 0.5, "linestyles": "solid"}
+        axes.tricontour(x, y, fine.t.T, potential.ravel(), levels=levels, **style)
     _draw_outline(axes, mesh, unit, "black")
     return colours
+
+
+def _values(name: str, given: ArrayLike, mesh: MeshTri, shape: dict[str, int]) -> Floats:
+    """Values of that shape, or at the points of a lattice in every element."""
+    array = np.asarray(given)
+    if array.ndim == 2 and divisions_of(len(array)):
+        return as_reals(name, array, {"k": len(array), "nelements": mesh.t.shape[1]})
+    return as_reals(name, array, shape)
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:
@@ -165,7 +179,13 @@ def set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
 
 def _draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
-) -> PolyCollection:
+) -> Collection:
+    """Elements in colours: constant, or where values are those of a lattice, (k, nelements), linear between them."""
+    if values.ndim == 2:
+        fine = divided(mesh, divisions_of(len(values)))
+        x, y = in_unit(unit) * fine.p
+        look = {"shading": "gouraud", "rasterized": True}
+        return axes.tripcolor(x, y, fine.t.T, values.ravel(), norm=norm, cmap=colours, **look)
     x, y = in_unit(unit) * mesh.p
     # Edges in the colour of their element leave no light seams between elements.
     return axes.tripcolor(

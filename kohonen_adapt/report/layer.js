@@ -40,8 +40,8 @@ class Layer {
     return colours;
   }
 
-  planesOf(k) {
-    if (!this.planes.has(k)) this.planes.set(k, planesOf(this.mesh, this.mesh.values[k]));
+  planesOf(k, field) {
+    if (!this.planes.has(k)) this.planes.set(k, planesOf(this.mesh, this.mesh.values[k], field.at));
     return this.planes.get(k);
   }
 
@@ -95,8 +95,8 @@ class Layer {
   }
 
   paint(k, field, edges, lines) {
-    if (field.at === "node") this.shadeNodes(k, field);
-    else this.shadeElements(k, field);
+    if (field.at === "element") this.shadeElements(k, field);
+    else this.shadePlanes(k, field);
     if (edges) this.drawEdges();
     if (lines) this.drawLines(lines.k, lines.field);
     this.context.putImageData(this.image, 0, 0, this.begin, 0, this.end - this.begin, this.canvas.height);
@@ -119,8 +119,8 @@ class Layer {
     }
   }
 
-  shadeNodes(k, field) {
-    const paint = painter(field), planes = this.planesOf(k), {pixels} = this;
+  shadePlanes(k, field) {
+    const paint = painter(field), planes = this.planesOf(k, field), {pixels} = this;
     pixels.fill(0);
     this.eachPixel((p, e, x, y) => {
       pixels[p] = paint(planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y);
@@ -129,7 +129,7 @@ class Layer {
 
   // Contours: where the nearest level is less than a pixel away.
   drawLines(k, field) {
-    const planes = this.planesOf(k), step = (field.high - field.low) / (LINES + 1);
+    const planes = this.planesOf(k, field), step = (field.high - field.low) / (LINES + 1);
     if (!(step > 0)) return;
     this.eachPixel((p, e, x, y) => {
       const gx = planes[3 * e + 1], gy = planes[3 * e + 2];
@@ -220,8 +220,8 @@ class Layer {
     const x = (column + 0.5 - this.left) / this.zoom, y = (this.top - row - 0.5) / this.zoom;
     const point = [x + this.mesh.centre[0], y + this.mesh.centre[1]];
     if (field.kind === "plain") return {e, point, value: null};
-    if (field.at !== "node") return {e, point, value: this.valuesOf(k, field)[e]};
-    const planes = this.planesOf(k);
+    if (field.at === "element") return {e, point, value: this.valuesOf(k, field)[e]};
+    const planes = this.planesOf(k, field);
     return {e, point, value: planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y};
   }
 }

@@ -57,15 +57,16 @@ function shapeOf(mesh, wanted) {
   return found;
 }
 
-// The plane a + b x + c y of a nodal field over every element.
-function planesOf(mesh, values) {
+// The plane a + b x + c y over every element of a field at nodes, or at the corners of each element.
+function planesOf(mesh, values, at) {
   const {x, y, nodes: t, count: m} = mesh, planes = new Float64Array(3 * m);
   for (let e = 0; e < m; e++) {
     const i = t[e], j = t[m + e], k = t[2 * m + e];
     const ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i];
-    const du = values[j] - values[i], dv = values[k] - values[i], det = ux * vy - uy * vx;
+    const [first, second, third] = at === "corner" ? [e, m + e, 2 * m + e] : [i, j, k], from = values[first];
+    const du = values[second] - from, dv = values[third] - from, det = ux * vy - uy * vx;
     const gx = (du * vy - dv * uy) / det, gy = (dv * ux - du * vx) / det;
-    planes[3 * e] = values[i] - gx * x[i] - gy * y[i];
+    planes[3 * e] = from - gx * x[i] - gy * y[i];
     planes[3 * e + 1] = gx;
     planes[3 * e + 2] = gy;
   }

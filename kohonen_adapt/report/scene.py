@@ -93,10 +93,17 @@ def _bounds(meshes: Sequence[MeshTri], unit: str) -> list[list[float]]:
 
 
 def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [as_reals(label, function(each.solution), {"nelements": each.mesh.t.shape[1]}) for each in results]
+    values = [_by_element(label, function(each.solution), each.mesh) for each in results]
     ends = [_middle_ends(each, result.mesh) for each, result in zip(values, results, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    return _scaled(label, "element", values, 0.0 if low >= 0.0 else low, high)
+    at = "element" if all(each.ndim == 1 for each in values) else "corner"
+    return _scaled(label, at, values, 0.0 if low >= 0.0 else low, high)
+
+
+def _by_element(label: str, values: ArrayLike, mesh: MeshTri) -> Floats:
+    """Values (nelements,), or (3, nelements) at the corners of the elements."""
+    shape = {"nelements": mesh.t.shape[1]}
+    return as_reals(label, values, {"3": 3} | shape if np.ndim(values) == 2 else shape)
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
@@ -118,7 +125,7 @@ def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: flo
     about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
     about["below"] = any(bool(np.any(each < low)) for each in values)
     about["above"] = any(bool(np.any(each > high)) for each in values)
-    return Shown(about, [packed(each, "f4", coarse=at == "element") for each in values])
+    return Shown(about, [packed(each, "f4", coarse=at != "node") for each in values])
 
 
 def _middle_ends(values: Floats, mesh: MeshTri) -> tuple[float, float]:
@@ -126,7 +133,7 @@ def _middle_ends(values: Floats, mesh: MeshTri) -> tuple[float, float]:
     finite = np.isfinite(values)
     if not finite.any():
         return 0.0, 1.0
-    values, areas = values[finite], area(mesh)[finite]
+    values, areas = values[finite], np.broadcast_to(area(mesh), values.shape)[finite]
     return level_of_share(values, areas, 0.01), level_of_share(values, areas, 0.99)
 
 

@@ -47,7 +47,8 @@ def write_report(
         The heading, and a sentence that says what was to be done.
     point_data, cell_data
         Fields of the view: label, with a unit, to a function of a solution that gives values (nnodes,) or
-        (nelements,). The first of `cell_data` is shown at first; contours are those of the first of `point_data`.
+        (nelements,); for a field that is linear in every element (3, nelements), at the corners of ``mesh.t``. The
+        first of `cell_data` is shown at first; contours are those of the first of `point_data`.
         Indicators, quality, size and subdomains are there anyhow.
     indicator_label
         What the indicators are called, with their unit.

@@ -13,6 +13,7 @@ from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
+from kohonen_adapt.cases import read_case
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import Magnetostatics
 
@@ -75,6 +76,25 @@ def test_run_writes_mesh_fields_table_and_pictures(case, tmp_path, capsys):
     assert "Asked for: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
     assert report.count("<img ") == len(PICTURES)
     assert str(tmp_path) not in report and str(EXAMPLES) not in report
+
+
+def test_quadratic_elements_are_written_and_drawn_with_the_field_inside_them(case, tmp_path):
+    case.write_text("order = 2\n" + CASE.replace("passes = 2", "passes = 0"))
+    out = tmp_path / "out"
+    assert cli.main(["run", str(case), "--out", str(out)]) == 0
+    assert names_in(out) == sorted([*FILES, "field.vtu"])
+    problem, mesh = read_case(case).problem, ka.read_mesh(out / "adapted.msh", scale=1e-3)
+    field, inside = problem.solve(mesh), meshio.read(out / "field.vtu")
+    corner = inside.points[inside.cells_dict["triangle"]]
+    middle = corner.mean(axis=1)[:, :2].T
+    for name, wanted in {"B": field.flux_density_at(middle), "H": field.field_strength_at(middle)}.items():
+        unit = {"B": "T", "H": "A per m"}[name]
+        for axis, values in zip("xy", wanted, strict=True):
+            found = inside.point_data[f"{name}_{axis} ({unit})"][inside.cells_dict["triangle"]]
+            assert_allclose(found.mean(axis=1), values, atol=1e-9 * np.abs(wanted).max())
+            assert np.ptp(found, axis=1).max() > 0.1 * np.abs(wanted).max()
+    assert len(inside.cells_dict["triangle"]) == 4 * mesh.t.shape[1]
+    assert '"at":"corner"' in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(case, tmp_path):

@@ -12,9 +12,11 @@ from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 from kohonen_adapt import plotting
+from kohonen_adapt.display import divided, divisions_of, lattice
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics import Arctan, Table
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.outline.curves import Arc, Line
 
 
@@ -127,6 +129,32 @@ def test_field_lines_are_contours_of_the_potential():
     contours = next(each for each in drawing.collections if hasattr(each, "levels"))
     assert_allclose(contours.levels, [0.25, 0.5, 0.75])
     assert colours.norm.vmax == 1.0
+
+
+def test_fields_of_higher_order_are_drawn_as_they_are_inside_elements():
+    """A quadratic potential and its linear field, of a mesh of two elements, at the points of lattices."""
+    mesh, drawing = MeshTri(), axes()
+    share, _ = lattice(2)
+    x = np.einsum("iq,ik->qk", share, mesh.p[0, mesh.t])
+    colours = plotting.draw_field_lines(drawing, mesh, x**2, 2.0 * x + [0.0, 5.0], lines=1)
+    assert_allclose(colours.get_array(), (2.0 * x + [0.0, 5.0]).ravel())
+    contours = next(each for each in drawing.collections if hasattr(each, "levels"))
+    # From 0 to 1/4 between the first two points of a side, to 1 at the third: 1/2 is at 2/3. By corners it is at 1/2.
+    assert_allclose(contours.levels, [0.5])
+    assert_allclose(np.concatenate([path.vertices for path in contours.get_paths()])[:, 0], 2.0 / 3.0)
+    drawing.figure.canvas.draw()
+
+
+def test_the_lattice_of_three_divisions():
+    share, triangles = lattice(3)
+    assert share.shape == (3, 10) and triangles.shape == (3, 9) and divisions_of(10) == 3 and divisions_of(9) == 0
+    assert_allclose(share.sum(axis=0), 1.0)
+    mesh = two_regions()
+    fine = divided(mesh, 3)
+    assert fine.t.shape[1] == 9 * mesh.t.shape[1]
+    assert_allclose(area(fine).sum(), 1.0)
+    for name, rows in mesh.subdomains.items():
+        assert_allclose(area(fine)[fine.subdomains[name]].sum(), area(mesh)[rows].sum())
 
 
 def test_a_constant_potential_has_no_field_lines():

@@ -241,6 +241,19 @@ def test_settings_lose_their_folders(tmp_path):
     assert str(tmp_path.parent) not in path.read_text(encoding="utf-8")
 
 
+def test_a_field_that_is_linear_in_every_element_is_shown_by_its_corners(tmp_path):
+    before, after = before_and_after()
+    t = before.mesh.t
+    values = {"inside (m)": lambda solution: solution[t] + np.arange(t.shape[1])}
+    data = Page(hostile_report(tmp_path, cell_data=values)).data
+    assert data["fields"][0]["at"] == "corner" and data["fields"][0]["high"] > 100.0
+    for mesh, result in zip(data["meshes"], (before, after), strict=True):
+        wanted = result.mesh.p[0][t] + np.arange(t.shape[1])
+        assert_allclose(unpacked(mesh["values"][0]).reshape(3, -1), wanted, rtol=2.0**-16)
+    with pytest.raises(ValueError, match=r"^b must have shape \(3, nelements\) = \(3, 128\); got \(2, 128\)\.$"):
+        hostile_report(tmp_path, cell_data={"b": lambda solution: np.ones((2, 128))})
+
+
 def test_wrong_input(tmp_path):
     with pytest.raises(ValueError, match=r"x must have shape \(nnodes,\) = \(81,\); got \(3,\)"):
         hostile_report(tmp_path, point_data={"x": lambda solution: np.ones(3)})

@@ -2,8 +2,9 @@
 
 import shutil
 
+import numpy as np
 import pytest
-from helpers.reports import HOSTILE, hostile_report
+from helpers.reports import HOSTILE, a_mesh, hostile_report
 
 webdriver = pytest.importorskip("selenium.webdriver")
 
@@ -203,21 +204,36 @@ def test_keys_move_and_zoom(view):
     assert picture(view) == first
 
 
+POINT = """
+const box = canvas.getBoundingClientRect();
+const at = {pointerId: 1, clientX: box.left + 0.55 * box.width, clientY: box.top + 0.3 * box.height};
+canvas.dispatchEvent(new PointerEvent("pointermove", at));
+"""
+
+
+def read_at_a_point(browser, label):
+    """The name of the mesh there, the value and x."""
+    do(browser, POINT)
+    name, rest = browser.execute_script("return document.getElementById('value').textContent").split(f": {label}: ")
+    return name, float(rest.split(";")[0]), float(rest.split("x = ")[1].split(" ")[0])
+
+
 def test_values_are_those_of_the_field(view):
     """The first field is the middle of every element across; what is read lies within half an element of the point."""
-    do(
-        view,
-        """
-        const box = canvas.getBoundingClientRect();
-        const at = {pointerId: 1, clientX: box.left + 0.55 * box.width, clientY: box.top + 0.3 * box.height};
-        canvas.dispatchEvent(new PointerEvent("pointermove", at));
-    """,
-    )
-    said = view.execute_script("return document.getElementById('value').textContent")
-    name, rest = said.split(": middle (m): ")
-    value, x = float(rest.split(";")[0]), float(rest.split("x = ")[1].split(" ")[0])
+    name, value, x = read_at_a_point(view, "middle (m)")
     assert name == "after"
     assert value == pytest.approx(x, abs=0.1) and 0.5 < x < 1.0
+
+
+def test_a_field_that_is_linear_in_every_element_is_read_there(browser, tmp_path):
+    """By its values at the corners, where it may jump: x, and one more in every second element."""
+    t = a_mesh().t
+    jump = np.arange(t.shape[1]) % 2
+    opened(browser, hostile_report(tmp_path, cell_data={"inside (m)": lambda solution: solution[t] + jump}), 1280)
+    _, value, x = read_at_a_point(browser, "inside (m)")
+    assert value - x == pytest.approx(round(value - x), abs=2e-3)
+    do(browser, "element('edges').click();")
+    assert browser.get_log("browser") == []
 
 
 def test_without_javascript_there_is_all_but_the_view(browser, path):

@@ -100,6 +100,10 @@ class Linear(_Polynomials):
         """Gradient at the quadrature points, (2, npoints)."""
         return gradient(self.mesh, u, self.hats)
 
+    def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
+        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
+        return np.sum(share * u[self.unknowns[:, element]], axis=0)
+
     def mean(self, values: Floats) -> Floats:
         """The mean over every element, (..., nelements), of what is at the quadrature points."""
         return values
@@ -212,13 +216,12 @@ class Quadratic(_Polynomials):
         return u[self.unknowns[3:]].mean(axis=0)
 
     def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
         # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
         functions = np.vstack((share * (2.0 * share - 1.0), 4.0 * share * share[[1, 2, 0]]))
         return np.sum(functions * u[self.unknowns[:, element]], axis=0)
 
     def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        """Its gradient there, (2, n)."""
+        """Gradient of a function at such points, (2, n)."""
         node, middle = u[self.unknowns[:, element]].reshape(2, 3, -1)
         other, last = [1, 2, 0], [2, 0, 1]
         by_share = (4.0 * share - 1.0) * node + 4.0 * (share[other] * middle + share[last] * middle[last])

@@ -111,11 +111,25 @@ class LocalField:
             density = self.symmetry.flux_density(x, self.elements.gradient_at(self.unknown, element, share))
         return PointField(element, x, density, self.coefficients.at_points(element))
 
+    def at_each(self, share: Floats) -> PointField:
+        """The field at the points of these barycentric coordinates (3, k) in every element, from inside it.
+
+        The points are in the order of (k, nelements).
+        """
+        return self.at_shares(*self._in_each(share))
+
+    def potential_at_each(self, share: Floats) -> Floats:
+        """The potential at such points, (k, nelements)."""
+        return self.elements.at(self._values, *self._in_each(share)).reshape(share.shape[1], -1)
+
+    def _in_each(self, share: Floats) -> tuple[Ints, Floats]:
+        count = self.mesh.t.shape[1]
+        return np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1)
+
     @cached_property
     def at_corners(self) -> PointField:
-        """The field at the corners of the elements, from inside each, in the order of ``mesh.t.ravel()``."""
-        count = self.mesh.t.shape[1]
-        return self.at_shares(np.tile(np.arange(count), 3), np.repeat(np.eye(3), count, axis=1))
+        """The field at the corners of the elements, in the order of ``mesh.t.ravel()``."""
+        return self.at_each(np.eye(3))
 
     @cached_property
     def flux_density(self) -> Floats:
