@@ -165,8 +165,7 @@ class Magnetostatics(Arguments):
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_mesh(mesh)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        elements = elements_on(mesh, self.order, symmetry)
-        given = coefficients(mesh, self.materials, self.ampere_turns)
+        elements, given = elements_on(mesh, self.order, symmetry), coefficients(mesh, self.materials, self.ampere_turns)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
