@@ -11,10 +11,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Kind, Reader, called, list_of, made, made_by_name, tuple_of
 from kohonen_adapt.io import Groups, read_groups
+from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
@@ -67,6 +69,7 @@ class Quantity:
     function: Callable[[Field], float]
     unit: str
     bodies: tuple[str, ...] = ()
+    centre: Point | None = None  # about which the bodies are turned
 
     def __call__(self, field: Field) -> float:
         """Its value."""
@@ -80,7 +83,7 @@ def _force(body: str | list[str], component: Literal["x", "y"]) -> Quantity:
 
 def _torque(body: str | list[str], centre: Point = (0.0, 0.0)) -> Quantity:
     names = _names(body)
-    return Quantity(lambda field: field.torque(names, centre), "N m", names)
+    return Quantity(lambda field: field.torque(names, centre), "N m", names, centre)
 
 
 def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
@@ -216,3 +219,31 @@ class Case:
             As `adapt` takes them for ``pinned``.
         """
         return [*self.pinned, *self.groups.held(mesh.scaled(1.0 / self.scale))]
+
+    def options(self, mesh: MeshTri) -> dict[str, Any]:
+        """The arguments of `adapt` for its mesh: what is pinned, and what is round, too.
+
+        Round is what the mid-side nodes of a file of second order show, and the bore of a body whose torque is asked,
+        but for boundaries of pairs and those that share facets with others that have a curve.
+
+        Parameters
+        ----------
+        mesh
+            What `fitting_mesh` gives.
+
+        Returns
+        -------
+        dict
+            By name.
+        """
+        curves = dict(self.adapt.get("curves") or {})
+        taken = np.concatenate([[], *(np.asarray((mesh.boundaries or {}).get(name, [])) for name in curves)])
+        told = dict[str, Arc | Line | Spline]()
+        for each in self.outputs.values():
+            told |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
+        paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
+        for name, curve in (shown_curves(self.mesh, mesh, self.scale) | told).items():
+            facets = np.asarray(mesh.boundaries[name])
+            if name not in paired and not np.isin(facets, taken).any():
+                curves[name], taken = curve, np.append(taken, facets)
+        return {**self.adapt, "pinned": self.pins(mesh)} | ({"curves": curves} if curves else {})

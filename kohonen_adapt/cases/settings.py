@@ -138,7 +138,7 @@ def fitting_mesh(case: Case) -> MeshTri:
             for body in each.bodies:
                 elements_in(mesh, body)
     with about("adapt"), suppress(_Checked):
-        adapt(mesh, _Unsolved(**vars(case.problem)), outputs=case.outputs, **case.adapt)
+        adapt(mesh, _Unsolved(**vars(case.problem)), outputs=case.outputs, **case.options(mesh))
     return mesh
 
 

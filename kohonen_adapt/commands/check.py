@@ -7,21 +7,25 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.display import counted
 from kohonen_adapt.io import Groups
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.suspects import suspects
 
-__all__ = ["described", "faults", "outlines_described", "points_described", "thin_parts", "unit_doubts"]
+__all__ = ["described", "faults", "hints", "outlines_described", "points_described", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
 MIN_QUALITY = Rules.min_quality or 0.0  # of `adapt`, where nothing else is asked
 SHOWN = 3  # places of a kind
+LONG = 25.0  # a part is narrow whose squared outline is so many times its area, as of a rectangle of 1 by 4
+TIPS = 0.05  # of the area of a part: if less of it is one layer, that is where its sides meet
 LISTED = 6  # radii; of more than that the least and the greatest are told
 
 
@@ -115,20 +119,54 @@ def faults(mesh: MeshTri) -> Iterator[str]:
         )
 
 
+def hints(movable: MovableMesh) -> Iterator[str]:
+    """Sentences about what may be meant and costs accuracy where it is not; of a mesh without layers."""
+    yield from thin_parts(movable)
+    yield from coarse_arcs(movable)
+
+
 def thin_parts(movable: MovableMesh) -> Iterator[str]:
-    """Sentences about subdomains with one layer of elements between two sides; of a mesh without layers."""
+    """Sentences about long and narrow subdomains with one layer of elements between their sides, not at tips alone."""
     triangulation, constraints = movable.triangulation, movable.constraints
+    size = area(triangulation.mesh)
     for name, rows in named_sets(triangulation.mesh.subdomains).items():
         for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
+            own = inside[triangulation.elements.region]
+            if perimeter(triangulation, own) ** 2 < LONG * size[own].sum():
+                continue
             try:
                 bands = bands_of(triangulation, constraints, name, 2, inside)
             except ValueError:  # no sides that face each other: it is not thin
                 continue
             for band in bands:
+                one, other = (np.isin(triangulation.elements.node, side).any(axis=1) for side in band.sides)
+                if size[own & one & other].sum() < TIPS * size[own].sum():
+                    continue
                 try:
                     check_number(triangulation.position, band)
                 except ValueError as error:
                     yield f"{str(error).partition(';')[0]}: a field across it is poor. Refine it there."
+
+
+def perimeter(triangulation: Triangulation, own: Mask) -> float:
+    """The length of the outline around some elements, a mask (m,)."""
+    across = triangulation.elements.neighbour
+    e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
+    a, b = triangulation.elements.ends(e, k)
+    return float(np.sum(np.hypot(*(triangulation.position[b] - triangulation.position[a]).T)))
+
+
+def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
+    """Sentences about polygons that may be arcs of few nodes."""
+    for names, nodes, turn, (x, y), radius in suspects(movable):
+        key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
+        called, first = (f"boundary '{key}'", "") if names else ("an outline without a name", "name it (as lines) and ")
+        yield (
+            f"{called} has {nodes} nodes on a circle of radius {radius:.6g} m about {at} m and turns by up to "
+            f"{np.rad2deg(turn):.3g} degrees at each: it is taken for a polygon, and new nodes go on its sides. If it "
+            f'is round, {first}adapt with curves={{"{key}": ka.Arc({at}, {radius:.9g})}}, in a case '
+            f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {radius:.9g}}}.'
+        )
 
 
 def unit_doubts(mesh: MeshTri) -> Iterator[str]:

@@ -21,9 +21,9 @@ from kohonen_adapt.commands.arguments import command_parser, writable_folder
 from kohonen_adapt.commands.check import (
     described,
     faults,
+    hints,
     outlines_described,
     points_described,
-    thin_parts,
     unit_doubts,
 )
 from kohonen_adapt.commands.pictures import drawn, write_overview, write_pictures
@@ -187,7 +187,8 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     found = list(faults(mesh))
     movable = MovableMesh.of(mesh, Rules())
     terminal.say("\n".join(outlines_described(movable)))
-    found += thin_parts(movable)
+    for hint in hints(movable):
+        terminal.say(f"hint: {hint}")
     terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return FAILED if found else DONE
 

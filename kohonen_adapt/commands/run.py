@@ -111,7 +111,7 @@ class CaseRun:
             interim=self._interim,
             progress=self.progress,
             checkpoint=self.passes,
-            **{**case.adapt, "pinned": case.pins(self.mesh)},
+            **case.options(self.mesh),
         )
         if self._written is not result.mesh:  # all its passes are of a run before
             self._write(result)

@@ -73,8 +73,7 @@ class CaseOutputs:
         """The outputs of the adapted case with these values, by name and unit."""
         case = self.case(values)
         mesh = fitting_mesh(case)
-        options = {**case.adapt, "pinned": case.pins(mesh)}
-        result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **options)
+        result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **case.options(mesh))
         if result.error:
             raise result.error
         return result.best.outputs

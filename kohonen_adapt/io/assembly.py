@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["to_curves", "to_mesh"]
+__all__ = ["is_second_order", "to_curves", "to_mesh"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -205,10 +205,14 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     return curves
 
 
+def is_second_order(content: Content) -> bool:
+    """Whether all triangles are of second order."""
+    return {kind for kind in content.rows if shape_of(kind) == TRIANGLE} == {TRIANGLE6}
+
+
 def _check_order(content: Content, path: Path) -> None:
-    kinds = {kind for kind in content.rows if shape_of(kind) == TRIANGLE}
-    if kinds != {TRIANGLE6}:
-        found = "others, too" if TRIANGLE6 in kinds else "none"
+    if not is_second_order(content):
+        found = "others, too" if TRIANGLE6 in content.rows else "none"
         raise ValueError(
             f"read_curves expected triangles of second order only, for their mid-side nodes; '{path}' has {found}. "
             "Mesh with Mesh.ElementOrder = 2, or take the nodes of the mesh: Spline.through(mesh, name)."

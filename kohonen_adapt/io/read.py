@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skfem import MeshTri
 
-from kohonen_adapt.io.assembly import to_curves, to_mesh
+from kohonen_adapt.io.assembly import is_second_order, to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
 from kohonen_adapt.io.elmer import HEADER, read_elmer
 from kohonen_adapt.io.femm import read_ans
@@ -18,7 +18,7 @@ from kohonen_adapt.io.meshio_reader import FORMATS, read_content
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["read_curves", "read_groups", "read_mesh"]
+__all__ = ["read_curves", "read_groups", "read_mesh", "shown_curves"]
 
 Reader = Callable[[Path], Content]
 
@@ -140,6 +140,12 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
     _reader(path, scale, "read_curves", CURVED)
     check_mesh(mesh)
     return to_curves(read_msh(path), mesh, path, float(scale))
+
+
+def shown_curves(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
+    """As `read_curves`; none of a file that is not of second order, or of another kind."""
+    content = read_msh(path) if path.suffix.lower() in MSH_VERSION else None
+    return to_curves(content, mesh, path, scale) if content is not None and is_second_order(content) else {}
 
 
 def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -> Reader:

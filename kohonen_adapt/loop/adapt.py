@@ -21,7 +21,7 @@ from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.polishing.polish import PLAN
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import Problem, check_problem, nodes_held, order_of, pairs_of
+from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, nodes_held, order_of, pairs_of
 from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
@@ -75,7 +75,8 @@ def adapt(
         ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``,
         ``calibrated`` (False: whether the indicators are near the error itself, so that the table may say so), and
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
-        it), ``pairs`` (its periodic and antiperiodic boundaries), and ``points`` (names to places of nodes that stay).
+        it), ``pairs`` (its periodic and antiperiodic boundaries), ``points`` (names to places of nodes that stay), and
+        ``curves(mesh)`` (what it knows to be round).
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol
@@ -154,7 +155,8 @@ def adapt(
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
     pairs = pairs_of(problem) if periodic is None else periodic
-    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, pairs, layers).guarded()
+    round_ = curves_of(problem, mesh, curves)
+    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()
     rules = holding(rules, nodes_held(problem, mesh))
     movable = MovableMesh.of(mesh, rules)
     growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)

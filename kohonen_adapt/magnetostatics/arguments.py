@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.quantities.bodies import bores
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.outline.curves import Arc
 from kohonen_adapt.outline.rules import checked_pair
 
 __all__ = ["Arguments"]
@@ -76,6 +79,28 @@ class Arguments:
             self.applied_field,
             {name: np.asarray(places) for name, places in (self.points or {}).items()},
         )
+
+    def curves(self, mesh: MeshTri) -> dict[str, Arc]:
+        """The boundaries that are round because a torque is the goal: the bore of a body that turns.
+
+        Parameters
+        ----------
+        mesh
+            The mesh of the problem.
+
+        Returns
+        -------
+        dict
+            By name, of those with too few nodes to be seen as round: for `curves` of `kohonen_adapt.adapt`, which asks.
+
+        Raises
+        ------
+        ValueError
+            If the mesh lacks the body.
+        """
+        told = bores(mesh, self.goal.body, self.goal.centre) if isinstance(self.goal, Torque) else {}
+        paired = {name for pair in self.pairs for name in pair[:2]}
+        return {name: arc for name, arc in told.items() if name not in paired}
 
     def _check_kinds(self) -> None:
         if self.estimator not in ESTIMATORS:

@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
+from kohonen_adapt.outline.coarse_arcs import FEWEST_FACETS
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.cutting import lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
@@ -18,7 +19,7 @@ logger = logging.getLogger("kohonen_adapt")
 __all__ = ["chains_of", "curve_of_facets", "pair_chains", "without_corner"]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
-FACETS = 5  # of an arc at least, so that it goes on being seen as one
+FACETS = 5  # of an arc at least, so that it goes on being seen as one; of a coarse one FEWEST_FACETS
 ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
@@ -98,9 +99,10 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     table.length[is_round] = radius * full
     coarse = np.clip(ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi)
     # what is given need not be recognised again
-    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / FACETS))
+    fewest = np.where(pieces.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
+    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / fewest))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
-    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / FACETS))
+    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / fewest))
     chord = np.maximum(table.reach, longest)[is_round]
     table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
 

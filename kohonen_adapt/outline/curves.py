@@ -160,12 +160,13 @@ def projected(curve: Curve, points: Floats, name: str) -> Floats:
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
     """Refuse a curve that the nodes of its boundary are not on."""
-    way = nodes - projected(curve, nodes, name)
-    off, size = np.sqrt(np.max(np.sum(way**2, axis=1))), size_of(nodes)
+    way = np.hypot(*(nodes - projected(curve, nodes, name)).T)
+    off, size, (x, y) = way.max(), size_of(nodes), nodes[np.argmax(way)]
     if off > NEAR * size:
         raise ValueError(
-            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size "
-            f"{size:.6g}; one is {off:.6g} away. Give the curve that the mesh was made with."
+            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size, "
+            f"{size:.6g} in units of the mesh; the one at ({x:.6g}, {y:.6g}) is {off:.6g} away. Give the curve "
+            "that the mesh was made with, in the same unit."
         )
 
 

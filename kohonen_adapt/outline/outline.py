@@ -8,6 +8,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import listed
 from kohonen_adapt.kernels.arrays import (
     FREE,
     HELD,
@@ -24,14 +25,17 @@ from kohonen_adapt.kernels.arrays import (
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains, without_corner
+from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, ways_along
 from kohonen_adapt.outline.polylines import Pieces, Runs, cut
 from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
+from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["Outline"]
 
@@ -70,7 +74,7 @@ class Outline:
         curves of what is no boundary or has nodes that are not on it, and periodic boundaries that do not match.
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
-        curves = checked_curves(triangulation.mesh, rules.curves)
+        curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
         curve = curve_of_facets(facets, curves)
@@ -124,7 +128,17 @@ class Outline:
 
     def sagitta(self, triangulation: Triangulation) -> float:
         """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
-        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
+        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]
+
+    def farthest_curve(self, triangulation: Triangulation) -> str:
+        """Which curve is farthest from its facets: the boundaries that it is part of, or what lies beside it."""
+        _, c = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
+        names = [name for name, manner in self.names.items() if manner[c]]
+        if names:
+            return f"boundary {' + '.join(map(repr, names))}"
+        beside = set(triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)].tolist())
+        found = named_sets(triangulation.mesh.subdomains).items()
+        return listed(name for name, rows in found if beside & set(triangulation.region_of_input[rows].tolist()))
 
     @property
     def straight(self) -> Mask:
@@ -177,6 +191,12 @@ class Outline:
         return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
 
 
+def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
+    """The curves, with the circle in place of a spline through points of one."""
+    arcs = {name: curve.as_arc() for name, curve in curves.items() if isinstance(curve, Spline)}
+    return curves | {name: arc for name, arc in arcs.items() if arc is not None}
+
+
 def cut_alike(
     triangulation: Triangulation,
     facets: Facets,
@@ -193,9 +213,10 @@ def cut_alike(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
             "none. Leave its curve out."
         )
-    stops = pinned.copy()
+    stops, centres = pinned.copy(), centres_of(pairs.motions)
     while True:
         runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves)
+        pieces = with_coarse_arcs(triangulation.position, runs.node, pieces, centres)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[runs.node[pieces.slots]] = True
         sliding[runs.node[np.stack([pieces.first, pieces.last])[:, ~pieces.closed]]] = False

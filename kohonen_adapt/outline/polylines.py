@@ -13,7 +13,19 @@ from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 from kohonen_adapt.outline.curves import Arc, Curve, check_near
 from kohonen_adapt.outline.cutting import cut_runs
 
-__all__ = ["CORNER", "Pieces", "Polyline", "Runs", "cut", "meetings", "nodes_of", "polylines_of", "traced", "turns"]
+__all__ = [
+    "CORNER",
+    "Pieces",
+    "Polyline",
+    "Runs",
+    "cut",
+    "meetings",
+    "nodes_of",
+    "polylines_of",
+    "traced",
+    "turns",
+    "without_noise",
+]
 
 BITS = 43  # of centres and radii of recognised circles
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner

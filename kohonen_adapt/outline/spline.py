@@ -14,13 +14,15 @@ from skfem.mesh import MeshTri1
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.outline.curves import checked_points
+from kohonen_adapt.outline.curves import Arc, checked_points
+from kohonen_adapt.outline.cutting import fitted_circle
 from kohonen_adapt.outline.polylines import polylines_of
 
 __all__ = ["Spline"]
 
 SAME = 1e-14  # of the length of a spline: points nearer to each other are one
 FLAT = 1.0 / 100.0  # of its chord: what is between two samples is nowhere farther off it
+FEWEST, CIRCULAR = 4, 1e-6  # points that show a circle, and how far off it they may be, of its radius
 HALVINGS = 20  # at most, should the spline have a cusp
 CHUNK = 256  # points that are looked up together: many samples may be about as near to each of them
 EPSILON = np.finfo(float).eps
@@ -121,6 +123,19 @@ class Spline:
         number_facets(mesh)
         polylines = polylines_of(mesh.facets[:, facets].T, mesh.p)
         return cls.of_pieces([(mesh.p[:, line.nodes], line.closed) for line in polylines])
+
+    def as_arc(self) -> Arc | None:
+        """The circle that all points are on, where there are four and more and they are.
+
+        Returns
+        -------
+        Arc or None
+            None where they are farther off it than 1e-6 of its radius.
+        """
+        points = np.concatenate(self.pieces, axis=1).T
+        x, y, radius = fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)
+        off = np.abs(np.hypot(points[:, 0] - x, points[:, 1] - y) - radius)
+        return Arc((x, y), radius) if len(points) >= FEWEST and off.max() <= CIRCULAR * radius < np.inf else None
 
     def __repr__(self) -> str:
         count = sum(points.shape[1] for points in self.pieces)

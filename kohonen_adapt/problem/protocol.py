@@ -1,6 +1,6 @@
 """What the loop asks of a problem, and the answers checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ __all__ = [
     "NotOffered",
     "Problem",
     "check_problem",
+    "curves_of",
     "energy_norm",
     "estimate",
     "is_calibrated",
@@ -63,8 +64,9 @@ class Problem(Protocol):
     ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
     ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises; ``pairs``, its periodic
     and antiperiodic boundaries as pairs, as ``Rules.periodic`` has them; ``points``, names to places (2, n) where the
-    mesh has nodes that must stay. A method that a class has for some of its problems only raises `NotOffered` for the
-    others, with the reason.
+    mesh has nodes that must stay; ``curves(mesh)``, curves of boundaries by name that it knows of, for
+    ``Rules.curves``. A method that a class has for some of its problems only raises `NotOffered` for the others, with
+    the reason.
 
     ``enriched(mesh, solution)`` is a better solution on the same mesh, by elements of a higher degree: where a run has
     stalled, it is asked for once, and tells whether outputs of the result are worse than the input's.
@@ -219,6 +221,15 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
     if ritz.order != order_of(problem):
         raise NotOffered(f"its Ritz is of order {ritz.order}, its elements of order {order_of(problem)}")
     return ritz
+
+
+def curves_of(problem: Problem, mesh: MeshTri, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """The curves given for boundaries, and those that the problem itself knows of, its ``curves(mesh)``."""
+    tell = getattr(problem, "curves", None)
+    if not callable(tell) or not (given is None or isinstance(given, Mapping)):
+        return given
+    told = tell(mesh)
+    return {**told, **(given or {})} if told else given
 
 
 def offers(problem: Problem, name: str) -> bool:

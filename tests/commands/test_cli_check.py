@@ -115,6 +115,23 @@ def test_a_gap_of_one_layer(layers, thin):
         assert found[0].startswith("subdomain 'gap' has 1 layer of elements between its sides near (")
 
 
+def test_a_gap_of_one_layer_is_no_fault(tmp_path, capsys):
+    ticks = np.array([0.0, 0.4, 0.8, 0.9, 1.3, 1.7])
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 8), ticks)
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    gap = (mesh.p[1, mesh.t].mean(axis=0) > 0.8) & (mesh.p[1, mesh.t].mean(axis=0) < 0.9)
+    mesh = mesh.with_subdomains({"gap": np.flatnonzero(gap), "rest": np.flatnonzero(~gap)})
+    lines = said_of(mesh, tmp_path, capsys).splitlines()
+    assert lines[-2].startswith("hint: subdomain 'gap' has 1 layer of elements between its sides near (")
+    assert lines[-1] == "Nothing is wrong."
+
+
+def test_a_region_of_many_elements_is_not_thin_where_its_sides_meet(capsys):
+    """Near a corner one of its 1128 elements joins them."""
+    assert cli.main(["check", str(EXAMPLES / "getdp.msh")]) == 0
+    assert "layer" not in capsys.readouterr().out
+
+
 def test_no_fault_in_a_mesh_with_every_kind_of_name():
     said = " ".join(faults(named(8)))
     assert "hanging" not in said and "coincident rim node" not in said

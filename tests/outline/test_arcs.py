@@ -185,7 +185,10 @@ def test_how_far_facets_are_from_their_curves_is_in_the_log(caplog):
     ends = np.angle((result.p[0] + 1j * result.p[1])[result.facets[:, result.boundaries["outer"]]])
     turn = np.abs(np.angle(np.exp(1j * np.diff(ends, axis=0)))).max()
     sagitta, before = 1 - np.cos(turn / 2), 1 - np.cos(np.pi / 40)
-    assert f"curves are up to {sagitta:.3g} away from their facets; before up to {before:.3g}" in caplog.messages
+    assert (
+        f"curves are up to {sagitta:.3g} away from their facets, that of boundary 'outer', and were up to "
+        f"{before:.3g}, in units of the mesh"
+    ) in caplog.messages
 
 
 def spiral(n, growth, angle):
@@ -194,7 +197,7 @@ def spiral(n, growth, angle):
 
 
 NOT_ROUND = {
-    "five nodes": lambda: sector(4, 2),
+    "five nodes": lambda: strip(spiral(5, 0.0, 1.5)),
     "eight sides": lambda: ring(8, 2),
     "turns of 36 degrees": lambda: ring(10, 2),
     "ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(24) for s in (0.5, 1)], 2),
@@ -637,13 +640,13 @@ def test_a_corner_of_a_given_curve_is_held_and_divides_it():
         ),
         (
             {"outer": ka.Arc((0, 0), 1.1)},
-            r"the nodes of boundary 'outer' must lie on the curve given for it, within 0\.001 of its size 2; "
-            r"one is 0\.1 away\.",
+            r"the nodes of boundary 'outer' must lie on the curve given for it, within 0\.001 of its size, 2 "
+            r"in units of the mesh; the one at \(.*, .*\) is 0\.1 away\.",
         ),
         (
             {"inner": ka.Line((0, 0), (1, 0))},
-            r"the nodes of boundary 'inner' must lie on the curve given for it, within 0\.001 of its size 1; "
-            r"one is 0\.5 away\.",
+            r"the nodes of boundary 'inner' must lie on the curve given for it, within 0\.001 of its size, 1 "
+            r"in units of the mesh; the one at \(.*, .*\) is 0\.5 away\.",
         ),
         (
             {"outer": Answer(lambda x: np.round(x, 3))},

@@ -267,8 +267,8 @@ def look_up(constraints, nodes, out):
 
 @kernel
 def farthest_from_facets(position, elements, constraints):
-    """How far at most a curve is from its facets, looked at in the middle of each: the sagitta of an arc."""
-    chains, farthest = constraints.chains, 0.0
+    """How far at most a curve is from its facets, looked at in the middle of each: the sagitta of an arc; and which."""
+    chains, farthest, which = constraints.chains, 0.0, np.int64(-1)
     for e in range(elements.node.shape[0]):
         for k in range(3):
             c = np.int64(elements.chain[e, k])
@@ -277,5 +277,7 @@ def farthest_from_facets(position, elements, constraints):
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
             x, y, _ = middle_on_chain(position, constraints, c, a, b)
             dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])
-            farthest = max(farthest, math.sqrt(dx * dx + dy * dy))
-    return farthest
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance > farthest:
+                farthest, which = distance, c
+    return farthest, which

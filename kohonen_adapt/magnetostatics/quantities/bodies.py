@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from skfem import MeshTri
 
@@ -13,11 +14,13 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 from kohonen_adapt.mesh.names import named, named_sets
+from kohonen_adapt.outline.curves import Arc
 
 __all__ = [
     "Cut",
     "Names",
     "air_elements",
+    "bores",
     "elements_in",
     "isolated_body",
     "mirror_cut",
@@ -27,6 +30,7 @@ __all__ = [
 
 AIR_TOLERANCE = 1e-6  # of the relative permeability: air as it is (1.0000004) is air
 NEAR = 1e-9  # of the size of the mesh
+FEW = (2, 4, 10)  # facets of an arc that is told by what turns: at least, at most, and at most of a whole circle
 ROUND = 1e-3  # of the length of a facet: how much its ends may differ in radius on a circle
 
 Names = str | Sequence[str]
@@ -130,6 +134,7 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
         raise ValueError(
             "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
             "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond."
+            + _left_arcs(mesh, own, centre)
         )
     one, other = (_by_radius(mesh.facets[:, side], radial) for side in sides)
     if one.size != other.size or np.any(np.abs(np.hypot(*radial[:, one]) - np.hypot(*radial[:, other])) > 1e3 * near):
@@ -139,6 +144,36 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
         )
     twin[other] = one
     return Cut(np.concatenate(sides), None, twin)
+
+
+def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
+    """The boundaries where a body that turns about a centre ends at the outer boundary, of too few nodes to be arcs.
+
+    A polygon there would be no part of a body that turns.
+    """
+    middle, found = np.asarray(centre, dtype=float), {}
+    outer = _outer_facets(mesh, elements_in(mesh, names))
+    radius = np.hypot(*(mesh.p - middle[:, None]))
+    for name, rows in named_sets(mesh.boundaries).items():
+        facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])
+        few = FEW[0] <= len(facets) <= FEW[1 + (len(nodes) == len(facets))]
+        if few and np.isin(facets, outer).all() and np.ptp(radius[nodes]) <= NEAR * radius.max():
+            found[name] = Arc((float(middle[0]), float(middle[1])), float(radius[nodes].mean()))
+    return found
+
+
+def _left_arcs(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
+    """What to say where these facets are of boundaries with some nodes on a circle, and others on its chords."""
+    found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
+    for name, rows in sorted(named_sets(mesh.boundaries).items()):
+        own = radius[np.unique(mesh.facets[:, rows])]
+        on = own > (1.0 - NEAR) * own.max(initial=0.0)
+        if np.isin(rows, facets).any() and on.sum() > FEW[0] and own.min() > 0.5 * own.max():
+            at = ", ".join(f"{coordinate:.9g}" for coordinate in centre)
+            found.append(f'"{name}": ka.Arc(({at}), {own.max():.9g})')
+    if not found:
+        return ""
+    return f" If nodes have left an arc that had too few to be seen, adapt with curves={{{', '.join(found)}}}."
 
 
 def _outer_facets(mesh: MeshTri, inside: Mask) -> Ints:

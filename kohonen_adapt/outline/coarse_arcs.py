@@ -1,0 +1,59 @@
+"""Recognise arcs of four and five nodes where other outlines have the same centre."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import FIRST, IS_ROUND, LAST
+from kohonen_adapt.outline.cutting import arc_end, circle_of_part
+from kohonen_adapt.outline.polylines import Pieces, without_noise
+
+__all__ = ["FEWEST_FACETS", "centres_of", "with_coarse_arcs"]
+
+FEWEST_FACETS = 3  # four nodes: any three are on a circle
+ANGLE = 1e-6  # radians: a motion that turns by less is a translation
+CONCENTRIC = 1e-3  # of the radius: centres nearer to each other than that are one
+
+
+def with_coarse_arcs(position: Floats, node: Ints, pieces: Pieces, centres: Floats) -> Pieces:
+    """The pieces with single facets joined to arcs.
+
+    So few nodes may lie on a circle by chance, as those of a chamfer do. It is one where its centre is that of another
+    arc, recognised or given, of another such piece, or one of the `centres` (k, 2).
+    """
+    found = list(candidates(position, node, pieces))
+    if not found:
+        return pieces
+    own = without_noise(np.array([candidate for _, _, candidate in found]))
+    known = np.concatenate([own[:, :2], pieces.circle[pieces.is_round, :2], centres.reshape(-1, 2)])
+    kept, rows, circle = np.ones(len(pieces.rows), dtype=bool), pieces.rows.copy(), pieces.circle.copy()
+    for number, (first, last, _) in enumerate(found):
+        near = np.hypot(*(known - own[number, :2]).T) <= CONCENTRIC * own[number, 2]
+        near[number] = False
+        if near.any():
+            rows[first, LAST], rows[first, IS_ROUND], circle[first] = rows[last, LAST], 1, own[number]
+            kept[first + 1 : last + 1] = False
+    return Pieces(rows[kept], circle[kept], pieces.curve[kept])
+
+
+def centres_of(motions: Floats) -> Floats:
+    """Where rotations leave a point in its place, (k, 2); `motions` (m, 2, 3) may be others, too."""
+    off = np.eye(2) - motions[:, :, :2]
+    turns = (np.linalg.det(motions[:, :, :2]) > 0.0) & (np.abs(np.linalg.det(off)) > ANGLE**2)
+    return np.linalg.solve(off[turns], motions[turns, :, 2:])[:, :, 0]
+
+
+def candidates(position: Floats, node: Ints, pieces: Pieces) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
+    """First and last piece of every stretch of single facets on one circle, and that circle."""
+    rows, single = pieces.rows, (pieces.facets == 1) & ~pieces.is_round & (pieces.curve < 0)
+    linked = np.append(single[1:] & single[:-1] & (rows[1:, FIRST] == rows[:-1, LAST]), False)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], linked]).astype(np.int8)))
+    for first, last in ends.reshape(-1, 2).tolist():
+        at, stop = int(rows[first, FIRST]), int(rows[last, LAST])
+        piece_of = first - at
+        while at + FEWEST_FACETS <= stop:
+            end = arc_end(position, node, at, stop)
+            if end - at >= FEWEST_FACETS:
+                yield piece_of + at, piece_of + end - 1, circle_of_part(position, node, at, end)
+            at = end if end - at >= FEWEST_FACETS else at + 1

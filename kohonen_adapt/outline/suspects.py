@@ -1,0 +1,51 @@
+"""Find polygons whose corners lie on a circle: they may be arcs of too few nodes to be seen."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import STRAIGHT
+from kohonen_adapt.outline.cutting import fitted_circle, turn_at
+from kohonen_adapt.outline.facets import joints_of, outline_facets, runs_of
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.polylines import without_noise
+
+__all__ = ["Suspect", "suspects"]
+
+CIRCULAR = 1e-6  # of the radius: corners farther off are on no circle
+SHARPEST = np.deg2rad(75.0)  # a turn: between those of a pentagon and of a square, which is one
+FACETS = 3  # at least: any three nodes are on a circle
+
+
+class Suspect(NamedTuple):
+    """A polygon with its corners on a circle."""
+
+    names: list[str]  # of boundaries that it is part of
+    nodes: int
+    turn: float  # at each of them, at most, in radians
+    centre: tuple[float, float]
+    radius: float
+
+
+def suspects(movable: MovableMesh) -> Iterator[Suspect]:
+    """The outlines from one meeting with others to the next, or all round, that are such polygons."""
+    triangulation, outline = movable.triangulation, movable.outline
+    facets, position = outline_facets(triangulation), triangulation.position
+    joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
+    runs = runs_of(facets, joints, outline.pinned)
+    chain = triangulation.elements.chain[facets.element, facets.corner]
+    alone = np.bincount(chain, minlength=len(outline.straight)) == 1
+    single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.given < 0))[chain]
+    for first, last in zip(runs.start[:-1].tolist(), (runs.start[1:] - 1).tolist(), strict=True):
+        rows = runs.facet[first:last]
+        if last - first < FACETS or not single[rows].all():
+            continue
+        turns = np.array([turn_at(position, runs.node, slot) for slot in range(first + 1, last)])
+        nodes = runs.node[first:last] if runs.node[first] == runs.node[last] else runs.node[first : last + 1]
+        x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
+        off = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
+        one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST
+        if one_way and off.max() <= CIRCULAR * radius:
+            names = [name for name, side in facets.sides.items() if np.all(side[rows] > 0)]
+            yield Suspect(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)

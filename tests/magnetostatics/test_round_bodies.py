@@ -1,0 +1,133 @@
+"""Bodies that turn, with bores of few nodes: these stay round where that is told, else the remedy is named."""
+
+import numpy as np
+import pytest
+from helpers.curved_meshes import on_circles, write_second_order
+from helpers.meshes import ring
+from helpers.tensor_meshes import sector
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases.settings import fitting_mesh, read_case
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
+
+BORE = 0.01
+ROTOR, AIR = Material(remanence=(1.0, 0.0)), Material()
+
+
+def rotor_mesh(around=10):
+    """A magnet around a bore in air, all of them polygons."""
+    mesh = ring(around, 6, BORE, 0.05)
+    rotor = np.hypot(*mesh.p)[mesh.t].max(axis=0) < 0.0301
+    return mesh.with_subdomains({"rotor": np.flatnonzero(rotor), "air": np.flatnonzero(~rotor)})
+
+
+def problem(**more):
+    return Magnetostatics({"rotor": ROTOR, "air": AIR}, potential={"outer": lambda x: x[0], "inner": 0.0}, **more)
+
+
+def grown(mesh, problem, **more):
+    outputs = {"torque": lambda field: field.torque("rotor")}
+    return ka.adapt(mesh, problem, passes=3, target_nodes=6 * mesh.p.shape[1], outputs=outputs, **more)
+
+
+def off_bore(mesh, name="inner"):
+    """How far nodes of the bore are off its circle, relatively, and their number."""
+    nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    return np.max(np.abs(np.hypot(*mesh.p[:, nodes]) / BORE - 1.0)), len(nodes)
+
+
+def test_the_bore_of_a_body_whose_torque_is_the_goal_stays_round():
+    result = grown(rotor_mesh(), problem(goal=Torque("rotor")))
+    assert result.error is None
+    off, nodes = off_bore(result.mesh)
+    assert off < 1e-9
+    assert nodes > 10
+
+
+def test_a_torque_that_chords_spoil_names_the_curve():
+    result = grown(rotor_mesh(), problem())
+    remedy = 'If nodes have left an arc that had too few to be seen, adapt with curves={"inner": ka.Arc((0, 0), 0.01)}.'
+    assert remedy in str(result.error)
+    again = grown(rotor_mesh(), problem(), curves={"inner": ka.Arc((0, 0), 0.01)})
+    assert again.error is None
+    assert off_bore(again.mesh)[0] < 1e-9
+
+
+def test_the_bore_of_a_pole_stays_round():
+    """Five nodes, as those of all its arcs; the curves are known by one another."""
+    names = {"rotor": (0.01, 0.02, 0.0, np.pi / 4), "steel": (0.03, 0.04, 0.0, np.pi / 4)}
+    mesh = sector(np.linspace(BORE, 0.04, 7), np.linspace(0.0, np.pi / 4, 5), names)
+    pole = Magnetostatics(
+        {"rotor": ROTOR, "steel": Material(1000.0), "air": AIR},
+        potential={"outer": 0.0, "bore": 0.0},
+        antiperiodic=[("right", "left")],
+    )
+    assert len(mesh.boundaries["bore"]) == 4
+    result = grown(mesh, pole)
+    assert result.error is None
+    off, nodes = off_bore(result.mesh, "bore")
+    assert off < 1e-9
+    assert nodes > 5
+
+
+def second_order(folder, around=10):
+    mesh = rotor_mesh(around)
+    mesh = MeshTri(mesh.p / 1e-3, mesh.t, mesh.boundaries, mesh.subdomains)
+    facets = np.arange(mesh.facets.shape[1])
+    return write_second_order(folder / "rotor.msh", mesh, on_circles(mesh, facets), version="4.1")
+
+
+def test_a_file_of_second_order_shows_the_bore_to_be_round(tmp_path):
+    path = second_order(tmp_path)
+    mesh = ka.read_mesh(path, scale=1e-3)
+    result = grown(mesh, problem(), curves=ka.read_curves(path, mesh, scale=1e-3))
+    assert result.error is None
+    off, nodes = off_bore(result.mesh)
+    assert off < 1e-9
+    assert nodes > 10
+
+
+CASE = """
+mesh = "rotor.msh"
+scale = 1e-3
+potential = {outer = 0.0, inner = 0.0}
+materials = {rotor = {remanence = [1.0, 0.0]}, air = {}}
+adapt = {passes = 2, target_nodes = 300}
+outputs = {asked = ASKED}
+"""
+
+
+@pytest.mark.parametrize("asked", ['{quantity = "energy"}', '{quantity = "torque", body = "rotor"}'])
+def test_so_does_a_case_and_a_torque_that_it_asks(tmp_path, asked):
+    path = second_order(tmp_path)
+    if "torque" in asked:
+        ka.write_mesh(path, ka.read_mesh(path))
+    (tmp_path / "case.toml").write_text(CASE.replace("ASKED", asked))
+    case = read_case(tmp_path / "case.toml")
+    mesh = fitting_mesh(case)
+    after = ka.adapt(mesh, case.problem, outputs=case.outputs, **case.options(mesh)).mesh
+    off, nodes = off_bore(after)
+    assert off < 1e-9
+    assert nodes > 10
+
+
+def test_check_says_that_a_coarse_bore_is_taken_for_a_polygon(tmp_path, capsys):
+    ka.write_mesh(tmp_path / "it.msh", rotor_mesh())
+    assert cli.main(["check", str(tmp_path / "it.msh")]) == 0
+    hints = [line for line in capsys.readouterr().out.splitlines() if line.startswith("hint: boundary 'inner'")]
+    assert hints == [
+        "hint: boundary 'inner' has 10 nodes on a circle of radius 0.01 m about (0, 0) m and turns by up to 36 degrees "
+        "at each: it is taken for a polygon, and new nodes go on its sides. If it is round, adapt with "
+        'curves={"inner": ka.Arc((0, 0), 0.01)}, in a case adapt.curves.inner = {curve = "arc", centre = [0, 0], '
+        "radius = 0.01}."
+    ]
+
+
+def test_check_says_nothing_of_squares(tmp_path, capsys):
+    ticks = np.linspace(-0.5, 0.5, 2)
+    mesh = MeshTri.init_tensor(ticks, ticks).with_boundaries({"rim": lambda x: x[0] < 9})
+    ka.write_mesh(tmp_path / "it.msh", mesh)
+    cli.main(["check", str(tmp_path / "it.msh")])
+    assert "circle" not in capsys.readouterr().out
