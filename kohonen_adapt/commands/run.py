@@ -22,7 +22,7 @@ from kohonen_adapt.loop.table import pass_figures
 
 __all__ = ["CaseRun", "results_of", "write_fields"]
 
-MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "field.vtu", "history.csv"
+MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "history.csv"
 PASSES = "passes"  # folder of the finished passes, below that of the results
 ENDED = "ended.txt"  # in it: says that the run came to its end, and how
 

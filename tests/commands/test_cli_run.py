@@ -82,9 +82,9 @@ def test_quadratic_elements_are_written_and_drawn_with_the_field_inside_them(cas
     case.write_text("order = 2\n" + CASE.replace("passes = 2", "passes = 0"))
     out = tmp_path / "out"
     assert cli.main(["run", str(case), "--out", str(out)]) == 0
-    assert names_in(out) == sorted([*FILES, "field.vtu"])
+    assert names_in(out) == sorted([*FILES, "inside.vtu"])
     problem, mesh = read_case(case).problem, ka.read_mesh(out / "adapted.msh", scale=1e-3)
-    field, inside = problem.solve(mesh), meshio.read(out / "field.vtu")
+    field, inside = problem.solve(mesh), meshio.read(out / "inside.vtu")
     corner = inside.points[inside.cells_dict["triangle"]]
     middle = corner.mean(axis=1)[:, :2].T
     for name, wanted in {"B": field.flux_density_at(middle), "H": field.field_strength_at(middle)}.items():
