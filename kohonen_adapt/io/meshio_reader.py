@@ -41,7 +41,7 @@ COUNTS = re.compile(rb"(?m)^[ \t]*[A-Za-z_][^\s=]*[ \t]*[\s=][ \t]*([0-9]+)(?:[ 
 
 MARKER = re.compile(rb"(?m)^(MARKER_TAG[ \t]*=)[ \t]*(.*?)[ \t\r]*$")
 RANGE = re.compile(rb"(?im)^\*[^\n]*\bGENERATE\b[^\n]*\n\s*([0-9]+)\s*,\s*([0-9]+)\s*,\s*([0-9]+)")
-BLOCK = re.compile(r"(?im)^\*ELEMENT\b(?:.*\bELSET[ \t]*=[ \t]*([^,\r\n]*))?")
+BLOCK = re.compile(r"(?im)^[ \t]*\*ELEMENT[ \t]*(?:,(?:.*?\bELSET[ \t]*=[ \t]*([^,\r\n]*))?.*)?\r?$")
 
 
 def _counted(data: bytes, path: Path) -> bytes:
@@ -155,18 +155,20 @@ def _meshed(path: Path, caller: str) -> Any:
             raise
         except Exception as error:  # meshio's readers have no errors of their own for most damage
             raise ValueError(f"{type(error).__name__} {error}".strip()) from error
-        if suffix == ".su2":
-            markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
-            mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
-        if suffix == ".inp":
-            for name in filter(
-                None, names := [name.strip() for name in BLOCK.findall(data.decode("utf-8", "replace"))]
-            ):
-                # meshio takes the n-th of these names for the n-th block, and the last block of a name for all of them
-                mesh.cell_sets[name] = [
-                    np.arange(len(block) if name == own else 0) for own, block in zip(names, mesh.cells, strict=True)
-                ]
+        _add_names(mesh, suffix, data)
         return mesh
+
+
+def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
+    """Names that meshio drops, or gives to other blocks: the n-th to the n-th, the last to all of its name."""
+    if suffix == ".su2":
+        markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
+        mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
+    if suffix == ".inp":
+        names = [name.strip() for name in BLOCK.findall(data.decode("utf-8", "replace"))]
+        for name in filter(None, names):
+            sizes = [len(block) if name == own else 0 for own, block in zip(names, mesh.cells, strict=True)]
+            mesh.cell_sets[name] = [np.arange(size) for size in sizes]
 
 
 def _quietly(read: Callable[[str], Any], path: Path) -> Any:

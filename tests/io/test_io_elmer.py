@@ -12,6 +12,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
+from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.io import Groups
 
@@ -96,6 +97,15 @@ def test_relocate_takes_and_gives_folders(tmp_path):
     after = ka.read_mesh(tmp_path / "two")
     assert_array_equal(after.p, ka.relocate(mesh, 1.0 + np.arange(64.0)).p)
     assert ka.read_groups(tmp_path / "two").names == ka.read_groups(tmp_path / "one").names
+
+
+def test_a_case_may_name_a_folder(tmp_path):
+    ka.write_mesh(tmp_path / "mesh", rooms())
+    (tmp_path / "case.toml").write_text(
+        'mesh = "mesh"\nmaterials = {left = {}, "right side" = {}}\n[potential]\nfloor = 0.0\n'
+    )
+    with pytest.raises(ValueError, match="every element needs a material; 3 of 64 have none"):
+        fitting_mesh(read_case(tmp_path / "case.toml"))
 
 
 def test_what_overlaps_is_refused(tmp_path):

@@ -133,6 +133,8 @@ ABAQUS = """*HEADING
 3, 1, 3, 4
 *ELSET, ELSET=some, GENERATE
 1, 3, 2
+*ELEMENT OUTPUT, ELSET=some
+S
 """
 
 
