@@ -101,8 +101,8 @@ def adapt(
         fewer, and the message says so.
     outputs
         Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
-        shows them with their changes. Where a run stalls and the problem has a better solution to compare with
-        (``enriched``), the message says what is worse than on the input.
+        shows them with their changes. Where a run stalls and the problem has better values to compare with
+        (``improved``), the message says what is worse than on the input.
     output_rtol
         Stop when no output has changed by more than this fraction of its value in the pass before. With `rtol` or
         `atol` besides, both must be met. An output that is zero but for rounding (the force across a symmetry) never

@@ -22,9 +22,9 @@ from kohonen_adapt.problem.protocol import (
     Problem,
     energy_norm,
     estimate,
+    improved,
     is_calibrated,
     norm_of,
-    offered,
     order_of,
     ritz_of,
     solve,
@@ -155,11 +155,10 @@ class Adaptation:
             return replace(moved, recycled=recycled), gain
 
     def better_outputs(self, mesh: MeshTri, solution: Any) -> dict[str, float]:
-        """The outputs of a better solution on the same mesh, none where the problem has no such solution."""
+        """Better values of the outputs, none where the problem has none to give."""
         outputs = self.settings.outputs
         try:
-            better = offered(self.problem, "enriched")(mesh, solution) if outputs else None
-            return {name: output_value(name, function, better) for name, function in outputs.items()}
+            return improved(self.problem, mesh, solution, outputs) if outputs else {}
         except (Exception, KeyboardInterrupt):  # a remark more or less: the result is there, whatever goes wrong here
             return {}
 

@@ -35,7 +35,7 @@ STALL_GAIN = 1e-3
 
 
 # How much farther off than the input's an output of the result must be to be called worse, both measured from a better
-# solution on the mesh of the result. That is itself off by up to a fifth of the error (see test_goal_error.py).
+# value. That is itself off by up to a fifth of the error (see test_goal_error.py).
 WORSE = 1.25
 
 # How a loop ends that nothing has cut short.
@@ -146,7 +146,7 @@ def final(ending: Ending, passes: Passes, settings: Settings) -> Ending:
 
 
 def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
-    """What to add where outputs of the result are farther from those of a better solution than the input's, or empty.
+    """What to add where outputs of the result are farther from better values than the input's, or empty.
 
     A mesh for the energy may be worse for a force: where errors have cancelled in the input, they do no longer. What is
     smaller than its error, as the force across a symmetry, is left out.
@@ -160,7 +160,7 @@ def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
     if not worse:
         return ""
     return (
-        f"; the mesh is better for the energy, but worse for outputs, by a better solution on it: {', '.join(worse)}: "
+        f"; the mesh is better for the energy, but worse for outputs, by better values of them: {', '.join(worse)}: "
         "adapt for what you want to know, with goal= of the problem"
     )
 

@@ -13,11 +13,12 @@ from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
-from kohonen_adapt.magnetostatics.estimation import error_of_goal, estimated, goal_indicators
+from kohonen_adapt.magnetostatics.estimation import better_values, error_of_goal, estimated, goal_indicators
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, quadratic_solution, solution_of
+from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.problem.outputs import Output
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -46,10 +47,9 @@ class Magnetostatics(Arguments):
     estimator
         "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6, by which the bare estimate overrates the error, give or
         take 25 % (order 2: 1 / 6.1, 5 %); "recovery", within 15 % by itself (order 1); or "equilibrated", a guaranteed
-        upper bound of the error on the meshed polygon (for nonlinear material of the root of twice the energy's height
-        above its minimum, by the duality gap), 1.04 to 1.3 times the error, for planar problems of order 1 with
-        potentials and natural conditions only. Deep in saturation the first two come within 30 %; where a current fills
-        the mesh and stretches elements, the residual is 1.8 times the error.
+        upper bound of the error on the meshed polygon (of nonlinear material by the duality gap), 1.04 to 1.3 times the
+        error, for planar problems of order 1 with potentials and natural conditions only. Deep in saturation the first
+        two come within 30 %; where a current fills the mesh, the residual is up to 1.8 times the error.
     ampere_turns
         Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
         current times turns of a coil side. In place of the current density of its material.
@@ -215,8 +215,7 @@ class Magnetostatics(Arguments):
     def goal_error(self, field: Field) -> float:
         """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
 
-        It is what the goal changes by with quadratic elements on the same mesh: where that is adapted for the goal 0.78
-        to 1.05 times the error of exact forces and torques. What chords cut off arcs is no part of it.
+        By quadratic elements and rounder arcs: where its mesh is adapted for the goal, 0.78 to 1.05 times the error.
 
         Parameters
         ----------
@@ -237,28 +236,28 @@ class Magnetostatics(Arguments):
         --------
         >>> import skfem
         >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"coil": lambda x: x[0] < 9.0})
-        >>> given = {"coil": Material(current_density=1e3)}, dict.fromkeys(mesh.boundaries, 0.0)
-        >>> problem = Magnetostatics(*given, goal=FluxLinkage({"coil": 100}))
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"all": lambda x: x[0] < 9.0})
+        >>> problem = Magnetostatics({"all": Material(current_density=1)}, {"left": 0.0}, goal=FluxLinkage({"all": 1}))
         >>> field, finer = problem.solve(mesh), problem.solve(mesh.refined(3))
         >>> 0.9 < problem.goal_error(field) / (problem.goal(finer) - problem.goal(field)) < 1.1
         True
         """
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
-        return error_of_goal(field, self.goal, self.boundaries, self.method)
+        return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
 
-    def enriched(self, mesh: MeshTri, field: Field) -> Field:
-        """The solution by quadratic elements on the mesh of a field, by which `adapt` judges outputs.
+    def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
+        """Better values of outputs than the field's: by quadratic elements, and where arcs are cut off without that.
 
         Parameters
         ----------
-        mesh, field
-            As of `indicators`.
+        mesh, field, outputs
+            As of `indicators`; and name to a function of a field, a `QuadraticField` among them.
 
         Returns
         -------
-        QuadraticField
+        dict
+            Name to value.
 
         Raises
         ------
@@ -267,7 +266,7 @@ class Magnetostatics(Arguments):
         """
         if self.goal is not None or self.order > 1:
             raise NotOffered("it has a goal, or quadratic elements")
-        return quadratic_solution(field, self.boundaries, self.method)
+        return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with.

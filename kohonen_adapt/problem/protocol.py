@@ -20,6 +20,7 @@ __all__ = [
     "curves_of",
     "energy_norm",
     "estimate",
+    "improved",
     "is_calibrated",
     "nodes_held",
     "norm_of",
@@ -68,8 +69,9 @@ class Problem(Protocol):
     ``Rules.curves``. A method that a class has for some of its problems only raises `NotOffered` for the others, with
     the reason.
 
-    ``enriched(mesh, solution)`` is a better solution on the same mesh, by elements of a higher degree: where a run has
-    stalled, it is asked for once, and tells whether outputs of the result are worse than the input's.
+    ``improved(mesh, solution, outputs)`` has better values of these functions of a solution, by name: from elements of
+    a higher degree on the same mesh, for instance. Where a run has stalled, it is asked once, and `message` says which
+    outputs are worse than the input's.
 
     ``calibrated`` (False) says that the root of the sum of the squared indicators is near the error itself, say within
     30 %, on adapted meshes, too, whose elements are stretched. Then tables, pictures and reports show it as a share of
@@ -100,6 +102,17 @@ def norm_of(problem: Problem) -> str:
 def is_calibrated(problem: Problem) -> bool:
     """Whether the problem vouches for the scale of its indicators, False where it does not say."""
     return getattr(problem, "calibrated", False)
+
+
+def improved(problem: Problem, mesh: MeshTri, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
+    """Better values of functions of the solution that `solve` returned for the mesh, by name.
+
+    Raises
+    ------
+    NotOffered
+        If the problem has none.
+    """
+    return offered(problem, "improved")(mesh, solution, outputs)
 
 
 def pairs_of(problem: Problem) -> Sequence[Pair]:
@@ -237,7 +250,7 @@ def offers(problem: Problem, name: str) -> bool:
     return callable(getattr(problem, name, None))
 
 
-def offered(problem: Problem, name: str) -> Callable[[MeshTri, Any], Any]:
+def offered(problem: Problem, name: str) -> Callable[..., Any]:
     """The method of that name, called with a mesh and its solution.
 
     Raises

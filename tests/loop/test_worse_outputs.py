@@ -1,4 +1,4 @@
-"""A run that has stalled says where an output became worse, as a better solution on its mesh shows."""
+"""A run that has stalled says where an output became worse, as better values show."""
 
 import re
 
@@ -11,19 +11,19 @@ import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Torque
 
 
-class Enriched(Script):
-    """A script whose outputs are 2, 1 and so on, and whose better solution has another."""
+class Improved(Script):
+    """A script that has better values of its outputs, those of a better solution."""
 
     better = 2.25
 
-    def enriched(self, mesh, solution):
+    def improved(self, mesh, solution, outputs):
         if isinstance(self.better, BaseException):
             raise self.better
-        return self.better
+        return {name: output(self.better) for name, output in outputs.items()}
 
 
 def stalled(better, outputs):
-    problem = Enriched([4.0, 2.0, 3.0, 3.0])
+    problem = Improved([4.0, 2.0, 3.0, 3.0])
     problem.better = better
     result = adapt(MESH, problem, passes=9, outputs=outputs)
     assert (result.status, result.best.number) == (ka.Status.STALLED, 1)
@@ -37,7 +37,7 @@ def pull(solution):
 
 def test_what_became_worse_is_named_with_how_far_it_is_off():
     assert stalled(2.25, {"pull": pull, "push": lambda solution: 1.0}).endswith(
-        "; the mesh is better for the energy, but worse for outputs, by a better solution on it: 'pull' is off by "
+        "; the mesh is better for the energy, but worse for outputs, by better values of them: 'pull' is off by "
         "about 1.2, of the input by 0.25: adapt for what you want to know, with goal= of the problem."
     )
 

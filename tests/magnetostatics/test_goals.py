@@ -152,7 +152,8 @@ def test_a_goal_of_ones_own(make):
     plain, square = (replace(problem, goal=each) for each in (goal, Squared(goal)))
     factor = 2.0 * goal(field)
     better = goal(field) + plain.goal_error(field)
-    assert square.goal_error(field) == pytest.approx(better**2 - goal(field) ** 2, rel=1e-9)
+    rel = 1e-2 if make is machine else 1e-9  # what rounder arcs change is told to first order
+    assert square.goal_error(field) == pytest.approx(better**2 - goal(field) ** 2, rel=rel)
     wanted = np.sqrt(abs(factor)) * plain.indicators(mesh, field)
     np.testing.assert_allclose(square.indicators(mesh, field), wanted, rtol=1e-5, atol=1e-7 * wanted.max())
 
