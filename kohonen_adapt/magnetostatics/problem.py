@@ -72,9 +72,9 @@ class Magnetostatics(Arguments):
     periodic, antiperiodic
         Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
         same on both, or the other's negative. Where several motions fit, as between circles, the third entry of a pair
-        names the one that is meant: ``("rotor", "bore", ka.Rotation(angle))`` turns a rotor in its stator (what is on
-        it turns with the mesh, not its remanence), ``("rim", "kelvin", ka.Reflection(point, normal))`` joins a disc to
-        the Kelvin disc of all that is outside, a disc of air of its radius beside it.
+        names the one that is meant. ``("rotor", "bore", ka.Rotation(angle))`` turns a rotor as it is drawn, remanence
+        and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
+        ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
         Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
     goal
