@@ -98,7 +98,7 @@ def test_wrong_use(arguments, capsys):
         (["demo", "magnet"], "DIR"),
         (["run", "case.toml"], "DIR"),
         (["sweep", "case.toml", "--over", "scale=1:2:3"], "DIR"),
-        (["relocate", "mesh.msh", "--sizes", "inside.vtu:h"], "MESH2"),
+        (["relocate", "mesh.msh", "--sizes", "field.vtu:h"], "MESH2"),
         (["init", "mesh.msh"], "CASE.toml"),
     ],
 )

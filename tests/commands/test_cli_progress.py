@@ -140,8 +140,8 @@ def test_run_shows_every_step(case, tmp_path):
 
 def test_relocate_shows_every_step(case, tmp_path):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
-    ka.write_mesh(tmp_path / "inside.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
-    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'inside.vtu'}:rho"]
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
+    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
     assert shown_by(*arguments, "--out", tmp_path / "after.msh")[0] == ["read", "relocate", "write"]
 
 

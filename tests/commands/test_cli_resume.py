@@ -226,9 +226,9 @@ def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, b
 
 def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
-    ka.write_mesh(tmp_path / "inside.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
     (tmp_path / "after.msh").write_text("what was there")
-    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'inside.vtu'}:rho"]
+    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
     arguments += ["--out", tmp_path / "after.msh"]
     process = begin(*arguments, code=STUCK + PLAIN_COMMAND)
     wait_for_line(process, "stuck")
