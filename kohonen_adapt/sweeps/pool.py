@@ -101,6 +101,8 @@ class LocalPool(Executor):
             self._tasks.put(None)
         for thread in self._threads:
             thread.join()
+        for worker in self._workers:
+            worker.process.join()
 
     def _serve(self, number: int) -> None:
         """Hand tasks to the process of that number, or to the one that takes its place."""

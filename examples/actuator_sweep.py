@@ -1,0 +1,55 @@
+"""Force over gap of the plunger actuator: 30 gaps, each with a mesh of its own, in processes that share the cores.
+
+A mesh is drawn for every millimetre; for a gap in between the plunger of the nearest is shifted, and the nodes in the
+air follow by Laplace's equation. What is computed is kept: begun again after a break, the script computes the rest.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from actuator import FINE, GAPS, PROBLEM, pull
+from skfem import Basis, ElementTriP1, MeshTri, condense, solve
+from skfem.models.poisson import laplace
+
+import kohonen_adapt as ka
+
+CASES = {"gap_mm": np.linspace(GAPS[0], GAPS[-1], 30).round(3)}
+
+
+def with_gap(gap_mm):
+    """A mesh with that gap."""
+    drawn = GAPS[np.abs(GAPS - gap_mm).argmin()]
+    mesh = ka.read_mesh(Path(__file__).with_name(f"actuator_{drawn}.msh"), scale=1e-3)  # drawn in millimetres
+    nodes = {name: np.unique(mesh.t[:, mesh.subdomains[name]]) for name in ("plunger", "core", "coil")}
+    outer = np.unique(mesh.facets[:, mesh.boundaries["outer"]])
+    up = np.zeros(mesh.p.shape[1])
+    up[nodes["plunger"]] = (gap_mm - drawn) * 1e-3
+    given = np.unique(np.concatenate([outer, *nodes.values()]))
+    up = solve(*condense(laplace.assemble(Basis(mesh, ElementTriP1())), x=up, D=given))
+    moved = MeshTri(mesh.p + [np.zeros_like(up), up], mesh.t)
+    return moved.with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
+
+
+def adapted(gap_mm):
+    """The outputs of one case; other processes find the function, for it stands at the top level."""
+    result = ka.adapt(with_gap(gap_mm), PROBLEM, passes=3, target_nodes=FINE)
+    return {"force (N)": pull(result.solution), "co-energy (J)": result.solution.coenergy}
+
+
+def main(folder="."):
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    result = ka.sweep(adapted, CASES, folder=folder / "actuator_cases")
+    print(result)
+    result.to_csv(folder / "actuator_sweep.csv")
+    from kohonen_adapt.plotting import sweep_figure  # needs matplotlib, the rest does not
+
+    sweep_figure(result).savefig(folder / "actuator_sweep.png", dpi=80)
+    return result
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
+    main(parser.parse_args().out)
