@@ -41,10 +41,11 @@ def sector(materials):
 
 
 def machine(mesh):
-    """The mesh of the sector, its gap inside of the ring named: that turns with the rotor."""
+    """The mesh of the sector with both sides of the ring, its gap inside of that named, which turns with the rotor."""
     middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
     inside = np.intersect1d(mesh.subdomains["gap"], np.flatnonzero(middle < RING))
-    return mesh.with_subdomains(mesh.subdomains | {"gap_inside": inside})
+    ring = {"ring": np.asarray(mesh.boundaries["ring"])}
+    return mesh.with_subdomains(mesh.subdomains | {"gap_inside": inside}).with_boundaries(mesh.boundaries | ring)
 
 
 def turned(mesh, further):

@@ -7,7 +7,7 @@ six again, on other meshes. What is computed is kept: begun again after a break,
 import argparse
 from pathlib import Path
 
-from motor import MESH, materials, sector, torque, turned
+from motor import MESH, machine, materials, sector, torque, turned
 
 import kohonen_adapt as ka
 
@@ -18,7 +18,7 @@ CASES = {"angle_degrees": [STEP * k for k in range(30)]}
 def adapted(angle_degrees):
     """The outputs of one case; other processes find the function, for it stands at the top level."""
     step = round(angle_degrees / STEP)
-    mesh = turned(ka.read_mesh(MESH, scale=1e-3), 0, step)  # drawn in millimetres
+    mesh = turned(machine(ka.read_mesh(MESH, scale=1e-3)), step)  # drawn in millimetres
     result = ka.adapt(mesh, sector(materials(step)), passes=3, pinned=["ring"])
     idle = sector(materials(step, peak=0.0)).solve(result.mesh)
     return {"torque (N m/m)": torque(result.solution), "torque without currents (N m/m)": torque(idle)}

@@ -1,7 +1,7 @@
 """Hold what a case says, and read its tables that stand for materials, outputs and curves."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -10,7 +10,8 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Kind, Reader, called, list_of, made, made_by_name, tuple_of
-from kohonen_adapt.io import Groups, read_groups
+from kohonen_adapt.cases.turning import turned_materials
+from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
@@ -152,11 +153,13 @@ class Case:
     scale
         Metres per unit of it.
     stated
-        What is to be solved; `problem` knows the points of the mesh file, too.
+        What is to be solved; `problem` knows what the mesh file has to say to it, too.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
         Name to a function of the field.
+    turn
+        Subdomain to the angle, in degrees, by which it is turned about the origin.
     file, text
         The name of the file it was read from, and what that says; empty for a case from elsewhere.
     """
@@ -166,6 +169,7 @@ class Case:
     stated: Magnetostatics
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
+    turn: dict[str, float] = field(default_factory=dict)
     file: str = ""
     text: str = ""
 
@@ -184,13 +188,42 @@ class Case:
 
     @cached_property
     def problem(self) -> Magnetostatics:
-        """What is to be solved; where its potential names groups of points of the mesh file, these are its points."""
+        """What is to be solved: of the mesh file are points that its potential names, and where magnets are turned to.
+
+        Raises
+        ------
+        ValueError
+            If a magnet turns in part, or the file is damaged.
+        OSError
+            If it cannot be read.
+        """
+        return self._turned(self._with_points())
+
+    def _with_points(self) -> Magnetostatics:
         given = self.stated.boundaries
         wanted = given.potential.keys() - given.points.keys()
         if not wanted or not self.mesh.is_file():
             return self.stated
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
         return replace(self.stated, points={**given.points, **found}) if found else self.stated
+
+    def _turned(self, problem: Magnetostatics) -> Magnetostatics:
+        if not self.turn:
+            return problem
+        return replace(problem, materials=turned_materials(problem.materials, self.drawn, self.turn))
+
+    @cached_property
+    def drawn(self) -> MeshTri:
+        """The mesh as the file has it, in metres.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged.
+        OSError
+            If it cannot be read.
+        """
+        return read_mesh(self.mesh, scale=self.scale)
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:

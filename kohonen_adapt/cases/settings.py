@@ -11,7 +11,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import PAIRS, Case, material_in, quantity, shape
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
-from kohonen_adapt.io import HEADER, MSH_VERSION, read_mesh
+from kohonen_adapt.cases.turning import turned_mesh
+from kohonen_adapt.io import HEADER, MSH_VERSION
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import elements_in
@@ -98,12 +99,12 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         **PROBLEM,
         "adapt": lambda value, place: read_table(value, ADAPT, place),
         "outputs": table_of(quantity),
+        "turn": table_of(NUMBER),
     }
     values = read_table(given, readers, "", required=("mesh", "materials"))
     problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
-    return Case(
-        folder / values["mesh"], values.get("scale", 1.0), problem, values.get("adapt", {}), values.get("outputs", {})
-    )
+    tables = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
+    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, *tables)
 
 
 def fitting_mesh(case: Case) -> MeshTri:
@@ -130,8 +131,11 @@ def fitting_mesh(case: Case) -> MeshTri:
     if not (case.mesh.is_file() or (case.mesh / HEADER).is_file()):
         raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{case.mesh}'.")
     with about("mesh"):
-        mesh = read_mesh(case.mesh, scale=case.scale)
+        drawn = case.drawn
         _ = case.groups  # now, and not when hours later the results are written
+    mesh = turned_mesh(drawn, case.turn)
+    if len(case.pins(mesh)) < len(case.pins(drawn)):
+        raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
     case.problem.check(mesh)
     for name, each in case.outputs.items():
         with about(f"outputs.{name}"):

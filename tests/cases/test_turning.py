@@ -1,0 +1,170 @@
+"""A case turns a subdomain with the magnets in it."""
+
+import dataclasses
+import tomllib
+
+import numpy as np
+import pytest
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import case_of, fitting_mesh
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import halbach
+
+NODES = 36  # on a circle: a step is 10 degrees
+CASE = """
+mesh = "machine.msh"
+[materials]
+magnet = {permeability = 1.05, remanence = [0.0, 1.2]}
+air = {}
+coil = {}
+[potential]
+outer = 0.0
+[turn]
+rotor = 0.0
+[adapt]
+passes = 0
+[outputs]
+linkage = {quantity = "flux_linkage", coil = "coil"}
+torque = {quantity = "torque", body = "magnet"}
+"""
+
+
+def machine():
+    """A round magnet in air, turning with the air up to a ring; "coil" are two sides of a coil, at 3 and 9 o'clock."""
+    radii, angle = np.linspace(0.0, 1.0, 11)[1:], 2 * np.pi * np.arange(NODES) / NODES
+    x = np.hstack([np.zeros((2, 1)), *(r * np.stack([np.cos(angle), np.sin(angle)]) for r in radii)])
+    ring = 1 + np.arange(NODES * len(radii)).reshape(len(radii), NODES)
+    ahead = np.roll(ring, -1, axis=1)
+    triangles = [np.stack([np.zeros(NODES, int), ring[0], ahead[0]])]
+    for low, high, after, beyond in zip(ring, ring[1:], ahead, ahead[1:], strict=False):
+        triangles += [np.stack([low, high, beyond]), np.stack([low, beyond, after])]
+    mesh = MeshTri(x, np.hstack(triangles))
+    return mesh.with_boundaries({"outer": lambda x: np.hypot(*x) > 0.98}).with_subdomains(
+        {
+            "rotor": lambda x: np.hypot(*x) < 0.5,
+            "magnet": lambda x: np.hypot(*x) < 0.3,
+            "air": lambda x: (np.hypot(*x) > 0.3) & ~in_coil(x),
+            "coil": in_coil,
+        }
+    )
+
+
+def in_coil(x):
+    return (np.hypot(*x) > 0.8) & (np.hypot(*x) < 0.9) & (np.abs(np.arctan2(x[1], x[0]) - 0.17) < 0.3)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    ka.write_mesh(tmp_path / "machine.msh", machine())
+    (tmp_path / "case.toml").write_text(CASE)
+    return tmp_path
+
+
+def case_in(folder, **changes):
+    return case_of({**tomllib.loads(CASE), **changes}, folder)
+
+
+def solved(case):
+    mesh = fitting_mesh(case)
+    return mesh, case.problem.solve(mesh)
+
+
+@pytest.mark.parametrize("degrees", [10.0, 90.0, -130.0])
+def test_the_magnet_turns_with_its_subdomain(degrees, folder):
+    """The mesh turned by whole steps is the mesh that it was, so the whole field turns, to rounding."""
+    (_, before), (mesh, after) = (solved(case_in(folder, turn={"rotor": angle})) for angle in (0.0, degrees))
+    turn = ka.Rotation(np.radians(degrees)).matrix[:, :2]
+    x = np.array([[0.1, 0.45, 0.02, 0.7], [0.05, 0.02, -0.3, -0.1]])
+    np.testing.assert_allclose(after.flux_density_at(turn @ x), turn @ before.flux_density_at(x), rtol=0, atol=1e-12)
+    assert after.energy == pytest.approx(before.energy, rel=1e-12)
+    assert mesh.subdomains.keys() == {"rotor", "magnet", "air", "coil"}
+
+
+def test_linkage_of_a_round_magnet_is_a_cosine_of_its_angle(folder):
+    """Exactly, for its field outside is that of a dipole, whose multiples of the mesh are small."""
+    angles = np.arange(0, 360, 30)
+    problems = [solved(case_in(folder, turn={"rotor": float(angle)}))[1] for angle in angles]
+    linkage = np.array([field.flux_linkage("coil") for field in problems])
+    wave = np.exp(1j * np.radians(angles))
+    amplitude = 2.0 * np.mean(linkage / wave)
+    np.testing.assert_allclose(linkage, (amplitude * wave).real, rtol=0, atol=5e-3 * np.abs(amplitude))
+
+
+@pytest.mark.parametrize("vector", ["remanence", "coercivity"])
+def test_vectors_of_every_kind_turn(vector, folder):
+    case = case_in(folder, turn={"rotor": 90.0})
+    material = dataclasses.replace(case.stated.materials["magnet"], remanence=(0.0, 0.0))
+    turns = {**vars(case), "stated": dataclasses.replace(case.stated, materials={
+        **case.stated.materials, "magnet": dataclasses.replace(material, **{vector: halbach(1.0, 2)}),
+    })}  # fmt: skip
+    names = [field.name for field in dataclasses.fields(case)]
+    field = getattr(type(case)(**{name: turns[name] for name in names}).problem.materials["magnet"], vector)
+    x = np.array([[0.1, 0.2], [0.05, -0.1]])
+    there = np.stack([-x[1], x[0]])
+    before = halbach(1.0, 2)(x)
+    np.testing.assert_allclose(field(there), [-before[1], before[0]], atol=1e-15)
+    constant = case.problem.materials["magnet"].remanence
+    np.testing.assert_allclose(constant, (-1.2, 0.0), atol=1e-15)
+    assert case.problem.materials["air"] == case.stated.materials["air"]
+
+
+def test_a_case_without_turn_does_not_look_at_its_mesh(tmp_path):
+    case = case_in(tmp_path, turn={})
+    assert case.problem is case.stated
+
+
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        ({"rotor": 5.0}, r"turn.rotor: angle must be whole steps .* \(10 degrees\) each"),
+        ({"rotr": 0.0}, "turn.rotr: subdomain 'rotr' is not in the mesh"),
+        ({"coil": 10.0}, "turn.coil: what turns and the rest must meet on circles"),
+        ({"rotor": "10"}, "turn.rotor must be a finite number; got '10'. Write it without quotes."),
+    ],
+)
+def test_what_cannot_turn(turn, said, folder):
+    with pytest.raises(ValueError, match=said):
+        fitting_mesh(case_in(folder, turn=turn))
+
+
+def test_a_magnet_turns_as_a_whole(folder):
+    mesh = machine()
+    ka.write_mesh(folder / "machine.msh", mesh.with_subdomains({"rotor": lambda x: np.hypot(*x) < 0.2}))
+    with pytest.raises(ValueError, match="the magnet 'magnet' must turn as a whole or not at all"):
+        _ = case_in(folder, turn={"rotor": 10.0}).problem
+
+
+def test_a_part_is_not_turned_out_of_a_sector(folder):
+    mesh = machine()
+    sector = np.flatnonzero((mesh.p[:, mesh.t].mean(axis=1) > 0.0).all(axis=0))
+    ka.write_mesh(folder / "machine.msh", mesh.restrict(sector))
+    with pytest.raises(ValueError, match=r"turn.rotor must stay in the mesh; 10 degrees turn it out of its sector"):
+        fitting_mesh(case_in(folder, turn={"rotor": 10.0}))
+
+
+def test_a_sweep_turns_the_rotor(folder):
+    command = ["sweep", str(folder / "case.toml"), "--over", "turn.rotor=0:90:4", "--quiet", "-o", str(folder / "out")]
+    assert cli.main(command) == 0
+    table = np.genfromtxt(folder / "out" / "sweep.csv", delimiter=",", skip_header=1, usecols=(0, 1))
+    np.testing.assert_array_equal(table[:, 0], [0, 30, 60, 90])
+    wanted = [solved(case_in(folder, turn={"rotor": angle}))[1].flux_linkage("coil") for angle in (0, 30, 60, 90)]
+    np.testing.assert_array_equal(table[:, 1], wanted)
+    assert len(set(wanted)) == 4
+
+
+def test_a_group_of_points_stays(folder):
+    """Others find it by its place, and a node that has turned is elsewhere."""
+    mesh = machine()
+    mesh.doflocs[:, 1] += 0.01
+    groups = ka.read_groups(folder / "machine.msh")
+    for point in (0, 1):  # the middle, and a node that turns
+        points = {7: mesh.p[:, [point]]}
+        ka.write_mesh(folder / "machine.msh", mesh, groups=dataclasses.replace(groups, points=points))
+        case = case_in(folder, turn={"rotor": 10.0})
+        if point == 0:
+            assert case.pins(fitting_mesh(case)) == [0]
+        else:
+            with pytest.raises(ValueError, match="turn must leave groups of points where they are"):
+                fitting_mesh(case)
