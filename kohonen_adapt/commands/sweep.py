@@ -66,7 +66,8 @@ class CaseOutputs:
         case = read_case(path)
         if not case.outputs:
             raise ValueError(f"{path}: sweep expected [outputs], what is to be known of each solution; there are none.")
-        content = case.mesh.read_bytes() if case.mesh.is_file() else b""
+        files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # a folder of Elmer's has several
+        content = b"".join(file.read_bytes() for file in files if file.is_file())
         return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest())
 
     def __call__(self, **values: float) -> dict[str, float]:
