@@ -256,8 +256,8 @@ class Case:
     def options(self, mesh: MeshTri) -> dict[str, Any]:
         """The arguments of `adapt` for its mesh: what is pinned, and what is round, too.
 
-        Round is what the mid-side nodes of a file of second order show, and the bore of a body whose torque is asked,
-        but for boundaries of pairs and those that share facets with others that have a curve.
+        Round is what the mid-side nodes of a file of second order show, where nothing turns, and the bore of a body
+        whose torque is asked, but for boundaries of pairs and those that share facets with others that have a curve.
 
         Parameters
         ----------
@@ -275,7 +275,8 @@ class Case:
         for each in self.outputs.values():
             told |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
         paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
-        for name, curve in (shown_curves(self.mesh, mesh, self.scale) | told).items():
+        shown = {} if self.turn else shown_curves(self.mesh, mesh, self.scale)
+        for name, curve in (shown | told).items():
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
