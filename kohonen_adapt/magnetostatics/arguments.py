@@ -122,12 +122,14 @@ class Arguments:
             )
 
     def _check_order(self) -> None:
-        if self.order not in (1, 2) or isinstance(self.order, bool):
-            raise ValueError(f"order of the elements must be 1 or 2; got {self.order!r}.")
-        if self.order == 2 and self.axisymmetric:
-            raise ValueError("axisymmetric problems have elements of order 1 only; got order 2.")
-        if self.order == 2 and self.estimator != "residual":
-            raise ValueError(f"elements of order 2 have the estimator 'residual' only; got {self.estimator!r}.")
+        if self.order not in (1, 2, 3) or isinstance(self.order, bool):
+            raise ValueError(f"order of the elements must be 1, 2 or 3; got {self.order!r}.")
+        if self.order > 1 and self.axisymmetric:
+            raise ValueError(f"axisymmetric problems have elements of order 1 only; got order {self.order}.")
+        if self.order > 1 and self.estimator != "residual":
+            raise ValueError(
+                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}."
+            )
 
     def _check_depth(self) -> None:
         if self.depth is None:
@@ -177,8 +179,8 @@ class Arguments:
                 "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
                 f"goal.derivative(field), or None; got {self.goal!r}."
             )
-        if self.order == 2:
-            raise ValueError("a goal needs elements of order 1; got order 2.")
+        if self.order > 1:
+            raise ValueError(f"a goal needs elements of order 1; got order {self.order}.")
         if self.estimator != "residual":
             raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
 

@@ -22,6 +22,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
+from kohonen_adapt.magnetostatics.equations.elements import facet_products
 from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.material import Material
@@ -47,8 +48,12 @@ SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # on a mesh, from the so
 # With 1 / 3.6 all of them come within 10 %.
 RESIDUAL_SCALE = 1.0 / 3.6
 # The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
-# corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %.
-QUADRATIC_SCALE = 1.0 / 6.1
+# corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %. Of order 3: smooth fields 8.5
+# - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %.
+HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
+
+# Corners and middles of sides by barycentric coordinates.
+LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in ENDS]))
 
 Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
 
@@ -60,8 +65,8 @@ def estimated(
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
         joined = ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
-    if field.elements.order == 2:
-        return QUADRATIC_SCALE * quadratic_residual(field, joined)
+    if field.elements.order > 1:
+        return HIGHER_SCALES[field.elements.order] * higher_residual(field, joined)
     if estimator == "equilibrated":
         return bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
@@ -112,46 +117,68 @@ def linearised(field: Field, estimator: str) -> Scalar:
     return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
 
 
-def quadratic_residual(field: Field, joined: Facets | None) -> Floats:
+def higher_residual(field: Field, joined: Facets | None) -> Floats:
     """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
 
-    q is ``nu grad u - flux``, the field strength turned by a right angle: linear in every element, for nonlinear
-    material by its values at the corners. Symbols and `joined` as of `estimators.residual`.
+    q is ``nu grad u - flux``, the field strength turned by a right angle: of a degree less than the potential in every
+    element, for nonlinear material by its values at the corners, and of order 3 in the middles of the sides. Symbols
+    and `joined` as of `estimators.residual`.
     """
-    mesh, given = field.mesh, field.coefficients
+    mesh, given, cubic = field.mesh, field.coefficients, field.elements.order == 3
     number_facets(mesh)
-    size, hats = area(mesh), hat_gradients(mesh)
-    flux = PLANAR.flux(field.at_corners.field_strength).reshape(2, 3, -1)
-    secant, differential = field.at_corners.reluctivities
-    weight = np.sqrt(secant * differential).reshape(3, -1).mean(axis=0)
-    load = size**2 * (given.current_density + np.einsum("cik,cik->k", flux, hats)) ** 2 / weight
-    return np.sqrt(load + _jumps(mesh, flux, weight, size * hats, joined))
+    size, hats, count = area(mesh), hat_gradients(mesh), mesh.t.shape[1]
+    shares = LATTICE if cubic else LATTICE[:3]
+    at = field.at_shares(np.tile(np.arange(count), len(shares)), np.repeat(shares.T, count, axis=1))
+    flux = PLANAR.flux(at.field_strength).reshape(2, len(shares), -1)
+    secant, differential = at.reluctivities
+    weight = np.sqrt(secant * differential).reshape(len(shares), -1).mean(axis=0)
+    squared = np.mean((given.current_density + divergences(flux, hats)) ** 2, axis=0)
+    return np.sqrt(size**2 * squared / weight + _jumps(mesh, flux, weight, size * hats, joined))
+
+
+def divergences(flux: Floats, hats: Floats) -> Floats:
+    """Divergence of a vector (2, points, nelements) known on the `LATTICE`: in each element, or in the middles of its
+    sides, which tell the mean of a squared linear function.
+    """
+    if flux.shape[1] == 3:
+        return np.einsum("cik,cik->k", flux, hats)[None]
+    slopes = np.stack([_slopes(share) for share in LATTICE[3:]])
+    return np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
+
+
+def _slopes(share: Floats) -> Floats:
+    """Derivatives of the functions of order 2 on the `LATTICE` by barycentric coordinates, (6, 3)."""
+    at_middles = [4.0 * (share[a] * np.eye(3)[b] + share[b] * np.eye(3)[a]) for a, b in ENDS]
+    return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
 
 
 def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joined: Facets | None) -> Floats:
-    """The facet part: a jump that is linear on a facet, from its values at the two ends, times the facet's length."""
+    """The facet part: a jump that is a polynomial on a facet, from its values at both ends and in the middle."""
+    degree = flux.shape[1] // 3  # 1 or 2
     nfacets = mesh.facets.shape[1]
-    outflow, largest = np.zeros((2, nfacets)), np.zeros(nfacets)
+    outflow, largest = np.zeros((degree + 1, nfacets)), np.zeros(nfacets)
     sides, along, clockwise = np.zeros(nfacets, dtype=int), np.zeros(nfacets, dtype=bool), signed_area(mesh) < 0.0
     for side, ends in enumerate(ENDS):
         facet = mesh.t2f[side]
         first = mesh.t[ends[0]] == mesh.facets[0, facet]
         normal = -2.0 * scaled_hats[:, OPPOSITE[side]]
-        at = [np.einsum("ck,ck->k", flux[:, end], normal) for end in ends]
+        at = [np.einsum("ck,ck->k", flux[:, point], normal) for point in (*ends, 3 + side)[: degree + 1]]
         np.add.at(outflow[0], facet, np.where(first, at[0], at[1]))
         np.add.at(outflow[1], facet, np.where(first, at[1], at[0]))
+        if degree == 2:
+            np.add.at(outflow[2], facet, at[2])
         np.maximum.at(largest, facet, weight)
         np.add.at(sides, facet, 1)
         along[facet] = first ^ (side == 2) ^ clockwise  # runs counter-clockwise in the only element of an outer facet
-    jump = np.where(sides == 2, outflow, 0.0)
+    jump, turned = np.where(sides == 2, outflow, 0.0), [1, 0, 2][: degree + 1]
     if joined is not None:
         one, other, sign = joined
         same = along[one] != along[other]  # partners run against one another
-        beyond = np.where(same, outflow[:, other], outflow[::-1, other])
+        beyond = np.where(same, outflow[:, other], outflow[turned][:, other])
         jump[:, one] = outflow[:, one] + sign * beyond
-        jump[:, other] = sign * np.where(same, jump[:, one], jump[::-1, one])
+        jump[:, other] = sign * np.where(same, jump[:, one], jump[turned][:, one])
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
-    squared = (jump[0] ** 2 + jump[0] * jump[1] + jump[1] ** 2) / 3.0
+    squared = np.einsum("if,ij,jf->f", jump, facet_products(degree), jump)
     return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
 
 

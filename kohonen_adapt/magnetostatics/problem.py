@@ -27,7 +27,7 @@ __all__ = ["Magnetostatics"]
 
 @dataclass(frozen=True, eq=False)
 class Magnetostatics(Arguments):
-    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1 or P2 potential.
+    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1, P2 or P3 potential.
 
     Metres, teslas, amperes. Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre
     of depth unless there is a `depth`. Axisymmetric: x = r >= 0 and y = z, A and J point along phi (with r to the right
@@ -46,10 +46,11 @@ class Magnetostatics(Arguments):
         open boundary, antiperiodic sides, or the axis.
     estimator
         "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6, by which the bare estimate overrates the error, give or
-        take 25 % (order 2: 1 / 6.1, 5 %); "recovery", within 15 % by itself (order 1); or "equilibrated", a guaranteed
-        upper bound of the error on the meshed polygon (of nonlinear material by the duality gap), 1.04 to 1.3 times the
-        error, for planar problems of order 1 with potentials and natural conditions only. Deep in saturation the first
-        two come within 30 %; where a current fills the mesh, the residual is up to 1.8 times the error.
+        take 25 % (order 2: 1 / 6.1, 5 %; order 3: 1 / 9.7, 12 %); "recovery", within 15 % by itself (order 1); or
+        "equilibrated", a guaranteed upper bound of the error on the meshed polygon (of nonlinear material by the
+        duality gap), 1.04 to 1.3 times the error, for planar problems of order 1 with potentials and natural conditions
+        only. Deep in saturation the first two come within 30 %; where a current fills the mesh, the residual is up to
+        1.8 times the error.
     ampere_turns
         Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
         current times turns of a coil side. In place of the current density of its material.
@@ -76,7 +77,7 @@ class Magnetostatics(Arguments):
         and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
         ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
-        Of the elements: 2 for quadratic ones, planar only, whose field is a `QuadraticField`.
+        Of the elements, planar ones above 1: the field of order 2 is a `QuadraticField`, of order 3 a `CubicField`.
     goal
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
         an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the

@@ -7,11 +7,11 @@ from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
-from kohonen_adapt.magnetostatics.equations.elements import Quadratic
+from kohonen_adapt.magnetostatics.equations.elements import Higher
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
 from kohonen_adapt.magnetostatics.materials.coefficients import varying_flux
 from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.field import Field, QuadraticField
+from kohonen_adapt.magnetostatics.quantities.field import CubicField, Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
@@ -56,7 +56,10 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
         unknown = newton.linear(energy)
     values = energy.symmetry.potential(elements.places, unknown)
     made = elements.mesh, values[: elements.mesh.p.shape[1]], energy.given, energy.symmetry, depth, steps
-    field = Field(*made) if elements.order == 1 else QuadraticField(*made, values=values)
+    if elements.order == 1:
+        field = Field(*made)
+    else:
+        field = (QuadraticField if elements.order == 2 else CubicField)(*made, values=values)
     if steps and not steps[-1].converged:
         raise NotConverged(field)
     return field
@@ -121,7 +124,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
 
 def quadratic_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
     """The solution by quadratic elements of the problem that a field of order 1 solves, on its mesh."""
-    elements = Quadratic(field.mesh)
+    elements = Higher(field.mesh, 2)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
         EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton

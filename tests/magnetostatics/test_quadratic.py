@@ -92,7 +92,7 @@ def test_adapting_with_the_right_exponent_grades_towards_a_corner():
     result = ka.adapt(mesh, problem, passes=4)
     assert result.mesh.p.shape == mesh.p.shape
     assert result.estimate < 0.25 * result.history[0].estimate
-    assert "there was no polish: its elements are of order 2" in result.message
+    assert all(step.functional is not None for step in result.history)
 
 
 def test_a_wire_in_an_iron_tube():
@@ -154,8 +154,8 @@ def test_antiperiodic_sides():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"order": 3}, r"order of the elements must be 1 or 2; got 3\."),
-        ({"order": True}, r"order of the elements must be 1 or 2; got True\."),
+        ({"order": 4}, r"order of the elements must be 1, 2 or 3; got 4\."),
+        ({"order": True}, r"order of the elements must be 1, 2 or 3; got True\."),
         ({"order": 2, "axisymmetric": True}, r"axisymmetric problems have elements of order 1 only; got order 2\."),
         (
             {"order": 2, "estimator": "recovery"},

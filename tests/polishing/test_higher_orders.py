@@ -22,6 +22,7 @@ from kohonen_adapt.polishing.transfer import carried
 from kohonen_adapt.problem.ritz import Ritz, functional_value
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
+TABLE = 1e-9  # of a functional: what tables of laws leave out
 each_order = pytest.mark.parametrize("order", (2, 3))
 MESHES = {"L": lambda: l_shaped_mesh(6), "F": lambda: l_shaped_mesh(6), "M": lambda: magnet_mesh(20, True)}
 each_problem = pytest.mark.parametrize("letter", MESHES)
@@ -123,8 +124,6 @@ def test_sweeps_and_recycling_take_off_what_they_say(letter, order):
 
 @each_order
 def test_nonlinear_material_is_swept_downhill(order):
-    if order == 3:
-        pytest.skip("Magnetostatics has no order 3")
     given = Saturated(order)
     setting = Setting(given.mesh(), given.problem)
     before, recycled = setting.value(), unchanged(setting.movable.triangulation)
@@ -132,12 +131,12 @@ def test_nonlinear_material_is_swept_downhill(order):
     for _ in range(2):
         gain = descend(setting.movable, setting.functional, setting.trial, 2)
         after = setting.value()
-        assert 0.0 < gain <= (before - after) * (1.0 + 1e-6)
+        assert 0.0 < gain <= before - after + TABLE * abs(before)
         setting.trial, recycled, lowered = recycle_by_energy(
             setting.movable, setting.functional, setting.trial, recycled
         )
         before = setting.value()
-        assert after - before == pytest.approx(lowered, rel=1e-5)
+        assert after - before == pytest.approx(lowered, abs=TABLE * abs(before))
         assert setting.solved() <= before + 1e-9 * abs(before)
 
 

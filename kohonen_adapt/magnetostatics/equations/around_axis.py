@@ -6,7 +6,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.elements import Elements, Linear, Quadratic
+from kohonen_adapt.magnetostatics.equations.elements import Elements, Higher, Linear
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.measures import hat_gradients
 
@@ -65,6 +65,6 @@ class AroundAxis(Linear):
 
 def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry) -> Elements:
     """The elements of that order on a mesh."""
-    if order == 2:
-        return Quadratic(mesh)
+    if order > 1:
+        return Higher(mesh, order)
     return AroundAxis(mesh) if symmetry is AXISYMMETRIC else Linear(mesh)

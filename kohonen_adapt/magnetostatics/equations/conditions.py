@@ -216,11 +216,13 @@ def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence
     signs = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)])
     facets = [np.asarray(mesh.boundaries[name]) for name, *_ in pairs]
     images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
-    along = np.concatenate(facets), np.concatenate(images), np.repeat(signs, [len(rows) for rows in facets])
-    inside, beyond = (elements.on_facets(rows)[2:].ravel() for rows in along[:2])
-    one = np.concatenate([*(nodes for nodes, _ in found), inside])
-    other = np.concatenate([*(images for _, images in found), beyond])
-    between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), along[2][: inside.size])
+    partners, turned = (np.concatenate(part) for part in zip(*images, strict=True))
+    along = np.concatenate(facets), partners, np.repeat(signs, [len(rows) for rows in facets])
+    inside, beyond = (elements.on_facets(rows)[2:] for rows in along[:2])
+    beyond[:, turned] = beyond[::-1, turned]
+    one = np.concatenate([*(nodes for nodes, _ in found), inside.ravel()])
+    other = np.concatenate([*(images for _, images in found), beyond.ravel()])
+    between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), np.tile(along[2], len(inside)))
     return Ties(*_classes(elements.places.shape[1], one, other, between), one, other, between, along)
 
 
@@ -239,8 +241,8 @@ def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints,
     return master, sign, zero[master]
 
 
-def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> Ints:
-    """The facets between the images of the ends of these facets."""
+def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
+    """The facets between the images of the ends of these facets, and whether those stand in the other order there."""
     count = mesh.p.shape[1]
     image = np.arange(count)
     image[nodes] = images
@@ -248,7 +250,8 @@ def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> Int
     first, second = np.sort(mesh.facets, axis=0).astype(np.int64)
     key = first * count + second
     order = np.argsort(key)
-    return order[np.searchsorted(key[order], ends[0] * count + ends[1])]
+    found = order[np.searchsorted(key[order], ends[0] * count + ends[1])]
+    return found, image[mesh.facets[0, facets]] != mesh.facets[0, found]
 
 
 def _shared(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:

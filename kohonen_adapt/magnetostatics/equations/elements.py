@@ -1,20 +1,19 @@
-"""Integrate functions of order 1 or 2 over the elements of a mesh: unknowns, their places, gradients and weights."""
+"""Integrate functions of order 1 to 3 over the elements of a mesh: unknowns, their places, gradients and weights."""
 
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
+from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
-__all__ = ["Elements", "Linear", "Quadratic"]
+__all__ = ["Elements", "Higher", "Linear", "facet_products"]
 
-INTEGRATED = 4  # degree that the quadrature of order 2 integrates exactly: nu |grad u|^2 needs 2 where nu is constant
+HIGHER = {2: ElementTriP2, 3: ElementTriP3}
 
 
 class _Polynomials:
@@ -24,8 +23,8 @@ class _Polynomials:
     is one in every element.
     """
 
-    order: ClassVar[int]
-    facet_products: ClassVar[Floats]  # integrals of products of the functions of a facet, per length; see `on_facets`
+    order: int
+    facet_products: Floats  # integrals of products of the functions of a facet, per length; see `on_facets`
 
     def __init__(self, mesh: MeshTri, unknowns: Ints, places: Floats) -> None:
         self.mesh = mesh
@@ -161,32 +160,27 @@ class Linear(_Polynomials):
         return coo_array((np.concatenate((off, off, on[free])), (row, column)), shape=(free.size, free.size)).tocsc()
 
 
-class Quadratic(_Polynomials):
-    """P2 by quadrature: the unknowns are the values at the nodes and then at the middles of the facets.
+class Higher(_Polynomials):
+    """P2 or P3 by quadrature: the unknowns are those of scikit-fem, at the nodes, on the facets, inside the elements.
 
-    Methods are as of `Linear`, with six functions in every element.
+    Methods are as of `Linear`, with as many functions in every element as it has unknowns.
     """
 
-    order = 2
-    facet_products = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0
-
-    def __init__(self, mesh: MeshTri) -> None:
+    def __init__(self, mesh: MeshTri, order: int) -> None:
         number_facets(mesh)
-        middles = mesh.p[:, mesh.facets].mean(axis=1)
-        super().__init__(mesh, np.vstack((mesh.t, mesh.p.shape[1] + mesh.t2f)), np.hstack((mesh.p, middles)))
-
-    @cached_property
-    def _basis(self) -> Basis:
-        return Basis(self.mesh, ElementTriP2(), intorder=INTEGRATED)
+        # nu |grad u|^2 needs a degree less by 2 where nu is constant
+        self.order, self._basis = order, Basis(mesh, HIGHER[order](), intorder=2 * order)
+        self.facet_products = facet_products(order)
+        super().__init__(mesh, self._basis.element_dofs, self._basis.doflocs)
 
     @cached_property
     def _gradients(self) -> Floats:
-        """Of the six functions of every element, (6, 2, nelements, q)."""
+        """Of the functions of every element, (k, 2, nelements, q)."""
         return np.stack([np.asarray(function[0].grad) for function in self._basis.basis])
 
     @cached_property
     def _integrals(self) -> Floats:
-        """Of the six functions of every element, (6, nelements)."""
+        """Of the functions of every element, (k, nelements)."""
         values = np.stack([np.broadcast_to(np.asarray(each[0]), self._basis.dx.shape) for each in self._basis.basis])
         return np.einsum("ikq,kq->ik", values, self._basis.dx)
 
@@ -201,8 +195,9 @@ class Quadratic(_Polynomials):
         return self._basis.dx.ravel()
 
     def on_facets(self, facets: Ints) -> Ints:
-        """Numbers of the unknowns of facets, (3, nfacets): of both ends, then of the middle."""
-        return np.vstack((self.mesh.facets[:, facets], self.mesh.p.shape[1] + np.asarray(facets)))
+        """Numbers of the unknowns of facets, (order + 1, nfacets): of both ends, then between, from the first end."""
+        inner = (self.order - 1) * np.asarray(facets) + np.arange(self.order - 1)[:, None]
+        return np.vstack((self.mesh.facets[:, facets], self.mesh.p.shape[1] + inner))
 
     def gradient(self, u: Floats) -> Floats:
         return np.einsum("ik,ickq->ckq", u[self.unknowns], self._gradients).reshape(2, -1)
@@ -212,23 +207,26 @@ class Quadratic(_Polynomials):
         return np.sum(apart * self._basis.dx, axis=-1) / np.sum(self._basis.dx, axis=-1)
 
     def mean_function(self, u: Floats) -> Floats:
-        """The mean of a function over every element, (nelements,): that of the values at the middles of its facets."""
-        return u[self.unknowns[3:]].mean(axis=0)
+        """The mean of a function over every element, (nelements,)."""
+        return np.sum(self._integrals * u[self.unknowns], axis=0) / np.sum(self._basis.dx, axis=1)
 
     def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
-        functions = np.vstack((share * (2.0 * share - 1.0), 4.0 * share * share[[1, 2, 0]]))
-        return np.sum(functions * u[self.unknowns[:, element]], axis=0)
+        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
+        values = np.stack([each[0] for each in self._functions(share)])
+        return np.sum(values * u[self.unknowns[:, element]], axis=0)
 
     def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        """Gradient of a function at such points, (2, n)."""
-        node, middle = u[self.unknowns[:, element]].reshape(2, 3, -1)
-        other, last = [1, 2, 0], [2, 0, 1]
-        by_share = (4.0 * share - 1.0) * node + 4.0 * (share[other] * middle + share[last] * middle[last])
-        return np.einsum("in,cin->cn", by_share, self.hats[:, :, element])
+        """Its gradient there, (2, n)."""
+        slopes = np.stack([each[1] for each in self._functions(share)])
+        slope = np.einsum("icn,in->cn", slopes, u[self.unknowns[:, element]])
+        return np.einsum("in,cin->cn", slope, self.hats[:, 1:, element])
+
+    def _functions(self, share: Floats) -> list[tuple[Floats, Floats]]:
+        """Values (n,) of every function at barycentric coordinates, and slopes (2, n) by the last two of these."""
+        return [self._basis.elem.lbasis(share[1:], i) for i in range(len(self.unknowns))]
 
     def against_functions(self, source: Floats) -> Floats:
-        """``int source phi`` for a source (nelements,): (6, nelements)."""
+        """``int source phi`` for a source (nelements,): (k, nelements)."""
         return self._integrals * source
 
     def against_function(self, source: Floats, u: Floats) -> Floats:
@@ -258,4 +256,13 @@ class Quadratic(_Polynomials):
         return coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()[free][:, free]
 
 
-Elements = Linear | Quadratic
+Elements = Linear | Higher
+
+
+def facet_products(order: int) -> Floats:
+    """Integrals of products of the functions of a facet of length 1: of both ends, then of those between."""
+    at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
+    powers = np.arange(order + 1)
+    moments = 1.0 / (powers[:, None] + powers + 1.0)
+    functions = np.linalg.inv(at[:, None] ** powers)
+    return functions.T @ moments @ functions

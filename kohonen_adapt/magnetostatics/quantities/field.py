@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.explicit import corner_averages
-from kohonen_adapt.magnetostatics.equations.elements import Quadratic
+from kohonen_adapt.magnetostatics.equations.elements import Higher
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
@@ -18,7 +19,7 @@ from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, Poin
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Field", "QuadraticField"]
+__all__ = ["CubicField", "Field", "QuadraticField"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -299,16 +300,18 @@ class QuadraticField(Field):
     ----------
     mesh, potential, coefficients, symmetry, depth, newton
         As of a `Field`; the potential at the nodes is the first part of `values`.
-    values : (nnodes + nfacets,)
-        A at the nodes and at the middles of the facets, in Wb/m.
+    values : (nunknowns,)
+        A in Wb/m at the unknowns of scikit-fem's elements of that order: at the nodes, on the facets and, of a
+        `CubicField`, inside the elements.
     """
 
     values: Floats
+    order: ClassVar[int] = 2
 
     @cached_property
-    def elements(self) -> Quadratic:
+    def elements(self) -> Higher:
         """The elements whose functions the potential is one of."""
-        return Quadratic(self.mesh)
+        return Higher(self.mesh, self.order)
 
     @property
     def _values(self) -> Floats:
@@ -317,3 +320,15 @@ class QuadraticField(Field):
     def _interpolated(self, x: Floats) -> Floats:
         element, share = self._located(x)
         return np.where(element >= 0, self.elements.at(self.values, element, share), np.nan)
+
+
+class CubicField(QuadraticField):
+    """A planar field of a P3 potential: B is quadratic in every element.
+
+    Parameters
+    ----------
+    mesh, potential, coefficients, symmetry, depth, newton, values
+        As of a `QuadraticField`.
+    """
+
+    order = 3
