@@ -8,9 +8,8 @@ from skfem import Basis, BilinearForm, ElementTriP2, LinearForm, MeshTri, conden
 from skfem.helpers import dot, grad
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes, weighted_product
-from kohonen_adapt.estimators.explicit import DiscreteFlux
+from kohonen_adapt.estimators.explicit import DiscreteFlux, mean_and_rest
 
 __all__ = ["goal_error", "goal_oriented"]
 
@@ -141,7 +140,7 @@ def goal_error(
     >>> bool(0.9 * true < missing < true)
     True
     """
-    mean, varying = _mean_and_rest(mesh, dual_flux)
+    mean, varying = mean_and_rest(mesh, "dual_flux", dual_flux)
     given, _ = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     wanted, _ = _of_dual(mesh, reluctivity, fixed, (dual, dual_source, mean))
     basis = Basis(mesh, ElementTriP2(), intorder=DEGREE)
@@ -166,16 +165,6 @@ def _given_unknowns(basis: Basis, held: Mask) -> Ints:
     """The unknowns of P2 elements that are given: at these nodes, and in the middles of outer facets between them."""
     outer = (basis.mesh.f2t[1] < 0) & held[basis.mesh.facets].all(axis=0)
     return np.concatenate((basis.nodal_dofs[0, held], basis.facet_dofs[0, outer]))
-
-
-def _mean_and_rest(mesh: MeshTri, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
-    """The mean of a flux in every element, and what it has beyond that at the corners, (2, 3, nelements)."""
-    shape = {"2": 2, "3": 3, "nelements": mesh.t.shape[1]}
-    if np.ndim(flux) != 3:  # type: ignore[arg-type]
-        return flux, np.zeros(tuple(shape.values()))
-    corners = finite_reals("dual_flux", flux, shape, "element")  # type: ignore[arg-type]
-    mean = corners.mean(axis=1)
-    return mean, corners - mean[:, None]
 
 
 def _contributions(

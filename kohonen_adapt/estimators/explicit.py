@@ -65,6 +65,16 @@ def discrete_flux(
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
 
 
+def mean_and_rest(mesh: MeshTri, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
+    """The mean of a flux in every element, and what it has beyond that at the corners, (2, 3, nelements)."""
+    shape = {"2": 2, "3": 3, "nelements": mesh.t.shape[1]}
+    if np.ndim(flux) != 3:  # type: ignore[arg-type]
+        return flux, np.zeros(tuple(shape.values()))
+    corners = finite_reals(name, flux, shape, "element")  # type: ignore[arg-type]
+    mean = corners.mean(axis=1)
+    return mean, corners - mean[:, None]
+
+
 def residual(
     mesh: MeshTri,
     potential: ArrayLike,
@@ -93,7 +103,9 @@ def residual(
     source : (nelements,), optional
         Right-hand side; None is zero.
     flux : (2, nelements), optional
-        Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero.
+        Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero. Where it varies inside of elements (2, 3,
+        nelements): at their corners, in the order of ``mesh.t``, and linear between. The mean alone would jump from
+        element to element, and the estimate be off by half.
     joined : (k,), (k,), (k,), optional
         Facets of the boundary, those that a periodic mesh goes on with beyond them, and the sign that u changes by, 1
         or -1: across these there is a jump, too.
@@ -121,17 +133,24 @@ def residual(
     >>> bool(ka.estimators.residual(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
     True
     """
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    mean, rest = mean_and_rest(mesh, "flux", flux)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
     # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
     load = discrete.area**2 * discrete.source**2 / discrete.reluctivity
-    return np.sqrt(load + _jumps(mesh, discrete, joined))
+    return np.sqrt(load + _jumps(mesh, discrete, rest, joined))
 
 
-def _jumps(mesh: MeshTri, discrete: DiscreteFlux, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None) -> Floats:
-    """The facet part of eta_K^2; h_F ||jump||_F^2 is the square of the jump integrated over F, so no length appears."""
+def _jumps(
+    mesh: MeshTri, discrete: DiscreteFlux, rest: Floats, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None
+) -> Floats:
+    """The facet part of eta_K^2; h_F ||jump||_F^2 is the square of the jump integrated over F, so no length appears.
+
+    Of a flux that varies, which has the rest (2, 3, nelements) beyond its mean, the jump is that in the middle of F.
+    """
     nfacets = mesh.facets.shape[1]
     side = mesh.t2f.ravel()
-    outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats[:, OPPOSITE])
+    at_sides = discrete.values[:, None] - 0.5 * np.stack([rest[:, one] + rest[:, other] for one, other in ENDS], axis=1)
+    outflow = -2.0 * discrete.area * np.einsum("cik,cik->ik", at_sides, discrete.hats[:, OPPOSITE])
     jump = np.bincount(side, outflow.ravel(), nfacets)
     outer = np.where(np.bincount(side, minlength=nfacets) < 2, jump, 0.0)
     jump -= outer
@@ -164,7 +183,8 @@ def recovery(
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux
-        As of `residual`; the source is checked, though the averages do not need it.
+        As of `residual`, the flux at corners with a `region`; the source is checked, though the averages do not need
+        it.
     region : (nelements,) of integers, optional
         What regions are told by, in place of reluctivity and flux: the number of the material, where these change
         inside one (saturated iron, radial magnets).
@@ -190,10 +210,12 @@ def recovery(
     >>> bool(ka.estimators.recovery(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
     True
     """
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    averages = corner_averages(mesh, discrete.values, _regions(mesh, _data(discrete, region)))
+    mean, rest = mean_and_rest(mesh, "flux", flux)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
+    values = discrete.values[:, None] - rest
+    averages = corner_averages(mesh, values, _regions(mesh, _data(discrete, region)))
     squared = np.zeros(mesh.t.shape[1])
-    for average, component in zip(averages, discrete.values, strict=True):
+    for average, component in zip(averages, values, strict=True):
         difference = average - component
         squared += np.sum(difference**2, axis=0) + np.sum(difference, axis=0) ** 2
     return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)

@@ -187,7 +187,7 @@ class Magnetostatics(Arguments):
         """
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
-        return estimated(mesh, field, self.estimator, self.boundaries, list(self.materials.values()))
+        return estimated(mesh, field, self.estimator, self.boundaries, self.materials)
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """``d linkage / d current`` of a circuit at a solution: what it has for small changes of its current.

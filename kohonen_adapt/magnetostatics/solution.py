@@ -1,15 +1,16 @@
 """Solve a problem on a mesh, state the functional that its solution minimises, and linearise it there."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import Higher
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
-from kohonen_adapt.magnetostatics.materials.coefficients import varying_flux
+from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
+from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import CubicField, Field, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
@@ -105,10 +106,15 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
     present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
     turns = any(material.turns for material in present.values())
-    flux: Flux = varying_flux(present) if turns else given.flux[:, first]
+    flux: Flux = _flux_of(present) if turns else given.flux[:, first]
     laws = tuple(material.bh for material in present.values()) if given.pieces else ()
     tables = given.reluctivity[first], given.current_density[first], flux
     return Ritz(field.unknown, conditions.held, *tables, place, laws, field.elements.order)
+
+
+def _flux_of(materials: Mapping[str, Material]) -> Callable[[Floats, Ints], Floats]:
+    """The flux of magnets as a function of x (2, n) and the places of the materials there in the mapping, (n,)."""
+    return lambda x, number: PLANAR.flux(coercivity_at(materials, x, number))
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:

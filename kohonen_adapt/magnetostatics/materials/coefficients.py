@@ -1,6 +1,6 @@
 """Tell every element its material, and work out field strength and energy density from flux density."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "Piece", "coefficients", "material_of_elements", "varying_flux"]
+__all__ = ["Coefficients", "Piece", "coefficients", "coercivity_at", "material_of_elements"]
 
 
 @dataclass(frozen=True)
@@ -127,17 +127,13 @@ def coefficients(
     return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces))
 
 
-def varying_flux(materials: Mapping[str, Material]) -> Callable[[Floats, Ints], Floats]:
-    """``(-Hc_y, Hc_x)`` as a function of x (2, n) and the places of the materials there in the mapping (n,), (2, n)."""
-
-    def flux(x: Floats, number: Ints) -> Floats:
-        coercivity = np.zeros_like(x)
-        for index, (name, material) in enumerate(materials.items()):
-            rows = number == index
-            coercivity[:, rows] = _coercivity_at(material, x[:, rows], name)
-        return np.stack((-coercivity[1], coercivity[0]))
-
-    return flux
+def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) -> Floats:
+    """Coercivity at points x (2, n), of the materials at these places in the mapping (n,), (2, n)."""
+    coercivity = np.zeros_like(x)
+    for index, (name, material) in enumerate(materials.items()):
+        rows = number == index
+        coercivity[:, rows] = _at(material, x[:, rows], name)
+    return coercivity
 
 
 def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
@@ -148,7 +144,7 @@ def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[F
     """
     if material.turns:
         x = inner_points(mesh.p[:, mesh.t[:, rows]])
-        coercivity = np.mean([_coercivity_at(material, x[:, k], name) for k in range(3)], axis=0)
+        coercivity = np.mean([_at(material, x[:, k], name) for k in range(3)], axis=0)
         return _converted(material, coercivity, "coercivity"), coercivity
     kind, given = _given(material)
     vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[0, rows]])
@@ -163,8 +159,8 @@ def _given(material: Material) -> tuple[str, Vector]:
     return "coercivity", material.coercivity
 
 
-def _coercivity_at(material: Material, x: Floats, name: str) -> Floats:
-    """Coercivity at points (2, n)."""
+def _at(material: Material, x: Floats, name: str) -> Floats:
+    """Coercivity of one material at points (2, n)."""
     kind, given = _given(material)
     vector = _evaluated(f"{kind} of {name!r}", given, x)
     return _converted(material, vector, kind) if kind == "remanence" else vector
