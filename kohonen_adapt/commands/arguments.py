@@ -53,7 +53,9 @@ def _add_relocate(commands: Any) -> None:
     )
     field = move.add_mutually_exclusive_group(required=True)
     field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
-    field.add_argument("--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm")
+    field.add_argument(
+        "--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm, not squared"
+    )
     field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
     _add_file(move, "MESH2", "file (.msh, .msh2, .vtu) or folder of Elmer to write, in the unit of MESH", required=True)
     move.add_argument(
