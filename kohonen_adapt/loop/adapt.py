@@ -16,6 +16,7 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.polishing.polish import PLAN
@@ -158,8 +159,9 @@ def adapt(
     round_ = curves_of(problem, mesh, curves)
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()
     rules = holding(rules, nodes_held(problem, mesh))
+    growth, wanted = Growth.of(mesh.p.shape[1], target_nodes, passes), check_outputs(outputs, output_rtol)
+    mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = MovableMesh.of(mesh, rules)
-    growth, wanted = Growth.of(movable.nnodes, target_nodes, passes), check_outputs(outputs, output_rtol)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect_loops(rules.topology, *([*loops_of(order_of(problem)), "carrying"] if polish else []))

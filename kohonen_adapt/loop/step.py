@@ -103,7 +103,7 @@ class Adaptation:
             number=before.record.number + 1 if before else 0,
             mesh=mesh,
             indicators=indicators,
-            nodes=numbers_in_input(before, moved, self.movable.nnodes),
+            nodes=numbers_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             estimate=root_of_squares(indicators),
             worth=root_of_squares(weight * indicators),
             energy_norm=norm,
@@ -138,7 +138,7 @@ class Adaptation:
             settings, number = self.settings, self.steps.number
             topology, nodes = settings.rules.topology, settings.growth.nodes(number)
             by_energy = solved.functional is not None and len(self.plan) > 1 and number > RECYCLED_BY_DENSITY
-            recycles, longest = not by_energy or nodes > self.movable.nnodes, None
+            recycles, longest = not by_energy or nodes != self.movable.nnodes, None
             if solved.functional is not None:
                 longest = longest_on_arcs(solved.functional.ritz, self.movable, record.estimate)
             rng = settings.rng(number)
@@ -186,10 +186,10 @@ class Adaptation:
         return values
 
 
-def numbers_in_input(before: Solved | None, moved: Moved | None, nnodes: int) -> Ints:
-    """Number in the input of every node of a mesh, -1 for a new one."""
+def numbers_in_input(before: Solved | None, moved: Moved | None, nnodes: int, in_input: int) -> Ints:
+    """Number in the input of every node of a mesh, -1 for a new one; those that layers have taken are the last."""
     if before is None or moved is None:
-        return np.arange(nnodes)
+        return np.where(np.arange(nnodes) < in_input, np.arange(nnodes), -1)
     old = moved.recycled.old
     return np.where(old >= 0, before.record.nodes[old], -1)
 

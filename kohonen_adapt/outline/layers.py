@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facing import facing_sides, joined
 from kohonen_adapt.outline.rules import checked_layers
 
-__all__ = ["lay"]
+__all__ = ["Band", "bands_of", "check_number", "lay", "lower_to_steps", "parts_of"]
 
 
 class Band(NamedTuple):
@@ -87,7 +87,8 @@ def check_number(position: Floats, band: Band) -> None:
         plural = "" if steps[least] == 1 else "s"
         raise ValueError(
             f"subdomain {band.name!r} has {steps[least]} layer{plural} of elements between its sides near "
-            f"({x:.6g}, {y:.6g}); layers asks for {band.number}: refine it there first."
+            f"({x:.6g}, {y:.6g}); layers asks for {band.number}: topology='recycle' and target_nodes make "
+            "the others, up to 8; else refine it there first."
         )
 
 

@@ -61,7 +61,9 @@ class Rules:
     layers
         Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
         has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
-        distance, with whatever joins pieces of one side; the ends of a gap are none.
+        distance, with whatever joins pieces of one side; the ends of a gap are none. Where there are fewer, edges
+        across are halved with ``"recycle"``, which takes nodes elsewhere for it, and in `adapt` with `target_nodes`;
+        without either it is refused.
 
     Raises
     ------

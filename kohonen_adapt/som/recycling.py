@@ -25,25 +25,25 @@ def recycle_nodes(
     """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
 
     Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region. `density`
-    (nnodes,) is wanted nodes per area up to a factor, `target` the number of nodes in the end, at least that of now:
-    more are made by splits alone. With `pairs` splits and collapses go on when there are as many. What facets on curves
-    leave out must not grow, but where they are no longer than `longest` (nnodes,) they may be joined.
+    (nnodes,) is wanted nodes per area up to a factor, `target` the number of nodes in the end: more are made by splits
+    alone, and fewer left by collapses alone. With `pairs` splits and collapses go on when there are as many. What
+    facets on curves leave out must not grow, but where they are no longer than `longest` (nnodes,) they may be joined.
     """
     movable.settle()
     missing = target - movable.nnodes
-    spacious = Surgery.on(movable, density, target, unchanged(movable.triangulation))
+    spacious = Surgery.on(movable, density, max(target, movable.nnodes), unchanged(movable.triangulation))
     if longest is not None:
         known = spacious.mesh.origins.longest[: movable.nnodes]
         np.maximum(known, longest, out=known)
     splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
-    if not splits:
+    if not splits and not collapses:
         return unchanged(movable.triangulation)
     kept, _ = spacious.hand_back(movable, renumbered=pairs)
     return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], splits, collapses)
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:
-    """Rounds of splits and collapses; returns how many of each."""
+    """Rounds of splits and collapses; returns how many of each. If `missing` is negative, nodes are too many."""
     rows = len(mesh.elements.node)
     # all edges more than twice: a mesh has three edges for two elements, and outlines
     heaps = Heap.of(4 * rows + 8), Heap.of(4 * rows + 8)
@@ -53,7 +53,8 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
         at_first, finished = splits, False
         mesh.origins.young[:] = False
         while not finished:
-            more, fewer, finished = recycle(mesh, *heaps, max(0, missing - splits), ratio, floor, SPLITS)
+            left = max(0, missing - splits) if missing > 0 else min(0, missing + collapses - splits)
+            more, fewer, finished = recycle(mesh, *heaps, left, ratio, floor, SPLITS)
             splits, collapses = splits + more, collapses + fewer
         if splits - at_first <= SETTLED * len(mesh.position):
             break

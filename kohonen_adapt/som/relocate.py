@@ -10,9 +10,11 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.rules import Pinned, Rules
 from kohonen_adapt.outline.surgery import Recycled, unchanged
@@ -132,10 +134,13 @@ def relocate(
     """
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
-    movable = MovableMesh.of(mesh, rules)
+    layered = with_layers(mesh, rules)
+    movable = MovableMesh.of(layered, rules)
+    if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
+        density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect_loops(topology)
     wanted = density_of(movable.triangulation, density)
-    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed))
+    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed), mesh.p.shape[1])
     work = moved.work(movable)
     report_curves(moved.before, movable)
     if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -158,13 +163,14 @@ def move(
     recycles: bool = True,
     longest: Floats | None = None,
 ) -> Moved:
-    """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; with at least so many `nodes`.
+    """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; to so many `nodes`, but that
+    without recycling there are never fewer than now.
 
     `wanted` is a density on the mesh as it is now. With the topology "recycle" the map counts on recycling that was
     done before where it `recycles` nothing here. `longest` facets on arcs are those of `recycle_nodes`.
     """
-    before, target = movable.copy(), max(nodes, movable.nnodes)
-    recycled, pairs = unchanged(before.triangulation), recycles and topology == "recycle"
+    before, pairs = movable.copy(), recycles and topology == "recycle"
+    recycled, target = unchanged(before.triangulation), nodes if nodes and pairs else max(nodes, movable.nnodes)
     if pairs or target > movable.nnodes:
         recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs, longest)
     trainer = Trainer.of(movable)

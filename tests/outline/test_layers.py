@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import centres, inset
+from helpers.meshes import area_of, centres, inset
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
@@ -164,6 +164,47 @@ def test_adapt_keeps_layers_through_growth_and_polish(case, topology):
     assert found.mesh.p.shape[1] > mesh.p.shape[1]
 
 
+@every_case
+@pytest.mark.parametrize(("rows", "wanted"), [(1, 2), (1, 3), (2, 4)])
+def test_recycling_makes_the_layers_that_are_missing(case, rows, wanted):
+    mesh = case(rows)
+    made = ka.relocate(mesh, thinning(mesh), topology="recycle", layers={"gap": wanted})
+    assert layers_of(mesh) == rows and layers_of(made) >= wanted
+    assert made.p.shape == mesh.p.shape
+    bound = 1e-2 if case in (ring, sector) else 1e-12  # of arcs, which facets shorten by their sagitta
+    for name in mesh.subdomains:
+        assert area_of(made, made.subdomains[name]) == pytest.approx(area_of(mesh, mesh.subdomains[name]), rel=bound)
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_adapt_makes_them_too_and_counts_their_nodes_as_new(topology):
+    mesh = closed(poles(1))
+    grows = {} if topology == "recycle" else {"target_nodes": mesh.p.shape[1] * 3 // 2}
+    found = ka.adapt(mesh, current(mesh), layers={"gap": 2}, topology=topology, passes=2, atol=0.0, **grows)
+    assert all(layers_of(record.mesh) >= 2 for record in found.history)
+    first, last = found.history[0], found.history[-1]
+    assert np.array_equal(first.mesh.p[:, first.nodes >= 0], mesh.p)
+    assert last.mesh.p.shape[1] == (grows["target_nodes"] if grows else mesh.p.shape[1])
+
+
+def test_layers_are_made_on_both_sides_of_a_pair():
+    mesh = sector(1)
+    angle = np.angle(mesh.p[0] + 1j * mesh.p[1])
+    sides = {name: closed_at(mesh, np.abs(angle - at) < 1e-9) for name, at in (("right", 0.0), ("left", np.pi / 4))}
+    mesh = mesh.with_boundaries(sides)
+    options = {"topology": "recycle", "periodic": [("right", "left")], "layers": {"gap": 2}}
+    made = ka.relocate(mesh, thinning(mesh), **options)
+    assert layers_of(made) == 2
+    assert len(made.boundaries["right"]) == len(made.boundaries["left"]) == len(mesh.boundaries["left"]) + 1
+    assert layers_of(ka.relocate(made, thinning(mesh=made), **options)) >= 2
+
+
+def closed_at(mesh, nodes):
+    """The facets of the outer boundary between these nodes."""
+    outer = mesh.boundary_facets()
+    return outer[nodes[mesh.facets[:, outer]].all(axis=0)]
+
+
 def test_the_polish_keeps_layers_that_it_would_lose():
     mesh = closed(poles())
     problem = current(mesh)
@@ -301,12 +342,12 @@ BAD = {
     "far too many": (
         {"gap": 10**30},
         f"subdomain 'gap' has 1 layer of elements between its sides near (0, 0.3); layers asks for {10**30}: "
-        "refine it there first.",
+        "topology='recycle' and target_nodes make the others, up to 8; else refine it there first.",
     ),
     "too many": (
         {"gap": 2},
         "subdomain 'gap' has 1 layer of elements between its sides near (0, 0.3); layers asks for 2: "
-        "refine it there first.",
+        "topology='recycle' and target_nodes make the others, up to 8; else refine it there first.",
     ),
 }
 
@@ -316,11 +357,16 @@ def test_bad_layers_are_refused(layers, message):
     mesh = closed(poles(1))
     for call in (
         lambda: ka.relocate(mesh, np.ones(mesh.nelements), layers=layers),
-        lambda: ka.adapt(mesh, current(mesh), layers=layers),
+        lambda: ka.adapt(mesh, current(mesh), layers=layers, topology="fixed"),
         lambda: KohonenMap(mesh, layers=layers),
     ):
         with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
             call()
+
+
+def test_nine_layers_are_not_made():
+    with pytest.raises(ValueError, match=r"has 1 layer .* layers asks for 9: "):
+        ka.relocate(poles(1), np.ones(poles(1).nelements), topology="recycle", layers={"gap": 9})
 
 
 def test_a_subdomain_without_two_sides_is_refused():

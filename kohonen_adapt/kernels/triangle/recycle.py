@@ -147,12 +147,21 @@ def collapse_shortest(mesh, shortest, most, longest, spared, floor):
 def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
     """Split the longest edges, collapsing the shortest for it, while the one is more than `ratio` times the other.
 
-    The first `missing` splits are without a collapse: the mesh grows. Returns splits, collapses and whether the end was
+    The first `missing` splits are without a collapse: the mesh grows; if it is negative, as many nodes are taken away
+    first, as far as that is allowed. Returns splits, collapses and whether the end was
     reached before about `limit` splits. There is one free node too many, so that the split can come first: where no
     collapse follows it is taken back, and the number of nodes is right at any time.
     """
     splits = collapses = 0
     full = longest.key.shape[0]
+    while collapses < -missing:
+        if longest.size[0] == full or shortest.size[0] == full:
+            fill_heaps(mesh, longest, shortest)
+        merged = collapse_shortest(mesh, shortest, np.inf, np.inf, NOWHERE, floor)
+        if merged < 0:
+            break
+        collapses += 1
+        restore_delaunay(mesh, longest, shortest, floor, enter_around(mesh, longest, shortest, merged, np.int64(0)))
     while splits < limit:
         if longest.size[0] == full or shortest.size[0] == full:
             fill_heaps(mesh, longest, shortest)

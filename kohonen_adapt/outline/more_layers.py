@@ -1,0 +1,75 @@
+"""Make the layers of elements that thin subdomains lack, by splitting edges between their sides."""
+
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import listed
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
+from kohonen_adapt.outline.layers import Band, bands_of, lower_to_steps, parts_of
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules, checked_layers
+from kohonen_adapt.outline.surgery import Surgery, unchanged
+
+logger = logging.getLogger("kohonen_adapt")
+
+__all__ = ["with_layers"]
+
+MOST = 8  # layers that are made; whoever wants more is to draw them
+
+
+def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
+    """The mesh with the layers that the rules ask for, where nodes may be recycled or it `grows`; old nodes come first.
+
+    Every edge in the middle of a way across that has too few is halved, until none has; where edges of a pair cross,
+    they do so on both of its sides.
+    """
+    if not rules.layers or not (grows or rules.topology == "recycle"):
+        return mesh
+    movable = MovableMesh.of(mesh, replace(rules, layers=None, periodic=()))
+    wanted = {name: number for name, number in checked_layers(mesh, rules.layers).items() if number <= MOST}
+    while len(edges := edges_to_split(movable, wanted)):
+        split_edges(movable, edges)
+    made = movable.nnodes - mesh.p.shape[1]
+    if made:
+        logger.info("made layers of elements in %s by %d new nodes", listed(rules.layers), made)
+    return movable.mesh() if made else mesh
+
+
+def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
+    """The edges (k, 2) in the middle of the shortest ways across subdomains with fewer layers than wanted."""
+    found = [np.empty((0, 2), dtype=np.int64)]
+    for band in bands(movable, wanted):
+        from_one, from_other = (np.full(movable.nnodes, min(band.number, movable.nnodes)) for _ in band.sides)
+        for steps, side in ((from_one, band.sides[0]), (from_other, band.sides[1])):
+            steps[side] = 0
+            lower_to_steps(band.pairs, steps)
+        a, b = np.concatenate([band.pairs, band.pairs[:, ::-1]]).T
+        across = from_one[a] + 1 + from_other[b]
+        found.append(np.stack([a, b], axis=1)[(across < band.number) & (from_one[a] == across // 2)])
+    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+
+
+def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
+    """The pairs of sides of the subdomains that are to have layers."""
+    triangulation = movable.triangulation
+    for name, number in wanted.items():
+        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
+        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
+            yield from bands_of(triangulation, movable.constraints, name, number, inside)
+
+
+def split_edges(movable: MovableMesh, edges: Ints) -> None:
+    """Halve edges (k, 2). They are few, and this is done once for a mesh, so it is not worth compiling."""
+    n = movable.nnodes
+    surgery = Surgery.on(movable, np.ones(n), n + len(edges), unchanged(movable.triangulation))
+    find, middle, halve = (interpreted(loop) for loop in (find_edge, midpoint, split))
+    for a, b in edges.tolist():
+        e, k = find(surgery.mesh, a, b)
+        halve(surgery.mesh, e, k, *middle(surgery.mesh, np.int64(surgery.mesh.elements.chain[e, k]), a, b))
+    surgery.hand_back(movable)
