@@ -5,7 +5,8 @@ import logging
 import meshio
 import numpy as np
 import pytest
-from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, needs_gmsh, two_rooms
+import skfem
+from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, in_front, needs_gmsh, two_rooms
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
@@ -296,3 +297,31 @@ def test_a_file_cut_short_anywhere_is_refused(drawn):
         path.write_bytes(whole[:length])
         with pytest.raises(ValueError, match=r"is not a complete Gmsh file|expected a Gmsh file"):
             read_mesh(path)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize(("sign", "fronts"), [(1, 2), (-1, 1)], ids=["as drawn", "one reversed"])
+def test_a_boundary_inside_has_the_direction_of_its_curves(sign, fronts, version, tmp_path):
+    """Two curves meet head to head; a group that has one of them reversed runs through, and faces one side."""
+    with gmsh_session() as model:
+        make = model.geo
+        places = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (0.5, 1), (0.5, 0.5)]
+        points = [make.addPoint(x, y, 0.0, 0.1) for x, y in places]
+        sides = [make.addLine(points[a], points[b]) for a, b in ((0, 4), (4, 1), (1, 2), (2, 5), (5, 3), (3, 0))]
+        low, high = (make.addLine(points[a], points[6]) for a in (4, 5))
+        make.addPlaneSurface([make.addCurveLoop([sides[0], low, -high, *sides[4:]])], 1)
+        make.addPlaneSurface([make.addCurveLoop([*sides[1:4], high, -low])], 2)
+        make.synchronize()
+        model.addPhysicalGroup(1, [low, sign * high], 1, "middle")
+        model.addPhysicalGroup(2, [1, 2], 2, "all")
+        model.mesh.generate(2)
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.write(str(tmp_path / "m.msh"))
+    mesh = read_mesh(tmp_path / "m.msh")
+    assert len(mesh.boundaries["middle"]) == 10
+    assert len({x < 0.5 for _, _, x, _ in in_front(mesh, "middle")}) == fronts
+    if version == 4.1 and sign > 0:  # meshio drops reversed curves, and scikit-fem orientations of MSH 2.2
+        assert in_front(mesh, "middle") == in_front(skfem.MeshTri.load(tmp_path / "m.msh"), "middle")
+    write_mesh(tmp_path / "again.msh", mesh)
+    assert in_front(read_mesh(tmp_path / "again.msh"), "middle") == in_front(mesh, "middle")
