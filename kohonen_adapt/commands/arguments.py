@@ -94,7 +94,7 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
         nargs=2,
         action="append",
         default=[],
-        help="a thin subdomain, and how many layers of elements it keeps across",
+        help="a thin subdomain, and how many layers of elements it keeps across; with recycle it gets them",
     )
 
 
@@ -103,7 +103,7 @@ def _add_check(commands: Any) -> None:
         "check",
         help="say what a mesh is, and what would go wrong with it",
         description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
-        "faults were found, and 2 if the file holds no mesh at all.",
+        "faults were found, and 2 if the file holds no mesh at all. Hints are no faults.",
     )
     _add_mesh(check)
 

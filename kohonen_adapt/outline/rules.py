@@ -50,7 +50,8 @@ class Rules:
     curves
         The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
         ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
-        radius, turning by less than 35 degrees at each) are taken for an arc, and other turns for corners.
+        radius, turning by less than 35 degrees at each) are taken for an arc, four and five where another outline is
+        an arc about the same centre, and other turns for corners. A spline through points of a circle is that circle.
     periodic
         Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
         translation or rotation carries the one to the other node by node, and does so afterwards. Where several would,
