@@ -33,7 +33,7 @@ def with_gap(gap_mm):
 
 def adapted(gap_mm):
     """The outputs of one case; other processes find the function, for it stands at the top level."""
-    result = ka.adapt(with_gap(gap_mm), PROBLEM, passes=3, target_nodes=FINE)
+    result = ka.adapt(with_gap(gap_mm), PROBLEM, target_nodes=FINE)
     return {"force (N)": pull(result.solution), "co-energy (J)": result.solution.coenergy}
 
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -34,10 +35,11 @@ def fails_at_two(x):
 
 
 class UnsendableError(Exception):
-    """Cannot be made again of its arguments, which is how exceptions are unpickled."""
+    """Holds what cannot be pickled."""
 
     def __init__(self, one, other):
         super().__init__(f"{one} and {other}")
+        self.lock = threading.Lock()
 
 
 def unsendable(x):
