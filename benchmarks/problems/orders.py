@@ -21,11 +21,7 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
-from benchmarks.problems import c_core, l_shape, p1, square_magnet
-
-# a(u, u): by P2 elements on bisected meshes with up to 140 000 unknowns, extrapolated as N^-2
-SOURCE_ON_L = 0.2140758027
-MAGNET = {False: 0.0908370426, True: 0.1134912582}
+from benchmarks.problems import c_core, l_shape, p1, poisson_l, square_magnet
 
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3}
 LATTICE = {  # points that determine a gradient, of order 1 or 2
@@ -191,7 +187,7 @@ def problem(letter: str, order: int, iron: bool = False) -> OfOrder:
     if letter == "L":
         return LaplaceOnL(order)
     if letter == "F":
-        return OfOrder(order, partial(constants, source=1.0), SOURCE_ON_L, relative=False)
+        return OfOrder(order, partial(constants, source=1.0), poisson_l.NORM_SQUARED, relative=False)
     if letter == "M":
-        return OfOrder(order, partial(magnet, iron=iron), MAGNET[iron], relative=True)
+        return OfOrder(order, partial(magnet, iron=iron), square_magnet.REFERENCE_ENERGY[iron], relative=True)
     return OfOrder(order, core, c_core.REFERENCE_ENERGY, relative=True)

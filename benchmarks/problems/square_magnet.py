@@ -8,7 +8,8 @@ from benchmarks.problems import p1
 from benchmarks.problems.helmholtz import square_mesh
 
 IRON_PERMEABILITY = 1000.0
-_REFERENCE_ENERGY = {False: 0.090837036, True: 0.113491130}  # a(u, u) without and with iron
+# a(u, u) without and with iron, by P2 elements on bisected meshes with up to 140 000 unknowns, extrapolated as N^-2
+REFERENCE_ENERGY = {False: 0.0908370426, True: 0.1134912582}
 _REMANENT_FLUX = np.array((-1.0, 0.0))  # nu (-Br_y, Br_x) for a magnetisation of (0, 1)
 
 
@@ -50,7 +51,7 @@ class SquareMagnet:
 
     def error(self, mesh: MeshTri, solution: np.ndarray) -> float:
         """Relative error of the energy norm: the energy of a Galerkin solution falls short by its square."""
-        reference = _REFERENCE_ENERGY[self.iron]
+        reference = REFERENCE_ENERGY[self.iron]
         return float(np.sqrt(1 - self.energy_norm(mesh, solution) ** 2 / reference))
 
 

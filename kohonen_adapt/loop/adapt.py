@@ -164,8 +164,9 @@ def adapt(
     movable = MovableMesh.of(mesh, rules)
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect_loops(rules.topology, *([*loops_of(order_of(problem)), "carrying"] if polish else []))
-    adaptation = Adaptation(problem, movable, settings, steps, PLAN if rules.topology == "recycle" else (SWEEPS,))
+    order, plan = order_of(problem), PLAN if rules.topology == "recycle" else (SWEEPS,)
+    expect_loops(rules.topology, *([*loops_of(order), "carrying"] if polish else []))
+    adaptation = Adaptation(problem, movable, settings, steps, order, plan)
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 
 

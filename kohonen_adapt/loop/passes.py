@@ -44,6 +44,8 @@ class Pass(Work):
         (nelements,), what the problem's ``indicators`` returned for it, unsquared.
     nodes
         (nnodes,), number in the input mesh of every node, -1 for a new one.
+    unknowns
+        Number of values that the solution has, given ones included: of order 1 as many as nodes.
     estimate
         Square root of the sum of the squared indicators.
     worth
@@ -84,6 +86,7 @@ class Pass(Work):
     mesh: MeshTri
     indicators: Floats
     nodes: Ints
+    unknowns: int
     estimate: float
     worth: float
     energy_norm: float | None = None

@@ -11,6 +11,7 @@ from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.measures import area, quality
+from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.polishing.functional import Functional, VariesInside
 from kohonen_adapt.polishing.polish import descend_and_recycle
@@ -78,6 +79,8 @@ class Adaptation:
         What every pass depends on.
     steps
         Times the steps, and knows which pass is in the making.
+    order
+        Of the elements, as the problem says at first.
     plan
         Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off.
     """
@@ -86,6 +89,7 @@ class Adaptation:
     movable: MovableMesh
     settings: Settings
     steps: Steps
+    order: int
     plan: tuple[int, ...]
 
     def assess(self, before: Solved | None = None, moved: Moved | None = None, polish_gain: float = 0.0) -> Solved:
@@ -104,6 +108,7 @@ class Adaptation:
             mesh=mesh,
             indicators=indicators,
             nodes=numbers_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
+            unknowns=count_unknowns(mesh, self.order),
             estimate=root_of_squares(indicators),
             worth=root_of_squares(weight * indicators),
             energy_norm=norm,

@@ -5,9 +5,10 @@ from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, halbach, radial
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.magnetostatics.quantities.field import CubicField, Field, QuadraticField
+from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.higher_fields import CubicField, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
 from kohonen_adapt.magnetostatics.solution import NotConverged
 

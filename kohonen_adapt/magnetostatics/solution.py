@@ -12,7 +12,8 @@ from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunct
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.field import CubicField, Field, QuadraticField
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.higher_fields import CubicField, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz

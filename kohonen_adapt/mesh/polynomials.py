@@ -32,11 +32,12 @@ HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 def count_unknowns(mesh: MeshTri, order: int) -> int:
-    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2` or `P3`: of nodes, then facets, then elements."""
+    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements."""
+    nodes = int(mesh.p.shape[1])
     if order == 1:
-        return int(mesh.p.shape[1])
+        return nodes
     number_facets(mesh)
-    return int(mesh.p.shape[1] + (order - 1) * mesh.facets.shape[1] + (mesh.t.shape[1] if order == 3 else 0))
+    return nodes + (order - 1) * mesh.facets.shape[1] + (order - 1) * (order - 2) // 2 * mesh.t.shape[1]
 
 
 def functions_at(share: Floats, order: int) -> Floats:

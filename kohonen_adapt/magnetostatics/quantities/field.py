@@ -3,14 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.explicit import corner_averages
-from kohonen_adapt.magnetostatics.equations.elements import Higher
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
@@ -19,7 +17,7 @@ from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, Poin
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["CubicField", "Field", "QuadraticField"]
+__all__ = ["Field"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -290,45 +288,3 @@ class Field(LocalField):
         True
         """
         return eggshell_torque(self, body, centre)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class QuadraticField(Field):
-    """A planar field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
-
-    Parameters
-    ----------
-    mesh, potential, coefficients, symmetry, depth, newton
-        As of a `Field`; the potential at the nodes is the first part of `values`.
-    values : (nunknowns,)
-        A in Wb/m at the unknowns of scikit-fem's elements of that order: at the nodes, on the facets and, of a
-        `CubicField`, inside the elements.
-    """
-
-    values: Floats
-    order: ClassVar[int] = 2
-
-    @cached_property
-    def elements(self) -> Higher:
-        """The elements whose functions the potential is one of."""
-        return Higher(self.mesh, self.order)
-
-    @property
-    def _values(self) -> Floats:
-        return self.values
-
-    def _interpolated(self, x: Floats) -> Floats:
-        element, share = self._located(x)
-        return np.where(element >= 0, self.elements.at(self.values, element, share), np.nan)
-
-
-class CubicField(QuadraticField):
-    """A planar field of a P3 potential: B is quadratic in every element.
-
-    Parameters
-    ----------
-    mesh, potential, coefficients, symmetry, depth, newton, values
-        As of a `QuadraticField`.
-    """
-
-    order = 3
