@@ -14,6 +14,7 @@ from kohonen_adapt.outline.rules import Rules
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
     "Constraints": {"chains", "twins"},
+    "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "block"},
     "Laws": {"first"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},
