@@ -246,14 +246,14 @@ class Laws(NamedTuple):
 
 @record
 class Trial(NamedTuple):
-    """A P1 function and the functional it is judged by."""
+    """A function, of order 1 but for its `Modes`, and the functional it is judged by."""
 
     value: np.ndarray  # (n,)
     fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
     on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
-    # (m, CONSTANTS): of every element a half of the coefficient, a sixth of the source, a half of the flux. Where
-    # fluxes vary inside regions (m, VARYING): then a centre, where that half is, and the derivatives of both its parts.
-    data: np.ndarray
+    # Of every element a half of the coefficient, a sixth of the source, a half of the flux; where fluxes vary inside
+    # regions then a centre, where that half is, and the derivatives of both its parts.
+    data: np.ndarray  # (m, CONSTANTS), or where fluxes vary (m, VARYING)
     bent: np.ndarray  # (n,) bool: the node touches nonlinear material
     laws: Laws  # where there is one, the coefficient has no say
 
