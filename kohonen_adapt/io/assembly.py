@@ -76,7 +76,7 @@ def _check_shapes(content: Content, path: Path) -> None:
             f"read_mesh expected triangles only; '{path}' has {found}. "
             "Mesh without recombination, or split them with skfem.MeshQuad.to_meshtri()."
         )
-    if TRIANGLE not in counts:
+    if not counts.get(TRIANGLE):
         raise ValueError(
             f"read_mesh expected triangles; '{path}' has {found}. "
             "Mesh in two dimensions (gmsh -2) and give the surfaces a physical group: Gmsh saves only what has one."

@@ -15,6 +15,7 @@ from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh
@@ -155,6 +156,7 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
+    check_mesh(mesh)
     pairs = pairs_of(problem) if periodic is None else periodic
     round_ = curves_of(problem, mesh, curves)
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()

@@ -12,15 +12,15 @@ from kohonen_adapt.problem.ritz import Ritz, flux_at
 
 __all__ = ["longest_on_arcs"]
 
-SHARE = 0.1  # of the squared estimate: what all arcs together may cut off
+SHARE = 0.01  # of the squared estimate, a tenth of it in the energy norm: what all arcs together may cut off
 
 
 def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats:
     """The longest facets that may be made at the nodes that slide on arcs, (n,); 0 at all others.
 
     Between an arc of radius r and its chord of length l there is ``l^3 / (12 r)`` of the wrong material. Twice what
-    that does to the functional is to be no more than an equal share of a tenth of the squared estimate, nor than one
-    node's share in all of that: what fewer facets save would be lost again elsewhere.
+    that does to the functional is to be no more than an equal share of a hundredth of the squared estimate, nor than
+    one node's share in all of that: what fewer facets save would be lost again elsewhere.
     """
     triangulation, constraints = movable.triangulation, movable.constraints
     elements, chains = triangulation.elements, constraints.chains

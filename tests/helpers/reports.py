@@ -24,6 +24,7 @@ def a_pass(number, mesh, estimate, outputs=()):
         mesh=mesh,
         indicators=np.linspace(0.1, 2.0, mesh.t.shape[1]),
         nodes=np.arange(mesh.p.shape[1]),
+        unknowns=mesh.p.shape[1],
         estimate=estimate,
         worth=estimate,
         energy_norm=2.0,

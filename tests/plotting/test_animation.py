@@ -13,7 +13,7 @@ from kohonen_adapt.loop.passes import Pass
 def passes(count, levels=2):
     mesh = MeshTri().refined(levels)
     same = {"mesh": mesh, "indicators": np.ones(mesh.t.shape[1]), "nodes": np.arange(mesh.p.shape[1])}
-    same |= {"worth": 1.0, "energy_norm": 2.0, "min_quality": 0.5, "mean_quality": 0.9}
+    same |= {"unknowns": mesh.p.shape[1], "worth": 1.0, "energy_norm": 2.0, "min_quality": 0.5, "mean_quality": 0.9}
     return [Pass(number=k, estimate=1.0 / (k + 1), **same) for k in range(count)]
 
 

@@ -31,6 +31,7 @@ def a_pass(number, mesh, estimate, energy_norm=2.0, calibrated=True):
         mesh=mesh,
         indicators=np.full(mesh.t.shape[1], estimate),
         nodes=np.arange(mesh.p.shape[1]),
+        unknowns=mesh.p.shape[1],
         estimate=estimate,
         worth=estimate,
         energy_norm=energy_norm,

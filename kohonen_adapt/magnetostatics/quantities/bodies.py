@@ -163,12 +163,15 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
 
 
 def _left_arcs(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
-    """What to say where these facets are of boundaries with some nodes on a circle, and others on its chords."""
+    """What to say where these facets are of boundaries with some nodes on a circle, and others on its chords.
+
+    Four on a circle may be the corners of a rectangle.
+    """
     found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
     for name, rows in sorted(named_sets(mesh.boundaries).items()):
         own = radius[np.unique(mesh.facets[:, rows])]
         on = own > (1.0 - NEAR) * own.max(initial=0.0)
-        if np.isin(rows, facets).any() and on.sum() > FEW[0] and own.min() > 0.5 * own.max():
+        if np.isin(rows, facets).any() and on.sum() > 4 and own.min() > 0.5 * own.max():
             at = ", ".join(f"{coordinate:.9g}" for coordinate in centre)
             found.append(f'"{name}": ka.Arc(({at}), {own.max():.9g})')
     if not found:
