@@ -8,9 +8,8 @@ from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
-from kohonen_adapt.magnetostatics.quantities.higher_fields import CubicField, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
-from kohonen_adapt.magnetostatics.solution import NotConverged
+from kohonen_adapt.magnetostatics.solution import CubicField, NotConverged, QuadraticField
 
 __all__ = [
     "Arctan",

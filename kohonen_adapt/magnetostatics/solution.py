@@ -1,6 +1,9 @@
-"""Solve a problem on a mesh, state the functional that its solution minimises, and linearise it there."""
+"""Solve a problem on a mesh by a field of its order, state what functional that minimises, and linearise it there."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -13,19 +16,72 @@ from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.higher_fields import CubicField, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 
 __all__ = [
+    "CubicField",
     "NotConverged",
+    "QuadraticField",
     "functional_of",
     "linkage_slope",
     "quadratic_solution",
     "solution_of",
     "tangent_solution",
 ]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class QuadraticField(Field):
+    """A planar field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
+
+    Parameters
+    ----------
+    mesh, potential, coefficients, symmetry, depth, newton
+        As of a `Field`; the potential at the nodes is the first part of `values`.
+    values : (nunknowns,)
+        A in Wb/m at the unknowns of scikit-fem's elements of that order: at the nodes, on the facets and, of a
+        `CubicField`, inside the elements.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+    >>> mesh = skfem.MeshTri().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    >>> rim = dict.fromkeys(["left", "right", "bottom", "top"], lambda x: x[0] * x[1])
+    >>> field = Magnetostatics({"air": Material()}, potential=rim, order=2).solve(mesh)  # A = x y, B = (x, -y)
+    >>> np.allclose(field.flux_density_at([[0.3], [0.2]]), [[0.3], [-0.2]])
+    True
+    """
+
+    values: Floats
+    order: ClassVar[int] = 2
+
+    @cached_property
+    def elements(self) -> Higher:
+        """The elements whose functions the potential is one of."""
+        return Higher(self.mesh, self.order)
+
+    @property
+    def _values(self) -> Floats:
+        return self.values
+
+    def _interpolated(self, x: Floats) -> Floats:
+        element, share = self._located(x)
+        return np.where(element >= 0, self.elements.at(self.values, element, share), np.nan)
+
+
+class CubicField(QuadraticField):
+    """A planar field of a P3 potential: B is quadratic in every element.
+
+    Parameters
+    ----------
+    mesh, potential, coefficients, symmetry, depth, newton, values
+        As of a `QuadraticField`.
+    """
+
+    order = 3
 
 
 class NotConverged(np.linalg.LinAlgError):

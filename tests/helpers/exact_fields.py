@@ -7,6 +7,7 @@ from skfem import Basis, ElementTriP1, MeshTri
 from helpers.sheets import MU0, rectangle_field, rectangle_potential
 from helpers.tensor_meshes import box
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.measures import area
 
 MAGNETISATION = 1e6  # A/m, of the magnets with exact fields
 LAYERS = {"iron": Material(1000.0), "magnet": Material(1.05, remanence=(0.0, 1.2)), "air": Material()}
@@ -79,3 +80,26 @@ def sheet_field(x):
 RECTANGLE = Magnetostatics(
     {"magnet": Material(remanence=(0.0, MU0 * MAGNETISATION)), "air": Material()}, potential={"outer": sheet_potential}
 )
+
+
+def true_error(field, exact):
+    """sqrt(int nu |B_h - B|^2) of linear material."""
+    elements, symmetry = field.elements, field.symmetry
+    found = symmetry.flux_density(elements.points, elements.gradient(field.values))
+    squared = np.sum((found - exact(elements.points)) ** 2, axis=0)
+    return np.sqrt(np.sum(elements.mean(squared) * area(field.mesh) * field.reluctivity))
+
+
+def overrating(problem, mesh, field, exact):
+    """The estimate over the true error."""
+    return np.linalg.norm(problem.indicators(mesh, field)) / true_error(field, exact)
+
+
+def smooth_potential(x):
+    """A harmonic function."""
+    return np.exp(3 * x[0]) * np.cos(3 * x[1])
+
+
+def smooth_field(x):
+    """B of that potential."""
+    return 3 * np.exp(3 * x[0]) * np.stack((-np.sin(3 * x[1]), -np.cos(3 * x[1])))

@@ -3,34 +3,24 @@
 import numpy as np
 import pytest
 from helpers.devices import tube, wire_mesh
-from helpers.exact_fields import LAYERS, RECTANGLE, Corner, random_mesh, rectangle_mesh, sheet_field
+from helpers.exact_fields import (
+    LAYERS,
+    RECTANGLE,
+    Corner,
+    overrating,
+    random_mesh,
+    rectangle_mesh,
+    sheet_field,
+    smooth_field,
+    smooth_potential,
+    true_error,
+)
 from helpers.meshes import disk, generic_square, square
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, QuadraticField
-from kohonen_adapt.mesh.measures import area
 
 MU0 = 4e-7 * np.pi
-
-
-def true_error(field, exact):
-    """sqrt(int nu |B_h - B|^2) of linear material."""
-    elements, symmetry = field.elements, field.symmetry
-    found = symmetry.flux_density(elements.points, elements.gradient(field.values))
-    squared = np.sum((found - exact(elements.points)) ** 2, axis=0)
-    return np.sqrt(np.sum(elements.mean(squared) * area(field.mesh) * field.reluctivity))
-
-
-def overrating(problem, mesh, field, exact):
-    return np.linalg.norm(problem.indicators(mesh, field)) / true_error(field, exact)
-
-
-def smooth_potential(x):
-    return np.exp(3 * x[0]) * np.cos(3 * x[1])
-
-
-def smooth_field(x):
-    return 3 * np.exp(3 * x[0]) * np.stack((-np.sin(3 * x[1]), -np.cos(3 * x[1])))
 
 
 @pytest.mark.parametrize("make", [square, generic_square])
