@@ -246,6 +246,14 @@ def mark_gainful(position, elements, trial, first, last, gainful):
                 gainful[e] = gain_of_flip(position, node, value, data, laws, e, k, other) > 0.0
 
 
+@inner_kernel
+def mark_beside(elements, e, marked):
+    """Mark the neighbours of e."""
+    for k in range(3):
+        if elements.neighbour[e, k] >= 0:
+            marked[elements.neighbour[e, k]] = True
+
+
 @kernel
 def descend_flips(position, elements, trial, floor, gainful):
     """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
@@ -266,10 +274,8 @@ def descend_flips(position, elements, trial, floor, gainful):
                     flip_edge(elements, e, k)
                     gain += lowered
                     flips += 1
-                    for changed in (e, other):
-                        for j in range(3):
-                            if elements.neighbour[changed, j] >= 0:
-                                gainful[elements.neighbour[changed, j]] = True
+                    mark_beside(elements, e, gainful)
+                    mark_beside(elements, other, gainful)
     return gain, flips
 
 

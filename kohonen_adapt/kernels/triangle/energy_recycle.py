@@ -156,6 +156,18 @@ def is_locked(mesh, v, locked):
     return False
 
 
+@inner_kernel
+def cheapest_left(mesh, offers, nodes, at, gain, floor):
+    """The first place from `at` on of a node that may still be collapsed; -1 where none costs less than the gain."""
+    while at < len(nodes) and gain > offers.cost[nodes[at]]:
+        v = nodes[at]
+        w = np.int64(offers.into[v])
+        if not is_locked(mesh, v, offers.locked) and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
+            return at
+        at += 1
+    return -1
+
+
 @kernel
 def exchange(mesh, trial, offers, edges, nodes, floor):
     """Split edges, the largest gain first, each for the cheapest collapse that is left, while that costs less.
@@ -172,14 +184,13 @@ def exchange(mesh, trial, offers, edges, nodes, floor):
         locked[e] = True
         if other >= 0:
             locked[other] = True
-        gain, found = offers.gain[e, k], False
-        while not found:
-            if at == len(nodes) or not gain > offers.cost[nodes[at]]:
-                return pairs, lowered  # what follows gains less
-            v = nodes[at]
-            w = np.int64(offers.into[v])
-            at += 1
-            found = not is_locked(mesh, v, locked) and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0
+        gain = offers.gain[e, k]
+        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        if at < 0:
+            return pairs, lowered  # what follows gains less
+        v = nodes[at]
+        w = np.int64(offers.into[v])
+        at += 1
         lowered += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         collapse(mesh, v, w)

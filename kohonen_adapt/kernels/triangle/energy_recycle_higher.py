@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     number_block,
     solve_upper,
 )
-from kohonen_adapt.kernels.triangle.energy_recycle import is_locked, lock_around
+from kohonen_adapt.kernels.triangle.energy_recycle import cheapest_left, lock_around
 from kohonen_adapt.kernels.triangle.flip_higher import put
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.surgery import (
@@ -291,14 +291,13 @@ def exchange_higher(mesh, descent, offers, edges, nodes, floor):
         locked[e] = True
         if other >= 0:
             locked[other] = True
-        gain, found = offers.gain[e, k], False
-        while not found:
-            if at == len(nodes) or not gain > offers.cost[nodes[at]]:
-                return pairs, lowered  # what follows gains less
-            v = nodes[at]
-            w = np.int64(offers.into[v])
-            at += 1
-            found = not is_locked(mesh, v, locked) and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0
+        gain = offers.gain[e, k]
+        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        if at < 0:
+            return pairs, lowered  # what follows gains less
+        v = nodes[at]
+        w = np.int64(offers.into[v])
+        at += 1
         lowered += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         put_merged(descent, v, w)

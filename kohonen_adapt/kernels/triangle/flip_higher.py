@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
-from kohonen_adapt.kernels.triangle.descend import ROUNDING
+from kohonen_adapt.kernels.triangle.descend import ROUNDING, mark_beside
 from kohonen_adapt.kernels.triangle.descend_higher import (
     BUBBLE,
     EVEN,
@@ -52,10 +52,8 @@ def descend_flips_higher(descent, floor, gainful):
                     flip_with_modes(descent, e, k, other)
                     gain += lowered
                     flips += 1
-                    for changed in (e, other):
-                        for j in range(3):
-                            if elements.neighbour[changed, j] >= 0:
-                                gainful[elements.neighbour[changed, j]] = True
+                    mark_beside(elements, e, gainful)
+                    mark_beside(elements, other, gainful)
     return gain, flips
 
 
