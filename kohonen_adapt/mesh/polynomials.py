@@ -1,6 +1,7 @@
 """Write functions of order 1 to 3 by values at nodes and coefficients of sides and elements; evaluate them."""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from skfem import ElementTriP1, MeshTri
@@ -9,11 +10,14 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes, Reference
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
     "AFTER",
     "BEFORE",
     "LINEAR_FUNCTIONS",
+    "AxisReference",
+    "axis_reference",
     "count_unknowns",
     "evaluated",
     "facets_of_sides",
@@ -29,6 +33,19 @@ __all__ = [
 EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
 AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # the corners that the side opposite to each corner joins
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+
+
+class AxisReference(NamedTuple):
+    """What `Reference` has, of functions that fall off towards an axis, by kind of element: see `near_axis`."""
+
+    slope: Floats  # (7, points, functions, 2): gradients
+    weight: Floats  # (7, points): 1 in sum
+    share: Floats  # (7, points, 3): barycentric coordinates
+    mean: Floats  # (7, functions): integrals
+
+    def of(self, kind: int) -> Reference:
+        """That of elements of one kind."""
+        return Reference(self.slope[kind], self.weight[kind], self.mean[kind], np.empty((0, 0, 0)))
 
 
 def count_unknowns(mesh: MeshTri, order: int) -> int:
@@ -67,6 +84,30 @@ def reference(order: int, degree: int) -> Reference:
     return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order))
 
 
+def functions_near_axis(kind: Ints, share: Floats, order: int) -> Floats:
+    """Values of the functions of elements of these kinds (n,), (n, functions), at barycentric coordinates (n, 3)."""
+    return np.where(falling(order)[kind], factor_at(kind, share)[:, None], 1.0) * functions_at(share, order)
+
+
+def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
+    """Gradients on the reference triangle of the functions of elements of one kind, (n, functions, 2)."""
+    falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), share)[:, None, None]
+    fall = functions_at(share, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
+    plain = slopes_at(share, order)
+    return np.where(falls, factor * plain - fall, plain)
+
+
+@cache
+def axis_reference(order: int) -> AxisReference:
+    """The functions of that order around an axis x = 0, and points at which ``|grad u|^2 / x`` is integrated."""
+    (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
+    points, weights = get_quadrature(ElementTriP1, order + 1)
+    exact = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
+    mean = [weights @ functions_near_axis(np.full(len(exact), kind), exact, order) for kind in kinds]
+    slope = np.stack([slopes_near_axis(kind, share[kind], order) for kind in kinds])
+    return AxisReference(slope, weight, share, np.stack(mean))
+
+
 def halves(order: int) -> Floats:
     """What the coefficients of a function are on the triangles (p, 0, 1) and (p, 2, 0), p in the middle of 1 and 2."""
     steps = np.array([(i, j, order - i - j) for i in range(order + 1) for j in range(order + 1 - i)]) / order
@@ -84,10 +125,13 @@ def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
     return np.einsum("mkc,mc->mk", same, opposite)
 
 
-def modes_of(mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask | None = None) -> Modes:
+def modes_of(
+    mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask | None = None, kind: Ints | None = None
+) -> Modes:
     """The coefficients of a function that scikit-fem has by its values (nunknowns,) at the unknowns of that order.
 
-    `fixed` (nunknowns,) says which of these are given: a side is where all of its own are.
+    `fixed` (nunknowns,) says which of these are given: a side is where all of its own are. Around an axis there is the
+    `kind` of every element, (m,).
     """
     facet, nodes, facets = facets_of_sides(mesh, node), mesh.p.shape[1], mesh.facets.shape[1]
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node
@@ -96,9 +140,9 @@ def modes_of(mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask 
         given = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
     modes = Modes(np.empty((*node.shape, order - 1)), np.zeros(len(node)), given)
     upward = (node[:, AFTER] < node[:, BEFORE])[..., None]
-    set_sides(modes, values[node], np.where(upward, own, own[..., ::-1]))
+    set_sides(modes, values[node], np.where(upward, own, own[..., ::-1]), kind)
     if order == 3:
-        set_bubbles(modes, values[node], values[nodes + 2 * facets :])
+        set_bubbles(modes, values[node], values[nodes + 2 * facets :], kind)
     return modes
 
 
@@ -108,11 +152,14 @@ def places_on_sides(corners: Floats, order: int) -> Floats:
     return start + (np.arange(1, order) / order)[:, None] * (end - start)
 
 
-def set_sides(modes: Modes, corners: Floats, own: Floats) -> None:
+def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = None) -> None:
     """Set the coefficients of sides from values at the corners (m, 3) and inside the sides, counter-clockwise.
 
-    These are (m, 3, order - 1): at the middle, or at a third and two thirds.
+    These are (m, 3, order - 1): at the middle, or at a third and two thirds. Around an axis there is the `kind`, (m,).
     """
+    if kind is not None:
+        factor = factors_on_sides(own.shape[2] + 1)[kind]
+        own = own / np.where(factor > 0.0, factor, 1.0)  # values on the axis are 0
     start, end = corners[:, AFTER], corners[:, BEFORE]
     if own.shape[2] == 1:
         modes.side[..., 0] = own[..., 0] - 0.5 * (start + end)
@@ -121,9 +168,24 @@ def set_sides(modes: Modes, corners: Floats, own: Floats) -> None:
         modes.side[..., 1] = 0.5 * (own[..., 1] - own[..., 0]) - (end - start) / 6.0
 
 
-def set_bubbles(modes: Modes, corners: Floats, middle: Floats) -> None:
-    """Set the bubbles from values at the corners (m, 3), at the centroids (m,), and what the sides are."""
-    modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
+@cache
+def factors_on_sides(order: int) -> Floats:
+    """The factor towards the axis where sides have values of their own, by kind of element, (7, 3, order - 1)."""
+    at = np.arange(1, order)[:, None] / order
+    share = np.eye(3)[AFTER][:, None] * (1.0 - at) + np.eye(3)[BEFORE][:, None] * at
+    return np.stack([factor_at(np.array(kind), share) for kind in range(len(ON_AXIS))])
+
+
+def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None = None) -> None:
+    """Set the bubbles from values at the corners (m, 3), at the centroids (m,), and what the sides are.
+
+    Around an axis there is the `kind`, (m,).
+    """
+    if kind is None:
+        modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
+        return
+    at, modes.bubble[:] = functions_near_axis(kind, np.full(corners.shape, 1.0 / 3.0), 3), 0.0
+    modes.bubble[:] = (middle - np.sum(at * local_coefficients(corners, modes), axis=1)) / at[:, -1]
 
 
 def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
@@ -142,10 +204,14 @@ def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Flo
     return doubled, np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
 
 
-def evaluated(coefficients: Floats, share: Floats) -> Floats:
-    """Values (n,) at barycentric coordinates (n, 3) of functions with coefficients (n, functions) of their elements."""
+def evaluated(coefficients: Floats, share: Floats, kind: Ints | None = None) -> Floats:
+    """Values (n,) at barycentric coordinates (n, 3) of functions with coefficients (n, functions) of their elements.
+
+    Around an axis there is the `kind` of these, (n,).
+    """
     order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
-    return np.sum(functions_at(share, order) * coefficients, axis=1)
+    at = functions_at(share, order) if kind is None else functions_near_axis(kind, share, order)
+    return np.sum(at * coefficients, axis=1)
 
 
 LINEAR_FUNCTIONS = reference(1, 0)

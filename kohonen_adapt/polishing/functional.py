@@ -116,6 +116,8 @@ class Functional:
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
+        if ritz.axisymmetric:
+            raise VariesInside("Ritz is axisymmetric, so its coefficient varies inside regions as 1 / x.")
         if callable(ritz.flux) and ritz.order > 1:
             raise VariesInside("flux of Ritz can be a function with elements of order 1 only.")
         solution = solution_on(ritz, triangulation, mesh)

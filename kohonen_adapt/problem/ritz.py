@@ -11,9 +11,19 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Reference
 from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.polynomials import count_unknowns, gradients, local_coefficients, modes_of, reference
+from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
+from kohonen_adapt.mesh.polynomials import (
+    axis_reference,
+    count_unknowns,
+    gradients,
+    local_coefficients,
+    modes_of,
+    reference,
+)
 
 __all__ = ["EnergyLaw", "Flux", "Ritz", "check_fits", "flux_at", "functional_value", "integrated", "value_on"]
+
+AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
@@ -36,6 +46,14 @@ class Ritz:
     ``-div(coefficient grad u - flux) = source`` is the Euler equation; where no value is fixed the natural boundary
     condition holds. What a problem's ``ritz(mesh, solution)`` returns. Nonlinear material has ``W(|grad u|)``, with
     ``W(b) = int_0^b H db`` of a law H, in place of ``coefficient / 2 |grad u|^2``.
+
+    Around an axis x = 0, of u = x A with a field that turns with the angle,
+    ``Pi(u) = int coefficient / (2 x) |grad u|^2 - source u - flux . grad u``, with laws ``x W(|grad u| / x)``. There u
+    is 0 on the axis and falls like x^2: in an element with corners there, functions of the elements are multiplied by
+    ``s = 1 - sum of the barycentric coordinates of these corners``, which is 1 where the next element begins and, on a
+    side that ends at the axis, the same in both its elements. Those that are 0 on all such sides fall like x^2 as they
+    are, where only a corner is on the axis, and stay so. The integrals are finite, and u is admissible: the functional
+    bounds the exact one from above.
 
     Parameters
     ----------
@@ -62,6 +80,9 @@ class Ritz:
         no say. Empty for a linear problem.
     order
         Degree of the elements, 1, 2 or 3.
+    axisymmetric
+        Whether the functional is that around the axis x = 0. Its values are those of u at the places of the unknowns,
+        given as 0 on the axis.
 
     Raises
     ------
@@ -87,10 +108,13 @@ class Ritz:
     region: ArrayLike | None = None
     laws: Sequence[EnergyLaw | None] = ()
     order: int = 1
+    axisymmetric: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.order, bool) or self.order not in (1, 2, 3):
             raise ValueError(f"order of Ritz must be the degree of the elements, 1, 2 or 3; got {self.order!r}.")
+        if not isinstance(self.axisymmetric, bool):
+            raise ValueError(f"axisymmetric of Ritz must be True or False; got {self.axisymmetric!r}.")
         region = None if self.region is None else _numbers(self.region)
         values, fixed = _floats("values", self.values), np.array(self.fixed)
         if values.ndim != 1:
@@ -181,6 +205,22 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
         raise ValueError(f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}.")
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
+    if ritz.axisymmetric:
+        _check_axis(ritz, mesh)
+
+
+def _check_axis(ritz: Ritz, mesh: MeshTri) -> None:
+    """Refuse a mesh beyond the axis, and values there that are not given as 0."""
+    x = mesh.p[0]
+    if x.min() < -AXIS * x.max():
+        raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
+    on_axis = np.unique(mesh.t[ON_AXIS[kinds_at_axis(x[mesh.t].T)].T])
+    loose = on_axis[~np.asarray(ritz.fixed)[on_axis] | (np.asarray(ritz.values)[on_axis] != 0.0)]
+    if loose.size:
+        raise ValueError(
+            f"values of an axisymmetric Ritz must be given as 0 on the axis x = 0; they are not at {loose.size} of "
+            f"{on_axis.size} nodes there, first node {loose[0]}."
+        )
 
 
 def integrated(ritz: Ritz) -> Reference:
@@ -193,21 +233,38 @@ def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     check_fits(ritz, mesh)
     number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     values, node = np.asarray(ritz.values), mesh.t.T
-    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order)
+    kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
+    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
     return value_on(mesh.p.T[node], local_coefficients(values[node], modes), number, ritz)
 
 
 def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
     """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,)."""
-    at = integrated(ritz)
+    if not ritz.axisymmetric:
+        return _value(corners, coefficients, number, ritz, integrated(ritz))
+    at, kind = axis_reference(ritz.order), kinds_at_axis(corners[:, :, 0])
+    groups = [(k, np.flatnonzero(kind == k)) for k in range(len(ON_AXIS))]
+    return sum(
+        _value(corners[rows], coefficients[rows], number[rows], ritz, at.of(k), at.share[k] @ corners[rows, :, 0].T)
+        for k, rows in groups
+    )
+
+
+def _value(
+    corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, at: Reference, x: Floats | None = None
+) -> float:
+    """The functional on elements of one kind; around an axis with the distances of the points from it (points, m)."""
     doubled, slope = gradients(corners, coefficients, at)
     coefficient, source = (_looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
     flux_x, flux_y = _flux_on(corners, number, ritz)
     stored = 0.5 * coefficient * np.sum(slope**2, axis=0)
+    if x is not None:
+        stored /= x
     for k, law in enumerate(ritz.laws):
         if law is not None:
             rows = number == k
-            stored[:, rows] = law.energy(np.hypot(*slope[:, :, rows]))
+            size, far = np.hypot(*slope[:, :, rows]), None if x is None else x[:, rows]
+            stored[:, rows] = law.energy(size) if far is None else far * law.energy(size / far)
     density = at.weight @ (stored - flux_x * slope[0] - flux_y * slope[1]) - 2.0 * source * (coefficients @ at.mean)
     return 0.5 * float(np.sum(np.abs(doubled) * density))
 

@@ -1,0 +1,134 @@
+"""The functional around an axis: exact fields, traces, integrals against a slow twin, and what it refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.meshes import generic_square
+from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import Ritz
+from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
+from kohonen_adapt.mesh.polynomials import evaluated, local_coefficients, modes_of
+from kohonen_adapt.problem.ritz import functional_value
+
+ORDERS = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3()}
+
+
+class Slope:
+    """H = b, so that it stands for the coefficient 1."""
+
+    def field_strength(self, b):
+        return b
+
+    def energy(self, b):
+        return 0.5 * b**2
+
+
+def with_values(mesh, order, function, **given):
+    places = Basis(mesh, ORDERS[order]).doflocs
+    axis = places[0] < 1e-12
+    return Ritz(np.where(axis, 0.0, function(places)), axis, order=order, axisymmetric=True, **given)
+
+
+def coefficients(mesh, ritz):
+    node, values = mesh.t.T, np.asarray(ritz.values)
+    kind = kinds_at_axis(mesh.p[0, node])
+    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
+    return local_coefficients(values[node], modes), kind
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_uniform_field_is_exact_in_elements_of_any_shape(order):
+    """u = x^2: 1/2 int 4 x, less int 3 x^2, less (1, 2) . int (2 x, 0)."""
+    mesh = generic_square(5, seed=3)
+    assert set(ON_AXIS[kinds_at_axis(mesh.p[0, mesh.t.T])].sum(axis=1)) == {0, 1, 2}
+    ritz = with_values(mesh, order, lambda x: x[0] ** 2, coefficient=1.0, source=3.0, flux=(1.0, 2.0))
+    assert functional_value(mesh, ritz) == pytest.approx(1.0 - 1.0 - 1.0, rel=1e-12)
+    assert functional_value(mesh, replace(ritz, laws=(Slope(),))) == pytest.approx(-1.0, rel=1e-12)
+
+
+def test_a_field_that_changes_along_the_axis_is_exact_by_cubic_elements():
+    """u = x^2 (1 + z): 1/2 int (4 (1 + z)^2 x + x^3)."""
+    ritz = with_values(generic_square(5, seed=3), 3, lambda x: x[0] ** 2 * (1.0 + x[1]), coefficient=1.0)
+    assert functional_value(generic_square(5, seed=3), ritz) == pytest.approx(7.0 / 3.0 + 1.0 / 8.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_traces_agree_and_fall_like_the_square_of_the_distance(order):
+    mesh, rng = generic_square(5, seed=3), np.random.default_rng(0)
+    ritz = with_values(mesh, order, lambda x: rng.normal(size=x.shape[1]), coefficient=1.0)
+    own, kind = coefficients(mesh, ritz)
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    start, end = mesh.facets[:, inner]
+    for at in (0.0, 0.13, 0.5, 0.8):
+        sides = []
+        for element in mesh.f2t[:, inner]:
+            share = (1 - at) * (mesh.t[:, element] == start) + at * (mesh.t[:, element] == end)
+            sides.append(evaluated(own[element], share.T, kind[element]))
+        np.testing.assert_allclose(sides[0], sides[1], atol=1e-12)
+    for k in np.unique(kind[kind > 0]):
+        element = np.flatnonzero(kind == k)[:1]
+        near = np.where(ON_AXIS[k], 1.0, 0.0) / ON_AXIS[k].sum()
+        share = [near + size * (np.array([0.2, 0.3, 0.5]) - near) for size in (1e-3, 1e-4)]
+        large, small = (float(evaluated(own[element], each[None], kind[element])[0]) for each in share)
+        assert large / small == pytest.approx(100.0, rel=0.05)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_every_kind_of_element_equals_its_slow_twin(order):
+    """On single triangles, by many points and differences of values."""
+    rng = np.random.default_rng(1)
+    for kind, on in enumerate(ON_AXIS):
+        corners = np.array([[1.0, 0.1], [1.4, 0.9], [0.6, 0.7]]).T
+        corners[0, on] = 0.0
+        mesh = MeshTri(corners, np.array([[0], [1], [2]]))
+        ritz = with_values(mesh, order, lambda x: rng.normal(size=x.shape[1]), coefficient=2.0, source=0.7)
+        own, found = coefficients(mesh, ritz)
+        assert found[0] == kind
+        assert functional_value(mesh, ritz) == pytest.approx(by_differences(mesh, own[0], kind), rel=2e-5)
+
+
+def by_differences(mesh, own, kind):
+    """``int |grad u|^2 / x - 0.7 u`` over one triangle, by points in layers around the corner nearest to the axis."""
+    nearest = int(np.argmin(mesh.p[0])) if kind < 4 else kind - 4
+    points, weights = np.polynomial.legendre.leggauss(24)
+    points, weights = 0.5 + 0.5 * points, 0.5 * weights
+    far, side = (each.ravel() for each in np.meshgrid(points, points))
+    share = np.roll(np.stack([1 - far, far * (1 - side), far * side]), nearest, axis=0)
+    doubled = np.linalg.det(mesh.p[:, 1:] - mesh.p[:, :1])
+    weight = (np.outer(weights, weights * points)).ravel() * abs(doubled)
+
+    def value(at):
+        return evaluated(np.tile(own, (at.shape[1], 1)), at.T, np.full(at.shape[1], kind))
+
+    step, slope = 1e-5, 0.0
+    for way in np.linalg.inv(np.vstack([mesh.p, np.ones(3)]))[:, :2].T:
+        slope = slope + ((value(share + step * way[:, None]) - value(share - step * way[:, None])) / (2 * step)) ** 2
+    return float(np.sum(weight * (slope / (mesh.p[0] @ share) - 0.7 * value(share))))
+
+
+def test_what_a_functional_around_an_axis_refuses():
+    mesh = MeshTri().refined(2)
+    ritz = with_values(mesh, 1, lambda x: x[0] ** 2, coefficient=1.0)
+    with pytest.raises(ValueError, match=r"axisymmetric of Ritz must be True or False; got 1\."):
+        replace(ritz, axisymmetric=1)
+    loose = replace(ritz, fixed=np.zeros(25, dtype=bool))
+    with pytest.raises(ValueError, match=r"must be given as 0 on the axis x = 0; they are not at 5 of 5 nodes there"):
+        functional_value(mesh, loose)
+    left = mesh.translated((-0.5, 0.0))
+    with pytest.raises(ValueError, match=r"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = -0\.5\."):
+        functional_value(left, ritz)
+
+
+def test_the_polish_says_why_it_does_not_lower_it():
+    class Problem:
+        def solve(self, mesh):
+            return None
+
+        def ritz(self, mesh, solution):
+            return with_values(mesh, 1, lambda x: x[0] ** 2, coefficient=1.0)
+
+    with pytest.raises(ValueError, match=r"Ritz is axisymmetric, so its coefficient varies inside regions as 1 / x\."):
+        ka.polish(MeshTri().refined(2), Problem())
