@@ -37,7 +37,7 @@ def goal_oriented(
     with zero where u is given. Then ``J(u) - J(u_h) = int nu grad(u - u_h) . grad(z - z_h)`` (Becker and Rannacher,
     Acta Numerica 10, 2001), in which the two gradients are approximated by the equilibrated corrections
     ``t = sigma* - sigma_h`` of both problems (`equilibrated_flux`; Mozolevski and Prudhomme, Comput. Methods Appl.
-    Mech. Engrg. 288, 2015):
+    Mech. Engrg. 288, 2015)::
 
         eta_K^2 = |int_K t_u . t_z / nu|.
 

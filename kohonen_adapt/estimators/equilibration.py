@@ -42,7 +42,7 @@ def equilibrated(
     """Equilibrated indicators of a P1 solution of ``-div(nu grad u - flux) = source``: they bound its error.
 
     ``eta_K^2 = int_K |sigma* - sigma_h|^2 / nu_K`` with ``sigma_h = nu grad u_h - flux`` and the flux sigma* of
-    `equilibrated_flux`. By the theorem of Prager and Synge (Quart. Appl. Math. 5, 1947)
+    `equilibrated_flux`. By the theorem of Prager and Synge (Quart. Appl. Math. 5, 1947) ::
 
         int nu |grad(u - u_h)|^2 + int |sigma* - sigma|^2 / nu = sum eta_K^2,
 
@@ -141,7 +141,7 @@ def duality_gap(
     """Indicators whose sum of squares bounds twice the height of a P1 function's energy above the minimum.
 
     For ``min int W(|grad u|) - flux . grad u - source u`` with W convex, and a flux sigma* in equilibrium
-    (`equilibrated_flux`), at every function u_h with the given values
+    (`equilibrated_flux`), at every function u_h with the given values ::
 
         J(u_h) - J(u) <= sum_K int_K W(|grad u_h|) + W*(|s|) - grad u_h . s,    s = sigma* + flux,
 
@@ -157,9 +157,10 @@ def duality_gap(
     field : (2, 3, nelements)
         The flux sigma* at the corners of the elements, what `equilibrated_flux` returns for the reluctivity at u_h.
     energy
-        W: takes |grad u_h| >= 0 of all elements, (1, nelements), and returns as many densities.
+        W: takes ``|grad u_h| >= 0`` of all elements, (1, nelements), and returns as many densities.
     coenergy
-        W*: takes |s| >= 0 at quadrature points of all elements, (npoints, nelements), and returns as many densities.
+        W*: takes ``|s| >= 0`` at quadrature points of all elements, (npoints, nelements), and returns as many
+        densities.
     flux : (2, nelements), optional
         As of `residual`: for magnets ``Hc`` turned, ``(-Hc_y, Hc_x)``.
 

@@ -126,7 +126,7 @@ def adapt(
     -------
     AdaptResult
         The best pass, never worse than the input: the one of the lowest Ritz functional where the polish can compare
-        passes, else by estimate (with ``norm = "L2"`` by the square root of the sum of |K| times the squared
+        passes, else by estimate (with ``norm = "L2"`` by the square root of the sum of ``|K|`` times the squared
         indicators); with the history, the status and a message. Print it for a table.
 
     Raises
