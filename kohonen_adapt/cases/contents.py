@@ -1,145 +1,23 @@
-"""Hold what a case says, and read its tables that stand for materials, outputs and curves."""
+"""Hold what a case says, and complete it by what its mesh file has to say."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.cases.kinds import NUMBER, TEXT, Kind, Reader, called, list_of, made, made_by_name, tuple_of
+from kohonen_adapt.cases.tables import Quantity
 from kohonen_adapt.cases.turning import turned_materials
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
-from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
-from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
-from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["LAWS", "MOTIONS", "PAIRS", "QUANTITIES", "SHAPES", "Case", "Quantity", "material_in", "quantity", "shape"]
-
-Point = tuple[float, float]
-
-POINTS = list_of(tuple_of([NUMBER, NUMBER]))
-
-LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
-
-
-def material_in(folder: Path) -> Reader:
-    """A reader of tables under ``materials``; files of curves are sought from the folder."""
-
-    def read(given: Any, place: str) -> Material:
-        return made(Material, given, place, {"bh": lambda curve, where: _law(curve, where, folder)})
-
-    return read
-
-
-def _law(given: Any, place: str, folder: Path) -> Law:
-    if isinstance(given, list):
-        return called(Table, {"points": POINTS(given, place)}, place)
-    if isinstance(given, str):
-        return _read(folder / given, place)
-    if not isinstance(given, dict):
-        raise ValueError(
-            f'{place} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; got {given!r}.'
-        )
-    return made_by_name(LAWS, "law", given, place)
-
-
-def _read(path: Path, place: str) -> Table:
-    # Nothing but a plain file: a device or a pipe would never end.
-    try:
-        if path.is_file():
-            return read_bh(path)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{place}: {error}") from None
-    raise ValueError(f"{place} must name a file with a table of B and H; there is none at '{path}'.")
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A function of a field, the unit of a total of it, and the subdomains that it asks for."""
-
-    function: Callable[[Field], float]
-    unit: str
-    bodies: tuple[str, ...] = ()
-    centre: Point | None = None  # about which the bodies are turned
-
-    def __call__(self, field: Field) -> float:
-        """Its value."""
-        return float(self.function(field))
-
-
-def _force(body: str | list[str], component: Literal["x", "y"]) -> Quantity:
-    names = _names(body)
-    return Quantity(lambda field: field.force(names)["xy".index(component)], "N", names)
-
-
-def _torque(body: str | list[str], centre: Point = (0.0, 0.0)) -> Quantity:
-    names = _names(body)
-    return Quantity(lambda field: field.torque(names, centre), "N m", names, centre)
-
-
-def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
-    names = _names(coil)
-    return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
-
-
-def _names(given: str | list[str]) -> tuple[str, ...]:
-    if not given:
-        raise ValueError("a body or a coil must be at least one subdomain; got an empty list.")
-    return (given,) if isinstance(given, str) else tuple(given)
-
-
-QUANTITIES: dict[str, Callable[..., Quantity]] = {
-    "force": _force,
-    "torque": _torque,
-    "flux_linkage": _flux_linkage,
-    "energy": lambda: Quantity(lambda field: field.energy, "J"),
-    "coenergy": lambda: Quantity(lambda field: field.coenergy, "J"),
-}
-
-
-def quantity(given: Any, place: str) -> Quantity:
-    """Read a table under ``outputs``."""
-    return made_by_name(QUANTITIES, "quantity", given, place)
-
-
-def _spline(points: list[Point], closed: bool = False) -> Spline:
-    return Spline(np.reshape(points, (-1, 2)).T, closed=closed)
-
-
-SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
-
-
-def shape(given: Any, place: str) -> Arc | Line | Spline:
-    """Read a table under ``adapt.curves``: a curve in metres."""
-    return made_by_name(SHAPES, "curve", given, place)
-
-
-MOTIONS: dict[str, Callable[..., Motion]] = {
-    "rotation": Rotation,
-    "translation": Translation,
-    "reflection": Reflection,
-}
-
-
-def _pair(given: Any, place: str) -> Pair:
-    one, other = (TEXT(name, f"{place}[{k}]") for k, name in enumerate(given[:2]))
-    return (one, other, *(made_by_name(MOTIONS, "motion", motion, f"{place}[2]") for motion in given[2:]))
-
-
-PAIRS = list_of(
-    Kind((list,), '["name", "name"] or ["name", "name", {motion = ...}]', lambda given: len(given) in (2, 3), _pair)
-)
-"""Pairs of boundaries, each with a table of the motion between them where that is named."""
+__all__ = ["Case"]
 
 
 @dataclass(frozen=True)
@@ -160,6 +38,8 @@ class Case:
         Name to a function of the field.
     turn
         Subdomain to the angle, in degrees, by which it is turned about the origin.
+    rim
+        What the whole rim of the mesh is called; empty where the file has names for it.
     file, text
         The name of the file it was read from, and what that says; empty for a case from elsewhere.
     """
@@ -170,6 +50,7 @@ class Case:
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     turn: dict[str, float] = field(default_factory=dict)
+    rim: str = ""
     file: str = ""
     text: str = ""
 
@@ -214,23 +95,25 @@ class Case:
 
     @cached_property
     def drawn(self) -> MeshTri:
-        """The mesh as the file has it, in metres.
+        """The mesh as the file has it, in metres, its rim named.
 
         Raises
         ------
         ValueError
-            If the file is damaged.
+            If the file is damaged, or has something else of the name of the rim.
         OSError
             If it cannot be read.
         """
-        return read_mesh(self.mesh, scale=self.scale)
+        mesh = read_mesh(self.mesh, scale=self.scale)
+        return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:
-        """The outputs by name and unit, as ``pull (N/m)``: per metre unless there is a depth or an axis."""
-        totals = self.problem.axisymmetric or self.problem.depth is not None
-        per_metre = "" if totals else "/m"
-        return {f"{name} ({each.unit}{per_metre})": each for name, each in self.outputs.items()}
+        """The outputs by name and unit, as ``pull (N/m)``: totals are per metre unless there is a depth or an axis."""
+        whole = self.problem.axisymmetric or self.problem.depth is not None
+        return {
+            f"{name} ({each.unit}{'' if whole or each.local else '/m'})": each for name, each in self.outputs.items()
+        }
 
     @property
     def pinned(self) -> list[int | str]:
@@ -281,3 +164,16 @@ class Case:
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
         return {**self.adapt, "pinned": self.pins(mesh)} | ({"curves": curves} if curves else {})
+
+
+def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
+    """The mesh with a name for its whole rim, holes included, unless it has that already."""
+    rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(name)
+    if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
+        return mesh  # as in a mesh that a run has written
+    if known is not None or name in (mesh.subdomains or {}):
+        raise ValueError(
+            f"rim must be a name that the mesh has not, for the whole of its rim; it has another {name!r}. Choose "
+            "another name, or leave rim out."
+        )
+    return mesh.with_boundaries({name: rim})

@@ -11,6 +11,8 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 __all__ = [
     "NUMBER",
+    "POINT",
+    "POINTS",
     "TEXT",
     "Kind",
     "Reader",
@@ -88,6 +90,10 @@ def tuple_of(kinds: Sequence[Kind]) -> Kind:
 
     wanted = f"[{', '.join(kind.wanted for kind in kinds)}]"
     return Kind((list,), wanted, lambda given: len(given) == len(kinds), read)
+
+
+POINT = tuple_of([NUMBER, NUMBER])
+POINTS = list_of(POINT)
 
 
 def kind_of(annotation: Any) -> Kind | None:

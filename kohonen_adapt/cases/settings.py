@@ -7,23 +7,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.cases.contents import PAIRS, Case, material_in, quantity, shape
+from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
+from kohonen_adapt.cases.potentials import POTENTIAL
+from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
 from kohonen_adapt.io import HEADER, MSH_VERSION
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.magnetostatics.quantities.bodies import elements_in
 from kohonen_adapt.magnetostatics.quantities.field import Field
 
 __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 
-PROBLEM = kinds_of(Magnetostatics, {"periodic": PAIRS, "antiperiodic": PAIRS})
+PROBLEM = kinds_of(
+    Magnetostatics, {"potential": table_of(POTENTIAL), "periodic": PAIRS, "antiperiodic": PAIRS, "goal": goal}
+)
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS})
+ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})
 del ADAPT["checkpoint"]
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
@@ -100,11 +106,14 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "adapt": lambda value, place: read_table(value, ADAPT, place),
         "outputs": table_of(quantity),
         "turn": table_of(NUMBER),
+        "rim": TEXT,
     }
     values = read_table(given, readers, "", required=("mesh", "materials"))
     problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
-    tables = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
-    return Case(folder / values["mesh"], values.get("scale", 1.0), problem, *tables)
+    options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
+    return Case(
+        folder / values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", "")
+    )
 
 
 def fitting_mesh(case: Case) -> MeshTri:
@@ -124,7 +133,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     ------
     ValueError
         If the file is missing or damaged, names of the case are not in it, elements have no material or two,
-        conditions contradict one another, or an option does not fit the mesh.
+        conditions contradict one another, or an option, the goal or an output does not fit the mesh.
     OSError
         If the file cannot be read.
     """
@@ -137,13 +146,23 @@ def fitting_mesh(case: Case) -> MeshTri:
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
     case.problem.check(mesh)
+    blank = _blank(case.problem, mesh)
+    if case.problem.goal is not None:
+        with about("goal"):
+            case.problem.goal.derivative(blank)
     for name, each in case.outputs.items():
         with about(f"outputs.{name}"):
-            for body in each.bodies:
-                elements_in(mesh, body)
+            each(blank)
     with about("adapt"), suppress(_Checked):
         adapt(mesh, _Unsolved(**vars(case.problem)), outputs=case.outputs, **case.options(mesh))
     return mesh
+
+
+def _blank(problem: Magnetostatics, mesh: MeshTri) -> Field:
+    """The field of A = 0, by elements of order 1: goals and outputs refuse it where they would refuse the solution."""
+    given = coefficients(mesh, problem.materials, problem.ampere_turns)
+    symmetry = AXISYMMETRIC if problem.axisymmetric else PLANAR
+    return Field(mesh, np.zeros(mesh.p.shape[1]), given, symmetry, problem.depth)
 
 
 class _Checked(Exception):

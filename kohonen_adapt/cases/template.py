@@ -1,9 +1,10 @@
-"""Write a commented case for a mesh, which runs as it stands where one boundary holds most of the rim."""
+"""Write a commented case for a mesh, which runs as it stands where one boundary holds most of the rim, or none any."""
 
 import json
 import re
 from collections.abc import Iterator
 from importlib.resources import files
+from itertools import combinations
 from string import Template
 
 import numpy as np
@@ -31,18 +32,54 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
     Returns
     -------
     str
-        TOML: every subdomain is air, and A = 0 on the boundary that holds more than half of the rim, if one does.
-        Subdomains that overlap those, and other boundaries, are commented out.
+        TOML: every subdomain is air, and A = 0 on the boundary that holds more than half of the rim, if one does, and
+        on the whole rim where no part of it has a name. Subdomains that overlap those, other boundaries and an example
+        of every other key are commented out.
     """
     width, height = np.ptp(mesh.p, axis=1)
     return Template(files(__package__).joinpath("template.toml").read_text(encoding="utf-8")).substitute(
+        _names(mesh),
         mesh=_quoted(file),
         scale=float(scale),
         width=f"{width:.4g}",
         height=f"{height:.4g}",
+        left=float(mesh.p[0].min()),
+        right=float(mesh.p[0].max()),
+        node=mesh.p[:, 0].tolist(),
+        place=", ".join(f"{middle:.4g}" for middle in mesh.p[:, mesh.t[:, np.argmax(area(mesh))]].mean(axis=1)),
+        more=2 * mesh.p.shape[1],
+        rim=_rim(mesh),
         materials="\n".join(_materials(mesh)),
         potential="\n".join(_potential(mesh)),
     )
+
+
+def _names(mesh: MeshTri) -> dict[str, str]:
+    """What examples are about: the smallest subdomain, the boundary with most of the rim, two that may be a pair."""
+    sets, part, sides = named_sets(mesh.subdomains), area(mesh), _shares(mesh)
+    subdomain = min(sorted(sets), key=lambda name: float(part[sets[name]].sum()), default="coil")
+    side = max(sides, key=lambda name: sides[name], default=_own_name(mesh))
+    pair = min(combinations(sides, 2), key=lambda two: abs(sides[two[0]] - sides[two[1]]), default=("left", "right"))
+    return {
+        "part": _quoted(subdomain),
+        "part_key": _key(subdomain),
+        "side": _quoted(side),
+        "side_key": _key(side),
+        "one": _quoted(pair[0]),
+        "other": _quoted(pair[1]),
+    }
+
+
+def _rim(mesh: MeshTri) -> str:
+    """The key that names the whole rim, for a mesh that names no part of it."""
+    line = f"rim = {_quoted(_own_name(mesh))}  # a name for the whole rim, holes included"
+    return f"# {line}" if any(_shares(mesh).values()) else f"{line}: the mesh has none for any part of it"
+
+
+def _own_name(mesh: MeshTri) -> str:
+    """A name that nothing in the mesh has."""
+    taken = {*(mesh.boundaries or {}), *(mesh.subdomains or {})}
+    return next(name for name in ("rim", *(f"rim {k}" for k in range(len(taken)))) if name not in taken)
 
 
 def _materials(mesh: MeshTri) -> Iterator[str]:
@@ -79,17 +116,23 @@ def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
 
 
 def _potential(mesh: MeshTri) -> Iterator[str]:
-    shares = {name: _share_of_rim(mesh, rows) for name, rows in named_sets(mesh.boundaries).items() if len(rows)}
-    outer = max(sorted(shares), key=lambda name: shares[name], default="")
+    shares = _shares(mesh)
+    outer = max(shares, key=lambda name: shares[name], default="")
     most = shares.get(outer, 0.0)
     yield "\n[potential]  # A in Wb/m; where none is given, flux crosses the boundary at a right angle"
     if 0.0 < most <= 0.5:  # that may be a periodic side as well
         yield "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides."
+    if most == 0.0:
+        yield f"{_key(_own_name(mesh))} = 0.0"
     for name in sorted(shares, key=lambda name: (shares[name] == 0.0, name)):
         share = f"{100.0 * shares[name]:.3g} % of the rim" if shares[name] > 0.0 else "not on the rim alone"
         yield f"{'' if name == outer and most > 0.5 else '# '}{_key(name)} = 0.0  # {share}"
-    if most == 0.0:
-        yield "# The mesh names no part of its rim: give the lines there a physical group, and name it here."
+
+
+def _shares(mesh: MeshTri) -> dict[str, float]:
+    """Which share of the rim is in each boundary, by name."""
+    sets = named_sets(mesh.boundaries)
+    return {name: _share_of_rim(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
 
 
 def _share_of_rim(mesh: MeshTri, rows: Ints) -> float:

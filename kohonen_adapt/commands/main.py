@@ -136,6 +136,9 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
+    if case.problem.goal is not None:
+        value, missing = case.problem.goal(result.solution), case.problem.goal_error(result.solution)
+        terminal.say(f"The goal is {value:.6g}, and by the estimate of its error {missing:+.2g} is missing.")
     if result.status is Status.FAILED:
         terminal.complain(result.message)
         return FAILED

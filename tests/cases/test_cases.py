@@ -243,7 +243,7 @@ def wrong(old, new, *said):
         wrong(
             "remanence = [0.0, 1.2]",
             "remanence = 1.2",
-            "materials.magnet.remanence must be [a finite number, a finite number]; got 1.2.",
+            "materials.magnet.remanence must be [a finite number, a finite number] or a pattern as {pattern = ",
         ),
         wrong("remanence = [0.0, 1.2]", 'remanence = [0.0, "1"]', "materials.magnet.remanence[1] must be a finite num"),
         wrong("remanence = [0.0, 1.2]", "remanence = [0, 1]\ncoercivity = [0, 1]", "materials.magnet: a magnet has a"),
@@ -267,7 +267,12 @@ def wrong(old, new, *said):
             "materials.iron.bh: k1 + k2 of Brauer",
         ),
         pytest.param('mesh = "m"\nmaterials = {air = 1}', ["materials.air must be a table of keys; got 1."], id="air"),
-        wrong("outer = 0.0", 'outer = "0"', "potential.outer must be a finite number; got '0'."),
+        wrong(
+            "outer = 0.0",
+            "outer = true",
+            'potential.outer must be a finite number, a linear expression as "0.3*x + 2e-3", or a table as {over = ',
+        ),
+        wrong("outer = 0.0", 'outer = "2x"', "potential.outer must have +, -, * or / at character 2; got 'x'."),
         wrong("outer = 0.0", "", "potential must fix A on at least one boundary"),
         wrong("outer = 0.0", "outer = 0.0\n[ampere_turns]\ncoil = 1", "ampere_turns has 'coil', which is not among"),
         wrong("passes = 4", "passes = 4.0", "adapt.passes must be an integer up to 2147483647; got 4.0."),

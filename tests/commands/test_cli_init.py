@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.cases import case_of, case_text
+from kohonen_adapt.cases import case_text
 from kohonen_adapt.commands import main as cli
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -91,12 +91,11 @@ def test_no_flux_leaves_where_most_of_the_rim_is():
     assert "# hole = 0.0  # 10 % of the rim\noutside = 0.0  # 90 % of the rim\n" in written
 
 
-def test_a_mesh_without_names_says_what_it_lacks(tmp_path):
+def test_a_mesh_without_names_says_what_it_lacks():
     text = case_text(MeshTri().refined(1), "m.msh", 1.0)
     assert "# 100 % of the area has no material above: give it a surface group of its own" in text
-    assert "# The mesh names no part of its rim: give the lines there a physical group" in text
-    with pytest.raises(ValueError, match="potential must fix A on at least one boundary"):
-        case_of(tomllib.loads(text), tmp_path)
+    assert 'rim = "rim"  # a name for the whole rim, holes included: the mesh has none for any part of it' in text
+    assert tomllib.loads(text)["potential"] == {"rim": 0.0}
 
 
 @examples(100)

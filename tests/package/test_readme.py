@@ -11,9 +11,9 @@ import pytest
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh
-from kohonen_adapt.cases.contents import LAWS, QUANTITIES, SHAPES
 from kohonen_adapt.cases.kinds import kinds_of
 from kohonen_adapt.cases.settings import ADAPT, PROBLEM
+from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 
 ROOT = Path(__file__).parents[2]
 PAGES = {
@@ -34,8 +34,9 @@ def test_every_case_fits_its_mesh(page, case):
 
 def test_every_key_of_a_case_is_explained():
     said = set(re.findall(r"\w+", PAGES["examples/README.md"].partition("## From the command line")[2]))
-    named = {**LAWS, **QUANTITIES, **SHAPES}
-    arguments = {key for make in named.values() for key in kinds_of(make)}
+    makers = [LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS]
+    named = {name for table in makers for name in table}
+    arguments = {key for table in makers for make in table.values() for key in kinds_of(make)}
     assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *named, *arguments} <= said
 
 

@@ -1,0 +1,164 @@
+"""Read the potential of a boundary: a number, a linear expression in x and y, or a table over one of them."""
+
+import re
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.cases.kinds import NUMBER, POINTS, Kind, called, kinds_of, read_table
+from kohonen_adapt.magnetostatics.equations.conditions import Value
+
+__all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]
+
+TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<axis>[xy]\b)|(?P<sign>[-+*/]))")
+LONGEST = 1000  # characters
+SHOWN = 20  # characters of what is refused
+BEYOND = 1e-9  # of the width of a table: how far off its ends rounding may bring a node
+
+REMEDY = 'Write a sum as "0.3*x - 0.1*y + 2e-3", without brackets; for curves of x or y give a table.'
+
+
+@dataclass(frozen=True)
+class LinearPotential:
+    """``A = x_slope x + y_slope y + constant``, in Wb/m of metres."""
+
+    x_slope: float
+    y_slope: float
+    constant: float
+
+    def __call__(self, x: Floats) -> Floats:
+        """A at points (2, n), (n,)."""
+        return self.x_slope * x[0] + self.y_slope * x[1] + self.constant
+
+
+@dataclass(frozen=True)
+class TabulatedPotential:
+    """A potential that is linear between points of a table over x or y.
+
+    Parameters
+    ----------
+    over
+        The coordinate.
+    points
+        That in m, rising, and A in Wb/m.
+    """
+
+    over: Literal["x", "y"]
+    points: list[tuple[float, float]]
+    place: str  # of its key, for what it refuses
+
+    def __post_init__(self) -> None:
+        if len(self.points) < 2 or not (np.diff(self._columns[0]) > 0.0).all():
+            raise ValueError(
+                f"points must be two pairs [{self.over}, A] at least, {self.over} rising; got {self.points!r}."
+            )
+
+    @property
+    def _columns(self) -> Floats:
+        return np.reshape(self.points, (-1, 2)).T
+
+    def __call__(self, x: Floats) -> Floats:
+        """A at points (2, n), (n,); a ValueError where the table does not reach."""
+        at, (places, values) = x["xy".index(self.over)], self._columns
+        off = np.maximum(places[0] - at, at - places[-1])
+        if off.max(initial=0.0) > BEYOND * (places[-1] - places[0]):
+            raise ValueError(
+                f"{self.place}: the table reaches from {self.over} = {places[0]:g} to {places[-1]:g} m, and the "
+                f"boundary has a node at {at[np.argmax(off)]:g} m. Add points, in metres."
+            )
+        return np.interp(at, places, values)
+
+
+class _Expression:
+    """A text that is read from left to right as a linear function of x and y.
+
+    ``sum = product {("+" | "-") product}``, ``product = factor {("*" | "/") factor}``, ``factor = {"+" | "-"} (number |
+    "x" | "y")``, where one factor of a product at most has x or y, and none after "/".
+    """
+
+    def __init__(self, text: str, place: str) -> None:
+        self._text, self._place, self._at = text.rstrip(), place, 0
+
+    def function(self) -> Value:
+        """What it stands for; a number where it has neither x nor y.
+
+        Raises
+        ------
+        ValueError
+            If it is none, with the place of the first character that cannot be.
+        """
+        x, y, constant = self._sum().tolist()
+        if not all(map(isfinite, (x, y, constant))):
+            raise ValueError(f"{self._place} must have finite numbers; got {self._text!r}.")
+        return LinearPotential(x, y, constant) if x or y else constant
+
+    def _sum(self) -> Floats:
+        """Slopes over x and y, and the constant, (3,); so of all parts."""
+        found = self._product()
+        while self._at < len(self._text):
+            sign = self._taken("sign", "+-", wanted="+, -, * or /")
+            found = found + (self._product() if sign == "+" else -self._product())
+        return found
+
+    def _product(self) -> Floats:
+        found = self._factor()
+        while sign := self._taken("sign", "*/"):
+            start = self._at
+            other = self._factor()
+            if other[:2].any() and (sign == "/" or found[:2].any()):
+                raise self._refusal(start, "a number, as it must be linear in x and y")
+            if sign == "/" and other[2] == 0.0:
+                raise self._refusal(start, "a number other than 0")
+            if other[:2].any():
+                found, other = other, found
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = found / other[2] if sign == "/" else found * other[2]
+        return found
+
+    def _factor(self) -> Floats:
+        sign = 1.0
+        while mark := self._taken("sign", "+-"):
+            sign = -sign if mark == "-" else sign
+        if axis := self._taken("axis"):
+            return sign * np.array([axis == "x", axis == "y", 0.0])
+        return np.array([0.0, 0.0, sign * float(self._taken("number", wanted="a number, x or y"))])
+
+    def _taken(self, kind: str, these: str = "", wanted: str = "") -> str:
+        """The next token if it is of that kind, and one of these; else none, or a refusal where one is wanted."""
+        found = TOKEN.match(self._text, self._at)
+        if found and found.lastgroup == kind and (not these or found[kind] in these):
+            self._at = found.end()
+            return found[kind]
+        if wanted:
+            raise self._refusal(self._at, wanted)
+        return ""
+
+    def _refusal(self, start: int, wanted: str) -> ValueError:
+        rest = self._text[start:].lstrip()
+        came = repr(rest[:SHOWN]) if rest else "its end"
+        character = len(self._text) - len(rest) + 1
+        return ValueError(f"{self._place} must have {wanted} at character {character}; got {came}. {REMEDY}")
+
+
+TABLE = kinds_of(TabulatedPotential, {"points": POINTS})
+del TABLE["place"]
+
+
+def _read(given: Any, place: str) -> Value:
+    if isinstance(given, str):
+        return _Expression(given, place).function()
+    if isinstance(given, dict):
+        return called(TabulatedPotential, {**read_table(given, TABLE, place, TABLE), "place": place}, place)
+    return NUMBER(given, place)
+
+
+POTENTIAL = Kind(
+    (int, float, str, dict),
+    'a finite number, a linear expression as "0.3*x + 2e-3", or a table as {over = "x", points = [[0.0, 0.0], ...]}',
+    lambda given: not isinstance(given, str) or len(given) <= LONGEST,
+    _read,
+)
+"""A number in Wb/m, an expression, or a table."""

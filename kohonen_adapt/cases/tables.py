@@ -1,0 +1,216 @@
+"""Read the tables of a case that stand for materials, goals, outputs, curves, motions and schedules."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, Kind, Reader, called, list_of, made, made_by_name
+from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
+from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
+from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
+from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
+from kohonen_adapt.outline.curves import Arc, Line
+from kohonen_adapt.outline.spline import Spline
+from kohonen_adapt.som.schedule import Schedule, Stage
+
+__all__ = [
+    "GOALS",
+    "LAWS",
+    "MOTIONS",
+    "PAIRS",
+    "PATTERNS",
+    "QUANTITIES",
+    "SHAPES",
+    "Quantity",
+    "goal",
+    "material_in",
+    "quantity",
+    "schedule",
+    "shape",
+]
+
+Point = tuple[float, float]
+
+LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
+
+
+def _parallel(magnitude: float, degrees: float) -> Vector:
+    """In one direction, counter-clockwise from x."""
+    return magnitude * cos(radians(degrees)), magnitude * sin(radians(degrees))
+
+
+PATTERNS: dict[str, Callable[..., Vector]] = {"radial": radial, "halbach": halbach, "parallel": _parallel}
+
+
+def _vector(given: Any, place: str) -> Vector:
+    return made_by_name(PATTERNS, "pattern", given, place) if isinstance(given, dict) else POINT(given, place)
+
+
+MAGNET = Kind((list, dict), f'{POINT.wanted} or a pattern as {{pattern = "radial", magnitude = 1.2}}', read=_vector)
+"""A remanence or a coercivity."""
+
+
+def material_in(folder: Path) -> Reader:
+    """A reader of tables under ``materials``; files of curves are sought from the folder."""
+
+    def law(given: Any, place: str) -> Law:
+        return _law(given, place, folder)
+
+    def read(given: Any, place: str) -> Material:
+        return made(Material, given, place, {"bh": law, "remanence": MAGNET, "coercivity": MAGNET})
+
+    return read
+
+
+def _law(given: Any, place: str, folder: Path) -> Law:
+    if isinstance(given, list):
+        return called(Table, {"points": POINTS(given, place)}, place)
+    if isinstance(given, str):
+        return _read(folder / given, place)
+    if not isinstance(given, dict):
+        raise ValueError(
+            f'{place} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; got {given!r}.'
+        )
+    return made_by_name(LAWS, "law", given, place)
+
+
+def _read(path: Path, place: str) -> Table:
+    # Nothing but a plain file: a device or a pipe would never end.
+    try:
+        if path.is_file():
+            return read_bh(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{place}: {error}") from None
+    raise ValueError(f"{place} must name a file with a table of B and H; there is none at '{path}'.")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A function of a field, its unit, and the subdomains that it asks for."""
+
+    function: Callable[[Field], float]
+    unit: str  # with a depth, where it is no local one
+    bodies: tuple[str, ...] = ()
+    centre: Point | None = None  # about which the bodies are turned
+    local: bool = False  # whether it is of a point
+
+    def __call__(self, field: Field) -> float:
+        """Its value."""
+        return float(self.function(field))
+
+
+def _force(body: str | list[str], component: Literal["x", "y"]) -> Quantity:
+    names = _names(body)
+    return Quantity(lambda field: field.force(names)["xy".index(component)], "N", names)
+
+
+def _torque(body: str | list[str], centre: Point = (0.0, 0.0)) -> Quantity:
+    names = _names(body)
+    return Quantity(lambda field: field.torque(names, centre), "N m", names, centre)
+
+
+def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
+    names = _names(coil)
+    return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
+
+
+def _potential(at: Point) -> Quantity:
+    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (2, 1))), at), "Wb/m", local=True)
+
+
+def _flux_density(at: Point, component: Literal["x", "y"], recovered: bool = False) -> Quantity:
+    def value(field: Field) -> float:
+        found = field.flux_density_at(np.reshape(at, (2, 1)), recovered=recovered)
+        return _inside(found["xy".index(component)], at)
+
+    return Quantity(value, "T", local=True)
+
+
+def _inside(value: Floats, at: Point) -> float:
+    if np.isnan(value[0]):
+        raise ValueError(f"at must be a point [x, y] of the mesh, in metres; {list(at)} is outside.")
+    return float(value[0])
+
+
+def _names(given: str | list[str]) -> tuple[str, ...]:
+    if not given:
+        raise ValueError("a body or a coil must be at least one subdomain; got an empty list.")
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+QUANTITIES: dict[str, Callable[..., Quantity]] = {
+    "force": _force,
+    "torque": _torque,
+    "flux_linkage": _flux_linkage,
+    "flux_density": _flux_density,
+    "potential": _potential,
+    "energy": lambda: Quantity(lambda field: field.energy, "J"),
+    "coenergy": lambda: Quantity(lambda field: field.coenergy, "J"),
+}
+
+
+def quantity(given: Any, place: str) -> Quantity:
+    """Read a table under ``outputs``."""
+    return made_by_name(QUANTITIES, "quantity", given, place)
+
+
+GOALS: dict[str, Callable[..., Goal]] = {
+    "force": Force,
+    "torque": Torque,
+    "flux_linkage": FluxLinkage,
+    "energy": StoredEnergy,
+}
+
+
+def goal(given: Any, place: str) -> Goal:
+    """Read the table ``goal``."""
+    return made_by_name(GOALS, "quantity", given, place)
+
+
+def _spline(points: list[Point], closed: bool = False) -> Spline:
+    return Spline(np.reshape(points, (-1, 2)).T, closed=closed)
+
+
+SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
+
+
+def shape(given: Any, place: str) -> Arc | Line | Spline:
+    """Read a table under ``adapt.curves``: a curve in metres."""
+    return made_by_name(SHAPES, "curve", given, place)
+
+
+MOTIONS: dict[str, Callable[..., Motion]] = {
+    "rotation": Rotation,
+    "translation": Translation,
+    "reflection": Reflection,
+}
+
+
+def _pair(given: Any, place: str) -> Pair:
+    one, other = (TEXT(name, f"{place}[{k}]") for k, name in enumerate(given[:2]))
+    return (one, other, *(made_by_name(MOTIONS, "motion", motion, f"{place}[2]") for motion in given[2:]))
+
+
+PAIRS = list_of(
+    Kind((list,), '["name", "name"] or ["name", "name", {motion = ...}]', lambda given: len(given) in (2, 3), _pair)
+)
+"""Pairs of boundaries, each with a table of the motion between them where that is named."""
+
+
+def _stage(given: Any, place: str) -> Stage:
+    return made(Stage, given, place)
+
+
+STAGES = list_of(Kind((dict,), "{radius = ..., epochs = ..., learning_rate = ...}", read=_stage))
+
+
+def schedule(given: Any, place: str) -> Schedule:
+    """Read the table ``adapt.schedule``."""
+    return made(Schedule, given, place, {"stages": STAGES})

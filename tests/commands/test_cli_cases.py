@@ -1,0 +1,354 @@
+"""What a case can say, by the real command, gives the figures of Python; and no argument is forgotten."""
+
+import csv
+import inspect
+import re
+import shutil
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_args, get_origin
+
+import numpy as np
+import pytest
+from helpers.meshes import inset, square
+from helpers.worlds import without_matplotlib
+
+import kohonen_adapt as ka
+from kohonen_adapt import magnetostatics
+from kohonen_adapt.cases import case_of, fitting_mesh
+from kohonen_adapt.cases.settings import ADAPT, PROBLEM
+from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import (
+    FluxLinkage,
+    Force,
+    Goal,
+    Magnetostatics,
+    Material,
+    StoredEnergy,
+    Torque,
+    halbach,
+    radial,
+)
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+SIDES = {"left": 0, "right": 1, "bottom": 2, "top": 3}
+
+
+def drawn():
+    """A square magnet in a square of air, all sides named; 81 nodes."""
+    mesh = inset(8)
+    x, y = mesh.p[:, mesh.facets].mean(axis=1)
+    sides = {"left": x < 1e-9, "right": x > 1 - 1e-9, "bottom": y < 1e-9, "top": y > 1 - 1e-9}
+    return mesh.with_boundaries({name: np.flatnonzero(there) for name, there in sides.items()})
+
+
+class Said(NamedTuple):
+    """The same in TOML and in Python, beside what is in every case below."""
+
+    toml: str
+    problem: Mapping[str, Any] = MappingProxyType({})
+    remanence: Any = (0.0, 1.2)
+    adapt: Mapping[str, Any] = MappingProxyType({})
+
+
+PLAIN = {"potential.left": "0.0", "potential.right": "0.0", "materials.core.remanence": "[0.0, 1.2]"}
+
+
+def potential(x):
+    return 0.3 * x[0] - 0.1 * x[1] + 2e-3
+
+
+def tabulated(x):
+    return np.interp(x[1], [0.0, 0.25, 1.0], [0.0, 0.5, -0.5])
+
+
+CASES = {
+    "goal force": Said(
+        'goal = {quantity = "force", body = "core", direction = [3.0, 4.0]}', {"goal": Force("core", (3.0, 4.0))}
+    ),
+    "goal torque": Said(
+        'goal = {quantity = "torque", body = ["core"], centre = [0.5, 0.4]}', {"goal": Torque("core", (0.5, 0.4))}
+    ),
+    "goal flux linkage": Said(
+        'goal = {quantity = "flux_linkage", circuit = {core = 10}}', {"goal": FluxLinkage({"core": 10})}
+    ),
+    "goal energy": Said('goal = {quantity = "energy", part = "core"}', {"goal": StoredEnergy("core")}),
+    "radial": Said(
+        'materials.core.remanence = {pattern = "radial", magnitude = 1.2, centre = [0.4, 0.5]}',
+        remanence=radial(1.2, centre=(0.4, 0.5)),
+    ),
+    "halbach": Said(
+        'materials.core.remanence = {pattern = "halbach", magnitude = 1.2, pole_pairs = -2, centre = [0.5, 0.5]}',
+        remanence=halbach(1.2, -2, centre=(0.5, 0.5)),
+    ),
+    "parallel": Said(
+        'materials.core.remanence = {pattern = "parallel", magnitude = 1.2, degrees = 30.0}',
+        remanence=(1.2 * np.cos(np.pi / 6), 1.2 * np.sin(np.pi / 6)),
+    ),
+    "expression": Said(
+        'potential.left = "0.3*x - 0.1*y + 2e-3"\npotential.right = "x/2"',
+        {"potential": {"left": potential, "right": 0.5}},
+    ),
+    "table": Said(
+        'potential.left = {over = "y", points = [[0.0, 0.0], [0.25, 0.5], [1.0, -0.5]]}',
+        {"potential": {"left": tabulated, "right": 0.0}},
+    ),
+    "schedule": Said(
+        "adapt.schedule = {stages = [{radius = 2, epochs = 2, learning_rate = [0.4, 0.1]}], sweeps = 3}",
+        adapt={"schedule": ka.Schedule((ka.Stage(2, 2, (0.4, 0.1)),), sweeps=3)},
+    ),
+}
+
+
+def case_text(said: str) -> str:
+    keys = {key: value for key, value in PLAIN.items() if f"{key} =" not in said}
+    lines = [
+        'mesh = "m.msh"',
+        said,
+        *(f"{key} = {value}" for key, value in keys.items()),
+        "materials.core.permeability = 1.05",
+        "materials.air = {}",
+        "adapt.passes = 2",
+        'outputs.stored = {quantity = "energy"}',
+        'outputs.pull = {quantity = "force", body = "core", component = "x"}',
+        'outputs.field = {quantity = "flux_density", at = [0.1, 0.3], component = "y", recovered = true}',
+        'outputs.a = {quantity = "potential", at = [0.1, 0.3]}',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run a case on that mesh by the command; the rows of its history, as numbers, and the folder."""
+    without_matplotlib(monkeypatch)
+    ka.write_mesh(tmp_path / "m.msh", drawn())
+
+    def rows(text):
+        (tmp_path / "case.toml").write_text(text)
+        assert cli.main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out")]) == 0
+        with (tmp_path / "out" / "history.csv").open(newline="") as stream:
+            return list(csv.DictReader(stream))
+
+    return rows
+
+
+POINT = np.array([[0.1], [0.3]])
+OUTPUTS = {
+    "stored (J/m)": lambda field: field.energy,
+    "pull (N/m)": lambda field: field.force("core")[0],
+    "field (T)": lambda field: field.flux_density_at(POINT, recovered=True)[1, 0],
+    "a (Wb/m)": lambda field: field.potential_at(POINT)[0],
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_case_gives_what_python_gives(name, run, tmp_path, capsys):
+    said = CASES[name]
+    rows = run(case_text(said.toml))
+    materials = {"core": Material(permeability=1.05, remanence=said.remanence), "air": Material()}
+    problem = Magnetostatics(materials, **({"potential": {"left": 0.0, "right": 0.0}} | dict(said.problem)))
+    result = ka.adapt(ka.read_mesh(tmp_path / "m.msh"), problem, passes=2, outputs=OUTPUTS, **said.adapt)
+    assert len(rows) == len(result.history) == 3
+    for row, step in zip(rows, result.history, strict=True):
+        assert float(row["estimate"]) == pytest.approx(step.estimate, rel=1e-9)
+        for output, value in step.outputs.items():
+            assert float(row[f"output {output}"]) == pytest.approx(
+                value, rel=1e-9, abs=1e-9 * abs(result.solution.energy)
+            )
+    told = re.search(r"The goal is (\S+), and by the estimate of its error (\S+) is missing", capsys.readouterr().out)
+    assert bool(told) == (problem.goal is not None)
+    if told:
+        assert float(told[1]) == pytest.approx(problem.goal(result.solution), rel=1e-5)
+        assert float(told[2]) == pytest.approx(problem.goal_error(result.solution), rel=0.1)
+
+
+def test_a_magnet_by_coercivity_has_the_same_patterns():
+    text = case_text('materials.core.coercivity = {pattern = "radial", magnitude = 9e5}').replace(
+        "materials.core.remanence = [0.0, 1.2]\n", ""
+    )
+    it = case_of(tomllib.loads(text), Path())
+    x = np.array([[0.3, 0.0], [0.4, -2.0]])
+    np.testing.assert_array_equal(it.problem.materials["core"].coercivity(x), radial(9e5)(x))
+
+
+def test_the_whole_rim_of_a_mesh_without_named_lines(run, tmp_path):
+    """It has a hole, whose rim is a part of the whole."""
+    mesh = square(12)
+    mesh = mesh.remove_elements(np.flatnonzero(np.abs(mesh.p[:, mesh.t].mean(axis=1) - 0.125).max(axis=0) < 0.04))
+    inside = np.abs(mesh.p[:, mesh.t].mean(axis=1) - 0.5).max(axis=0) < 0.25
+    mesh = mesh.with_subdomains({"core": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    ka.write_mesh(tmp_path / "m.msh", mesh)
+    text = re.sub(r"(?m)^potential.*\n", "", case_text('rim = "edge"')) + "potential.edge = 0.0\n"
+    rows = run(text)
+    bare = ka.read_mesh(tmp_path / "m.msh")
+    assert not bare.boundaries
+    named = bare.with_boundaries({"edge": bare.boundary_facets()})
+    materials = {"core": Material(permeability=1.05, remanence=(0.0, 1.2)), "air": Material()}
+    result = ka.adapt(named, Magnetostatics(materials, potential={"edge": 0.0}), passes=2, outputs=OUTPUTS)
+    assert float(rows[-1]["output stored (J/m)"]) == result.history[-1].outputs["stored (J/m)"]
+    adapted = ka.read_mesh(tmp_path / "out" / "adapted.msh")
+    np.testing.assert_array_equal(np.sort(adapted.boundaries["edge"]), adapted.boundary_facets())
+    again = tmp_path / "again.toml"
+    again.write_text(text.replace("m.msh", "out/adapted.msh"))
+    assert cli.main(["run", str(again), "--dry-run"]) == 0
+
+
+@pytest.mark.parametrize("name", ["left", "core"])
+def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(case_text(f'rim = "{name}"'))
+    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    said = (
+        f"case.toml: mesh: rim must be a name that the mesh has not, for the whole of its rim; it has another '{name}'"
+    )
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("toml", "said"),
+    [
+        ('goal = {quantity = "force", body = "cor", direction = [0, 1]}', "goal: subdomain 'cor' is not in the mesh"),
+        ('goal = {quantity = "energy", part = ["core", "air"]}', "goal: StoredEnergy needs a part of the mesh"),
+        (
+            'outputs.more = {quantity = "torque", body = "air"}',
+            "outputs.more: subdomain 'air' touches 'core', which is",
+        ),
+        (
+            'outputs.more = {quantity = "potential", at = [1.1, 0.5]}',
+            "outputs.more: at must be a point [x, y] of the mesh, in metres; [1.1, 0.5] is outside.",
+        ),
+        (
+            'potential.left = {over = "y", points = [[0.0, 0.0], [0.5, 1.0]]}',
+            "potential.left: the table reaches from y = 0 to 0.5 m, and the boundary has a node at 1 m.",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_mesh_is_refused_before_the_run(toml, said, run, tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(case_text(toml))
+    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    assert f"case.toml: {said}" in capsys.readouterr().err
+
+
+# What `init` writes.
+
+
+def uncommented(text):
+    """The text with each of its examples in turn, in place of what is there of that key; and which one it is."""
+    blocks = text.split("\n\n")
+    material = next(k for k, block in enumerate(blocks) if block.startswith("[materials."))
+    for k, block in enumerate(blocks):
+        if block.startswith("# ["):
+            yield block, [*blocks[:k], re.sub(r"^# (?=[\[\w])", "", block, flags=re.MULTILINE), *blocks[k + 1 :]]
+            continue
+        home = material if block.startswith("# Every element") else k
+        for example in re.findall(r"^# +(\S+ = .*)$", block, re.MULTILINE):
+            key = example.partition(" = ")[0]
+            kept = [line for line in blocks[home].splitlines() if not line.startswith(f"{key} = ")]
+            more = ['open_boundary = "rim"'] if key == "applied_field" else []
+            yield example, [*blocks[:home], "\n".join([*kept, example, *more]), *blocks[home + 1 :]]
+
+
+@pytest.mark.parametrize("name", ["c_core", "motor", "actuator_1"])
+def test_every_example_that_init_writes_is_a_case(name, tmp_path):
+    assert cli.main(["init", str(EXAMPLES / f"{name}.msh"), "--scale", "1e-3", "-o", str(tmp_path / "m.toml")]) == 0
+    text = (tmp_path / "m.toml").read_text().replace("# outer = 0.0", "outer = 0.0")
+    found = list(uncommented(text))
+    assert len(found) >= 50
+    for example, blocks in found:
+        given = tomllib.loads("\n\n".join(blocks))
+        assert case_of(given, tmp_path).stated is not None, example
+
+
+# A square has no thin part and no circle, and nothing in it turns; an output is another key.
+ELSEWHERE = ("open_boundary", "applied_field", "periodic", "curves", "layers", "# [turn]", "output_rtol")
+
+
+def test_examples_are_about_the_names_and_places_of_the_mesh(tmp_path):
+    ka.write_mesh(tmp_path / "m.msh", drawn())
+    assert cli.main(["init", str(tmp_path / "m.msh")]) == 0
+    refused = []
+    for example, blocks in uncommented((tmp_path / "m.toml").read_text().replace("# left = 0.0", "left = 0.0")):
+        try:
+            fitting_mesh(case_of(tomllib.loads("\n\n".join(blocks)), tmp_path))
+        except ValueError:
+            refused.append(example)
+    assert [example for example in refused if not example.startswith(ELSEWHERE)] == []
+
+
+def test_init_and_run_do_for_a_mesh_whose_lines_have_no_names(tmp_path):
+    ka.write_mesh(tmp_path / "m.msh", inset(8))
+    assert cli.main(["init", str(tmp_path / "m.msh")]) == 0
+    text = (tmp_path / "m.toml").read_text()
+    assert tomllib.loads(text)["rim"] == "rim" and tomllib.loads(text)["potential"] == {"rim": 0.0}
+    assert cli.main(["run", str(tmp_path / "m.toml"), "--dry-run"]) == 0
+
+
+MAKERS = (LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS)
+
+
+def test_the_template_has_every_key(tmp_path):
+    shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
+    assert cli.main(["init", str(tmp_path / "c_core.msh"), "--scale", "1e-3"]) == 0
+    said = set(re.findall(r"\w+", (tmp_path / "c_core.toml").read_text()))
+    named = {name for table in MAKERS for name in table}
+    assert {"mesh", "scale", "rim", "turn", "outputs", *PROBLEM, *ADAPT, *named} <= said
+
+
+# No argument is forgotten.
+
+LISTED = re.findall(
+    r"^\| `(\w+)\(([\w=, ]+)\)` \| (all)?", (EXAMPLES / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+)
+MATERIAL = {"permeability", "remanence", "current_density", "bh", "coercivity"}
+CALLS = {
+    "adapt": (ka.adapt, {"mesh", *ADAPT, "outputs"}),
+    "Magnetostatics": (Magnetostatics, {"materials", *PROBLEM}),
+    "Material": (Material, MATERIAL),
+}
+
+
+def listed(call, wholly):
+    """Arguments of a call that the README lists as Python's, all of each or not."""
+    rows = [names for made, names, all_of in LISTED if made == call and bool(all_of) == wholly]
+    return set(re.findall(r"\w+", " ".join(rows)))
+
+
+def open_ended(annotation):
+    """Whether an argument of that type may be a function, or an object that people make classes of."""
+    parts = get_args(annotation)
+    if annotation is Callable or get_origin(annotation) is Callable or getattr(annotation, "_is_protocol", False):
+        return True
+    return any(map(open_ended, parts))
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_every_argument_is_a_key_or_is_listed_as_one_of_python(call):
+    make, keys = CALLS[call]
+    arguments = {name: each.annotation for name, each in inspect.signature(make).parameters.items()}
+    assert keys <= set(arguments)
+    assert listed(call, wholly=True) == set(arguments) - keys
+    assert {name for name in keys if open_ended(arguments[name])} <= listed(call, wholly=False) <= keys
+
+
+def test_the_keys_of_a_material_are_its_arguments():
+    toml = {
+        "permeability": "1.05",
+        "remanence": "[0.0, 1.0]",
+        "current_density": "1.0",
+        "bh": "[[1.0, 500.0], [1.9, 2e4], [2.1, 1.5e5]]",
+        "coercivity": "[0.0, 1e5]",
+    }
+    assert set(toml) == MATERIAL
+    for key, value in toml.items():
+        text = f'mesh = "m"\nmaterials.a = {{{key} = {value}}}\npotential.a = 0'
+        assert getattr(case_of(tomllib.loads(text), Path()).problem.materials["a"], key) is not None
+
+
+def test_every_goal_is_one_of_cases():
+    public = {getattr(magnetostatics, name) for name in magnetostatics.__all__}
+    goals = {kind for kind in public if inspect.isclass(kind) and kind is not Goal and hasattr(kind, "derivative")}
+    assert goals == set(GOALS.values())
