@@ -50,7 +50,7 @@ class AxisReference(NamedTuple):
 
 def count_unknowns(mesh: MeshTri, order: int) -> int:
     """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements."""
-    nodes = int(mesh.p.shape[1])
+    nodes = int(mesh.nvertices)
     if order == 1:
         return nodes
     number_facets(mesh)

@@ -97,6 +97,11 @@ def polish(
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
     movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)))
+    if movable.curved:
+        raise ValueError(
+            "polish has elements with straight sides only; this MeshTri2 has bent ones. Give it the corners: "
+            "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+        )
     expect(*loops_of(order_of(problem)))
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))
