@@ -32,8 +32,7 @@ def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, In
     """The nodes of a mesh at named places (2, n); refused where it has none, or a boundary has the name of a point."""
     if not points:
         return {}
-    corners = mesh.p[:, : mesh.nvertices]
-    tree, size, found = cKDTree(corners.T), np.ptp(corners, axis=1).max(), {}
+    tree, size, found = cKDTree(mesh.p.T), np.ptp(mesh.p, axis=1).max(), {}
     for name, places in points.items():
         if name in named_sets(mesh.boundaries):
             raise ValueError(f"{name!r} is a boundary of the mesh and one of the points; rename one of them.")

@@ -30,6 +30,7 @@ LAYERS = [
     ("report",),
     ("commands",),
     ("__main__",),
+    ("docs",),
 ]
 # Where a package other than the everyday ones (numpy, scipy, skfem) may be imported.
 GUESTS = {
@@ -40,6 +41,7 @@ GUESTS = {
     "distributed": {"commands"},
     "h5py": {"io"},
     "gmsh": set(),
+    "sphinx": {"docs"},
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))

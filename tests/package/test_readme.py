@@ -1,4 +1,4 @@
-"""The READMEs do what they say: examples run, cases fit their meshes, and names are there."""
+"""The READMEs and the site do what they say: examples run, cases fit their meshes, and names are there."""
 
 import importlib
 import re
@@ -16,10 +16,9 @@ from kohonen_adapt.cases.settings import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 
 ROOT = Path(__file__).parents[2]
-PAGES = {
-    page: (ROOT / page).read_text(encoding="utf-8")
-    for page in ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
-}
+READMES = ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
+SITE = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "kohonen_adapt" / "docs").glob("*.md"))
+PAGES = {page: (ROOT / page).read_text(encoding="utf-8") for page in (*READMES, *SITE)}
 README = PAGES["README.md"]
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)]
