@@ -23,7 +23,7 @@ from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.polishing.polish import PLAN
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, nodes_held, order_of, pairs_of
+from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, is_curved, nodes_held, order_of, pairs_of
 from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
@@ -156,14 +156,14 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
     pairs = pairs_of(problem) if periodic is None else periodic
     round_ = curves_of(problem, mesh, curves)
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()
     rules = holding(rules, nodes_held(problem, mesh))
-    growth, wanted = Growth.of(mesh.p.shape[1], target_nodes, passes), check_outputs(outputs, output_rtol)
+    growth, wanted = Growth.of(mesh.nvertices, target_nodes, passes), check_outputs(outputs, output_rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = MovableMesh.of(mesh, rules)
+    movable = MovableMesh.of(mesh, rules, is_curved(problem))
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     order, plan = order_of(problem), PLAN if rules.topology == "recycle" else (SWEEPS,)

@@ -82,7 +82,7 @@ class Checkpoint:
                 movable.restore(state)
             except ValueError as error:
                 raise self._damaged(file, error) from error
-            mesh = movable.mesh() if values["number"] else movable.came_from
+            mesh = movable.mesh() if values["number"] else movable.start()
             yield self.record(mesh=mesh, **values)
 
     def keep(self, step: Pass, movable: MovableMesh) -> None:

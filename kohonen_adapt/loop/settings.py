@@ -14,7 +14,7 @@ from kohonen_adapt.checks import is_count
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.problem.outputs import Output
-from kohonen_adapt.problem.protocol import Problem, norm_of, order_of
+from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = ["DIGEST", "ONLY_ENDS", "Growth", "Settings", "fingerprint"]
@@ -101,9 +101,10 @@ def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str
 
     What only says when to end is not in it.
     """
+    sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
     texts = {
         "mesh": digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains)),
-        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm",
+        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm{sides}",
     }
     for part in (settings.rules, settings):
         for each in fields(part):

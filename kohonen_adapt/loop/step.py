@@ -94,7 +94,7 @@ class Adaptation:
 
     def assess(self, before: Solved | None = None, moved: Moved | None = None, polish_gain: float = 0.0) -> Solved:
         """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
-        mesh = self.movable.mesh() if before else self.movable.came_from
+        mesh = self.movable.mesh() if before else self.movable.start()
         with self.steps("solve"):
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
@@ -171,6 +171,8 @@ class Adaptation:
         """What the solution minimises and its value, None where there is no polish, and then why not."""
         if not self.settings.polish:
             return None, None, "it is switched off"
+        if self.movable.curved:
+            return None, None, "its elements have bent sides"
         if norm_of(self.problem) != "energy":
             return None, None, f"its norm is {norm_of(self.problem)!r}, not 'energy'"
         try:

@@ -294,9 +294,9 @@ class Magnetostatics(Arguments):
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """The functional ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, and the A that minimises it.
 
-        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``. Of a solution it lies above
-        the exact minimum by half the square of the error in `energy_norm`; for nonlinear material nearly by that of the
-        norm in which `indicators` are.
+        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``; an open boundary adds
+        ``int nu0 / (2 R0) A^2``. Of a solution it lies above the exact minimum by half the square of the error in
+        `energy_norm`; for nonlinear material nearly by that of the norm in which `indicators` are.
 
         Parameters
         ----------
@@ -312,8 +312,7 @@ class Magnetostatics(Arguments):
         Raises
         ------
         NotOffered
-            If the functional is of another form: for an axis and an open boundary; and with a goal, for which
-            another mesh is best than for the energy.
+            If the functional is of another form, for an axis; and with a goal, which wants another mesh.
         """
         if self.goal is not None:
             raise NotOffered("it is adapted for a goal, and the polish lowers the energy")

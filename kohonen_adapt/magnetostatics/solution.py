@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
 from kohonen_adapt.magnetostatics.equations.elements import Higher
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
@@ -157,8 +158,6 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     """
     if field.axisymmetric:
         raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
-    if boundaries.open_boundary is not None:
-        raise NotOffered("its open boundary adds to the energy, which the polish does not see")
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
     present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
@@ -166,7 +165,22 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     flux: Flux = _flux_of(present) if turns else given.flux[:, first]
     laws = tuple(material.bh for material in present.values()) if given.pieces else ()
     tables = given.reluctivity[first], given.current_density[first], flux
-    return Ritz(field.unknown, conditions.held, *tables, place, laws, field.elements.order)
+    robin = robin_of(field, boundaries)
+    return Ritz(field.unknown, conditions.held, *tables, place, laws, field.elements.order, robin=robin)
+
+
+def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
+    """The open boundary of a planar problem as `Ritz` states it: its name to coefficient and load."""
+    name = given.open_boundary
+    if name is None:
+        return {}
+    centre, size = circle_of(field.mesh, name)
+
+    def load(x: Floats) -> Floats:
+        applied, dimension = field.symmetry.uniform(x, centre, given.applied_field)
+        return dimension / size * applied
+
+    return {name: (1.0 / (VACUUM_PERMEABILITY * size), load)}
 
 
 def _flux_of(materials: Mapping[str, Material]) -> Callable[[Floats, Ints], Floats]:

@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["is_own_name", "number_facets", "remade", "set_boundaries"]
+__all__ = ["is_own_name", "number_facets", "of_kind", "remade", "set_boundaries"]
 
 Names = Mapping[str, Ints] | None
 
@@ -22,6 +22,11 @@ def is_own_name(name: str) -> bool:
 def remade(mesh: MeshTri, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
     """A mesh of the same kind with other nodes (2, nnodes), elements (3, nelements), neither copied, and names."""
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
+
+
+def of_kind(kind: type[MeshTri], p: Floats, mesh: MeshTri) -> MeshTri:
+    """A mesh of that class with the elements and names of another, whose facets are numbered alike."""
+    return kind(p, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
 
 
 def set_boundaries(mesh: MeshTri, boundaries: Names) -> None:

@@ -5,6 +5,8 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.curved import corner_places, displacements, is_second_order, jacobian_coefficients
+from kohonen_adapt.mesh.validity import check_bent
 
 __all__ = [
     "area",
@@ -22,15 +24,20 @@ def signed_area(mesh: MeshTri) -> Floats:
     """Signed area of every element, (nelements,) in mesh units squared, positive where its nodes run counter-clockwise.
 
     scikit-fem sorts the nodes of an element, so about half of a good mesh's signed areas are negative. An element is
-    overturned when its sign differs from the one it had before its nodes moved.
+    overturned when its sign differs from the one it had before its nodes moved. Of a `MeshTri2` it is the corners'.
     """
     x, y = mesh.p[:, mesh.t]
     return 0.5 * ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
 
 
 def area(mesh: MeshTri) -> Floats:
-    """Area |K| of every element, (nelements,), in mesh units squared."""
-    return np.abs(signed_area(mesh))
+    """Area |K| of every element, (nelements,), in mesh units squared; of a `MeshTri2` between its bent sides.
+
+    The mean of the Bernstein coefficients of a determinant is twice the area.
+    """
+    if not is_second_order(mesh):
+        return np.abs(signed_area(mesh))
+    return 0.5 * np.abs(jacobian_coefficients(corner_places(mesh), displacements(mesh)).mean(axis=1))
 
 
 def is_left(start: Floats, end: Floats, point: Floats) -> Mask:
@@ -54,7 +61,7 @@ def quality(mesh: MeshTri) -> Floats:
     """Quality of every element: 1 for an equilateral triangle, 0 for a flat one.
 
     ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` with the edge lengths a, b, c (Bank's measure; Bank and Smith, SIAM J. Numer.
-    Anal. 34, 1997).
+    Anal. 34, 1997). Of a `skfem.MeshTri2` it is that of the straight triangles between its corners.
 
     Parameters
     ----------
@@ -66,15 +73,22 @@ def quality(mesh: MeshTri) -> Floats:
     ndarray (nelements,)
         Values from 0 to 1.
 
+    Raises
+    ------
+    ValueError
+        If the bent sides of a `skfem.MeshTri2` fold an element over: no quality of its corners makes up for that.
+
     Examples
     --------
     >>> import skfem, kohonen_adapt as ka
     >>> ka.quality(skfem.MeshTri()).round(3).tolist()  # half a square is 0.866
     [0.866, 0.866]
     """
+    if is_second_order(mesh):
+        check_bent(mesh)
     corners = mesh.p[:, mesh.t]
     edges = corners - np.roll(corners, 1, axis=1)
-    return 4.0 * np.sqrt(3.0) * area(mesh) / np.sum(edges**2, axis=(0, 1))
+    return 4.0 * np.sqrt(3.0) * np.abs(signed_area(mesh)) / np.sum(edges**2, axis=(0, 1))
 
 
 def hat_gradients(mesh: MeshTri) -> Floats:

@@ -32,7 +32,8 @@ def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, In
     """The nodes of a mesh at named places (2, n); refused where it has none, or a boundary has the name of a point."""
     if not points:
         return {}
-    tree, size, found = cKDTree(mesh.p.T), np.ptp(mesh.p, axis=1).max(), {}
+    corners = mesh.p[:, : mesh.nvertices]
+    tree, size, found = cKDTree(corners.T), np.ptp(corners, axis=1).max(), {}
     for name, places in points.items():
         if name in named_sets(mesh.boundaries):
             raise ValueError(f"{name!r} is a boundary of the mesh and one of the points; rename one of them.")

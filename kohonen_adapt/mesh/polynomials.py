@@ -17,6 +17,7 @@ __all__ = [
     "BEFORE",
     "LINEAR_FUNCTIONS",
     "AxisReference",
+    "TrialFunction",
     "axis_reference",
     "count_unknowns",
     "evaluated",
@@ -28,6 +29,8 @@ __all__ = [
     "reference",
     "set_bubbles",
     "set_sides",
+    "trace_columns",
+    "traces_at",
 ]
 
 EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
@@ -48,9 +51,22 @@ class AxisReference(NamedTuple):
         return Reference(self.slope[kind], self.weight[kind], self.mean[kind], np.empty((0, 0, 0)))
 
 
+class TrialFunction(NamedTuple):
+    """A function on a mesh: values at the nodes, which of them are given, and of order 2 and 3 its other unknowns."""
+
+    values: Floats  # (n,)
+    fixed: Mask  # (n,)
+    modes: Modes | None
+
+    def copy(self) -> "TrialFunction":
+        """The function, for sweeps to change."""
+        modes = self.modes and Modes(*(array.copy() for array in self.modes))
+        return TrialFunction(self.values.copy(), self.fixed.copy(), modes)
+
+
 def count_unknowns(mesh: MeshTri, order: int) -> int:
     """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements."""
-    nodes = int(mesh.p.shape[1])
+    nodes = int(mesh.nvertices)
     if order == 1:
         return nodes
     number_facets(mesh)
@@ -194,6 +210,24 @@ def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
         return corners
     sides = [modes.side[..., d] for d in range(modes.side.shape[2])]
     return np.hstack([corners, *sides, *([modes.bubble[:, None]] if len(sides) == 2 else [])])
+
+
+def traces_at(share: Floats, order: int) -> Floats:
+    """Values on a side, at shares (n,) of the way along it, of the functions that do not vanish there, (n, order + 1).
+
+    In the order of `trace_columns`.
+    """
+    product = share * (1.0 - share)
+    functions = 1.0 - share, share, EVEN * product, ODD * product * (2.0 * share - 1.0)
+    return np.stack(functions[: order + 1], axis=1)
+
+
+def trace_columns(k: Ints, order: int) -> Ints:
+    """Which functions do not vanish on the sides opposite to corners k (n,), (n, order + 1).
+
+    Those of the corners after and before come first, then the side's own.
+    """
+    return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)
 
 
 def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:

@@ -13,6 +13,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import is_own_name, remade
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
@@ -33,7 +34,7 @@ class Triangulation:
     elements
         As `kernels/arrays.py` describes them.
     mesh
-        The mesh it came from: names, and connectivity that scikit-fem has worked out already.
+        The mesh it came from, of a `MeshTri2` its corners: names, and connectivity that scikit-fem has worked out.
     region_of_input
         Region of every element of that mesh.
     """
@@ -46,8 +47,12 @@ class Triangulation:
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
-        """Take a mesh apart; refused unless valid, as `check_mesh` has it, and with no two elements on one another."""
-        check_mesh(mesh)
+        """Take a mesh apart; refused unless valid, as `check_mesh` has it, and with no two elements on one another.
+
+        Of a `MeshTri2` these are the straight triangles between its corners.
+        """
+        check_mesh(mesh, bent=True)
+        mesh = corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = counter_clockwise(position, mesh.t)
         neighbour = neighbours_of(node)

@@ -1,22 +1,32 @@
-"""Refuse what is not a valid mesh of straight triangles."""
+"""Refuse what is not a valid mesh of triangles, straight or with bent sides."""
 
 import numpy as np
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.mesh.curved import corner_places, corners_of, displacements, is_second_order, jacobian_coefficients
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
-__all__ = ["check_mesh"]
+__all__ = ["check_bent", "check_mesh"]
+
+LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
 
 
-def check_mesh(mesh: MeshTri) -> None:
-    """Refuse what is not a mesh of straight, connected, non-degenerate triangles.
+def check_mesh(mesh: MeshTri, bent: bool = False) -> None:
+    """Refuse what is not a mesh of connected, non-degenerate triangles, straight ones unless `bent` ones will do.
 
-    It must be exactly a `skfem.MeshTri` (the message names the remedy), not empty, without isolated nodes, coordinates
-    that are not finite, elements without area, or names for elements or facets that do not exist.
+    It must be exactly a `skfem.MeshTri`, or a `skfem.MeshTri2` if it may be `bent` (the message names the remedy), not
+    empty, without isolated nodes, coordinates that are not finite, elements without area or folded over by their bent
+    sides, or names for elements or facets that do not exist.
     """
+    if bent and is_second_order(mesh):
+        check_mesh(corners_of(mesh))
+        check_bent(mesh)
+        return
     if type(mesh) is not MeshTri1:
-        raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}. {remedy_for(mesh)}")
+        wanted = "skfem.MeshTri or MeshTri2" if bent else "skfem.MeshTri"
+        raise ValueError(f"mesh must be a {wanted}; got {type(mesh).__name__}. {remedy_for(mesh)}")
     if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
         raise ValueError("mesh must have at least one element; got an empty mesh.")
     if mesh.p.shape[0] != 2:
@@ -67,6 +77,38 @@ def check_areas(mesh: MeshTri) -> None:
             f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
             "Mesh again, or take them out."
         )
+
+
+def check_bent(mesh: MeshTri) -> None:
+    """Refuse a `MeshTri2` without a mid-side node for every side, or with an element that its bent sides fold over."""
+    number_facets(mesh)
+    wanted = mesh.nvertices + mesh.facets.shape[1]
+    if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
+        raise ValueError(
+            f"a MeshTri2 must have a finite node for every corner and every side, {wanted} in all; got "
+            f"{int(np.sum(np.isfinite(mesh.p).all(axis=0)))}. Make it with MeshTri2.from_mesh and set its doflocs."
+        )
+    folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
+    if len(folded):
+        raise ValueError(
+            f"the bent sides of a MeshTri2 must not fold its elements over; {len(folded)} are, the first is element "
+            f"{folded[0]}. Draw its mid-side nodes nearer to their chords, or keep its corners only: "
+            "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+        )
+
+
+def least_determinants(mesh: MeshTri) -> Floats:
+    """The least Jacobian determinants of the elements of a `MeshTri2`, or bounds below them that are positive."""
+    corners, bent = corner_places(mesh), displacements(mesh)
+    coefficients = jacobian_coefficients(corners, bent)
+    coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])
+    least = coefficients.min(axis=1)
+    doubtful = np.flatnonzero(least <= 0.0)
+    one, two = (share.ravel() / LATTICE for share in np.mgrid[: LATTICE + 1, : LATTICE + 1])
+    a, b, c = (share[one + two <= 1.0 + 1e-9] for share in (1.0 - one - two, one, two))
+    shares = np.stack([a * a, b * b, c * c, 2.0 * b * c, 2.0 * c * a, 2.0 * a * b])
+    least[doubtful] = (coefficients[doubtful] @ shares).min(axis=1)
+    return least
 
 
 def check_names(mesh: MeshTri) -> None:

@@ -12,6 +12,7 @@ from kohonen_adapt.outline.coarse_arcs import FEWEST_FACETS
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.cutting import lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
+from kohonen_adapt.outline.middles import TOLD, knots_through
 from kohonen_adapt.outline.polylines import Pieces, Runs, nodes_of
 
 logger = logging.getLogger("kohonen_adapt")
@@ -44,11 +45,11 @@ def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
 def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
     """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
     smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
-    return smooth[curve]
+    return smooth[np.maximum(curve, -1)]
 
 
-def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve]) -> Chains:
-    """The table of chains, one for every piece."""
+def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve], off: Floats) -> Chains:
+    """The table of chains, one for every piece; mid-side nodes are so far `off` the chords of their facets, (f, 2)."""
     count = len(pieces.rows)
     longest, even, angle = (np.empty(count) for _ in range(3))
     lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, even, angle)
@@ -63,6 +64,10 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
         elif not isinstance(given, Arc):
             knots[p] = tabulated(given, nodes, bool(pieces.closed[p]), name)
             tabulate(table, p, knots[p], bool(pieces.closed[p]), longest[p])
+    for p in np.flatnonzero((pieces.curve == TOLD) & ~pieces.is_round).tolist():
+        rows = runs.facet[pieces.first[p] : pieces.last[p]]
+        knots[p] = knots_through(nodes_of(position, runs.node, pieces, p), off[rows], bool(pieces.closed[p]))
+        tabulate(table, p, knots[p], bool(pieces.closed[p]), longest[p])
     bent = table.shape != STRAIGHT
     table.even[bent] = even[bent]
     report(table, pieces)
@@ -100,7 +105,7 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     coarse = np.clip(ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi)
     # what is given need not be recognised again
     fewest = np.where(pieces.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
-    widest = np.where(pieces.curve[is_round] >= 0, coarse, np.minimum(WIDEST, full / fewest))
+    widest = np.where(pieces.curve[is_round] != -1, coarse, np.minimum(WIDEST, full / fewest))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * WIDEST, full / fewest))
     chord = np.maximum(table.reach, longest)[is_round]

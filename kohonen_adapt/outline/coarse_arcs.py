@@ -46,7 +46,7 @@ def centres_of(motions: Floats) -> Floats:
 
 def candidates(position: Floats, node: Ints, pieces: Pieces) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
     """First and last piece of every stretch of single facets on one circle, and that circle."""
-    rows, single = pieces.rows, (pieces.facets == 1) & ~pieces.is_round & (pieces.curve < 0)
+    rows, single = pieces.rows, (pieces.facets == 1) & ~pieces.is_round & (pieces.curve == -1)
     linked = np.append(single[1:] & single[:-1] & (rows[1:, FIRST] == rows[:-1, LAST]), False)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], linked]).astype(np.int8)))
     for first, last in ends.reshape(-1, 2).tolist():

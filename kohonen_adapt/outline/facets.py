@@ -34,6 +34,7 @@ class Joints(NamedTuple):
     node: Ints  # (j,)
     facets: Ints  # (j, 2)
     ends: Ints  # (j, 2) the facets' other nodes
+    turn: Floats  # (j,) in radians
     smooth: Mask  # (j,) a curve may go through: the same names and regions on both sides, no sharp turn
 
 
@@ -92,18 +93,20 @@ def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
     return number.reshape(2, -1).T
 
 
-def joints_of(facets: Facets, position: Floats, cornerless: Mask) -> Joints:
+def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | float = 0.0) -> Joints:
     """Pair the facets at every node in which just two meet.
 
-    The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are.
+    The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are. Bent facets, with
+    mid-side nodes so far `off` their chords, (f, 2), turn as the parabolas do.
     """
     node, rows = meetings(facets.nodes, len(position))
     other = facets.nodes.ravel()[rows ^ 1]
     # along the first facet to the node, and on along the second: against its own direction where it ends there
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
-    turn = turns(*(position[other[:, side]] - position[node] for side in (0, 1)))
+    bend = np.broadcast_to(4.0 * off, facets.nodes.shape)
+    turn = turns(*(position[other[:, side]] - position[node] + bend[rows[:, side] // 2] for side in (0, 1)))
     smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
-    return Joints(node, rows // 2, other, (arriving == leaving) & smooth)
+    return Joints(node, rows // 2, other, turn, (arriving == leaving) & smooth)
 
 
 def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:

@@ -1,17 +1,21 @@
 """Take a mesh apart into what moves: its triangulation, and its outlines, layers and quality rule, which hold nodes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints, Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
+from kohonen_adapt.mesh.curved import facet_displacements, is_second_order, with_displacements
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.facets import facet_of_edge
+from kohonen_adapt.outline.isoparametric import bent_sides
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules
@@ -61,21 +65,31 @@ class MovableMesh:
         The quality that no change may leave anything below, unless it was there before.
     flips
         Whether edges may flip.
+    curved
+        Whether it is given back with bent sides, as a `MeshTri2`: that is wanted, and some outline is curved.
     """
 
     triangulation: Triangulation
     outline: Outline
     floor: float
     flips: bool
+    curved: bool = False
 
     @classmethod
-    def of(cls, mesh: MeshTri, rules: Rules) -> "MovableMesh":
-        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name."""
+    def of(cls, mesh: MeshTri, rules: Rules, curved: bool | None = None) -> "MovableMesh":
+        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name.
+
+        Bent sides are wanted back if `curved`, and with None if the mesh is a `MeshTri2`. Of that its corners move; its
+        bent outlines are curves: those given, arcs, or splines through corners and mid-side nodes. Sides that are bent
+        on no outline become straight.
+        """
         triangulation = Triangulation.of(mesh)
-        outline = Outline.of(triangulation, rules)
+        second_order = is_second_order(mesh)
+        outline = Outline.of(triangulation, rules, facet_displacements(mesh) if second_order else None)
         lay(triangulation, outline.constraints, rules.layers)
         floor = UNGUARDED if rules.min_quality is None else float(rules.min_quality)
-        return cls(triangulation, outline, floor, rules.flips)
+        bends = (second_order if curved is None else curved) and not outline.straight.all()
+        return cls(triangulation, outline, floor, rules.flips, bends)
 
     @property
     def nnodes(self) -> int:
@@ -89,16 +103,32 @@ class MovableMesh:
 
     @property
     def came_from(self) -> MeshTri:
-        """The mesh that was taken apart."""
+        """The mesh that was taken apart, of a `MeshTri2` its corners."""
         return self.triangulation.mesh
 
     def mesh(self) -> MeshTri:
-        """The mesh as it is now, with every name it came with."""
-        return self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+        """The mesh as it is now, with every name it came with; a `MeshTri2` where it is `curved`."""
+        mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+        if not self.curved:
+            return mesh
+        facet, off = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
+        off[:, facet] = np.moveaxis(self.bent_sides(), 2, 0)
+        return with_displacements(mesh, off)
+
+    def start(self) -> MeshTri:
+        """The mesh to start from, before anything has moved: the one it came from, bent where it is to be `curved`."""
+        return self.mesh() if self.curved else self.came_from
+
+    def bent_sides(self) -> Floats:
+        """How far the mid-side nodes of all sides are off their chords, (m, 3, 2), as `isoparametric` says.
+
+        Rows are those of ``triangulation.elements``, and side k is opposite to corner k.
+        """
+        return bent_sides(self.triangulation, self.outline)
 
     def copy(self) -> "MovableMesh":
         """The mesh as it is now, which later changes leave alone."""
-        return MovableMesh(self.triangulation.copy(), self.outline.copy(), self.floor, self.flips)
+        return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""

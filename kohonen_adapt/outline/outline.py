@@ -31,6 +31,7 @@ from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
+from kohonen_adapt.outline.middles import TOLD, bent_facets, joined_alike
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, ways_along
 from kohonen_adapt.outline.polylines import Pieces, Runs, cut
@@ -67,9 +68,10 @@ class Outline:
     given: Ints
 
     @classmethod
-    def of(cls, triangulation: Triangulation, rules: Rules) -> "Outline":
+    def of(cls, triangulation: Triangulation, rules: Rules, off: Floats | None = None) -> "Outline":
         """Find the chains of a triangulation, and mark their facets in it.
 
+        Mid-side nodes that are so far `off` the chords of the facets, (2, nfacets), tell what these are parts of.
         Nodes may leave junctions of three chains where edges may flip: elements then change sides for that. Refuses
         curves of what is no boundary or has nodes that are not on it, and periodic boundaries that do not match.
         """
@@ -77,10 +79,12 @@ class Outline:
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
-        curve = curve_of_facets(facets, curves)
-        joints = joints_of(facets, triangulation.position, without_corner(curve, curves))
-        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves)
-        chains = chains_of(triangulation.position, runs, pieces, curves)
+        bent = bent_facets(facets, triangulation, off)
+        curve = bent.told(curve_of_facets(facets, curves))
+        joints = joints_of(facets, triangulation.position, without_corner(curve, curves), bent.off)
+        joints, circle = joined_alike(joints, facets, triangulation.position, bent, curve)
+        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
+        chains = chains_of(triangulation.position, runs, pieces, curves, bent.off)
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[runs.facet[pieces.slots]] = pieces.of_slot
         mark_facets(triangulation, facets, chain)
@@ -205,17 +209,18 @@ def cut_alike(
     pinned: Mask,
     curve: Ints,
     curves: dict[str, Curve],
+    circle: Floats,
 ) -> tuple[Runs, Pieces, Mask]:
     """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
     paired = np.flatnonzero(pairs.partner >= 0)
-    if np.any((curve >= 0) & (pairs.facet >= 0)):
+    if np.any(((curve >= 0) | ((curve == TOLD) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
-            "none. Leave its curve out."
+            "none. Leave its curve out, or draw its mid-side nodes to their chords."
         )
     stops, centres = pinned.copy(), centres_of(pairs.motions)
     while True:
-        runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves)
+        runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves, circle)
         pieces = with_coarse_arcs(triangulation.position, runs.node, pieces, centres)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[runs.node[pieces.slots]] = True

@@ -52,7 +52,7 @@ class Pieces(NamedTuple):
 
     rows: Ints  # (p, 4): slots of the first and the last node, whether it is round, whether it is closed
     circle: Floats  # (p, 3): centre and radius of round ones
-    curve: Ints  # (p,): which of the given curves it is on, -1 for none
+    curve: Ints  # (p,): which of the given curves it is on, -1 for none, TOLD for what mid-side nodes tell
 
     @property
     def first(self) -> Ints:
@@ -141,17 +141,21 @@ def traced(ends: Ints, through: Ints) -> Runs:
     return Runs(node.astype(np.int32), facet.astype(np.int32), slots.astype(np.int32), closed[run[order[last]]])
 
 
-def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve]) -> tuple[Runs, Pieces]:
+def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], told: Floats) -> tuple[Runs, Pieces]:
     """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
 
-    Nodes that are not near the curve given for their boundary are refused.
+    Those that are told by mid-side nodes are not cut; `told` (f, 3) are their circles, nan for what is no arc. Nodes
+    that are not near the curve given for their boundary are refused.
     """
     node, facet = runs.node.copy(), runs.facet.copy()
     of_run = curve[facet[runs.start[:-1]]]
     most = len(facet) + len(of_run)
     rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
-    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run >= 0, rows, circle)
-    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[facet[rows[:count, FIRST]]])
+    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run != -1, rows, circle)
+    first = facet[rows[:count, FIRST]]
+    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[first])
+    on_arc = ~np.isnan(told[first, 0])
+    pieces.rows[on_arc, IS_ROUND], pieces.circle[on_arc] = 1, told[first[on_arc]]
     for p in np.flatnonzero(pieces.curve >= 0).tolist():
         name, given = list(curves.items())[pieces.curve[p]]
         check_near(nodes_of(position, node, pieces, p), given, name)

@@ -13,9 +13,10 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
     weigh_collapses_higher,
     weigh_splits_higher,
 )
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery, padded
-from kohonen_adapt.polishing.functional import Functional, TrialFunction
+from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["recycle_by_energy"]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.triangle.nonlinear import STEPS
-from kohonen_adapt.problem.ritz import EnergyLaw
+from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = ["Tables", "tabulated"]
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,38 +20,26 @@ from kohonen_adapt.kernels.arrays import (
     STRAIGHT,
     VARYING,
     Laws,
-    Modes,
     Reference,
     Trial,
 )
 from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients, local_coefficients, modes_of
+from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, TrialFunction, gradients, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.polishing.boundary import BoundaryTerms, on_chains
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.problem.ritz import EnergyLaw, Ritz, check_fits, flux_at, integrated, value_on
+from kohonen_adapt.problem.ritz import Ritz, check_fits, flux_at, integrated, value_on
+from kohonen_adapt.problem.tables import EnergyLaw
 
-__all__ = ["Functional", "TrialFunction", "VariesInside"]
+__all__ = ["Functional", "VariesInside"]
 
 LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
 
 
 class VariesInside(ValueError):
     """The constants of a functional change inside a region of the mesh."""
-
-
-class TrialFunction(NamedTuple):
-    """A function on a mesh: values at the nodes, which of them are given, and of order 2 and 3 its other unknowns."""
-
-    values: Floats  # (n,)
-    fixed: Mask  # (n,)
-    modes: Modes | None
-
-    def copy(self) -> "TrialFunction":
-        """The function, for sweeps to change."""
-        modes = self.modes and Modes(*(array.copy() for array in self.modes))
-        return TrialFunction(self.values.copy(), self.fixed.copy(), modes)
 
 
 @dataclass(frozen=True)
@@ -75,9 +62,11 @@ class Functional:
         Chains whose values are given, (c,) bool.
     linear
         Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
+    boundary
+        What Robin conditions add: nodes there stay, for the functional is known on the facets that there are.
     held
-        Chains whose nodes are not to slide: curves, given values that are not linear, or a chain of one facet between
-        two nodes with given values, of which nobody can tell whether they are given on it, (c,) bool.
+        Chains whose nodes are not to slide: curves, given values that are not linear, Robin conditions, or a chain of
+        one facet between two nodes with given values, of which nobody can tell whether they are given on it, (c,) bool.
     on_chain
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
@@ -96,6 +85,7 @@ class Functional:
     constants: Floats
     given: Mask
     linear: Mask
+    boundary: BoundaryTerms
     held: Mask
     on_chain: Floats
     comparable: bool
@@ -137,12 +127,15 @@ class Functional:
         linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
-        held = ~straight | (given & ~linear) | (whole & bare)
-        number = numbers_of_regions(ritz, triangulation)
+        number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
+        boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
+        held = ~straight | (given & ~linear) | (whole & bare) | boundary.on
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
         constants = constants_of(ritz, number)
-        at = integrated(ritz)
-        return cls(solution, at, ritz, number, constants, given, linear, held, on_chain, comparable, law, tables)
+        if modes is not None:
+            modes.given[on_chains(triangulation.elements.chain, boundary.on)] = True
+        chains = given, linear, boundary, held, on_chain
+        return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables)
 
     @property
     def varies(self) -> bool:
@@ -152,8 +145,9 @@ class Functional:
     def value(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         """The functional of a function."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
-        coefficients = local_coefficients(trial.values[node], trial.modes)
-        return value_on(triangulation.position[node], coefficients, number, self.ritz)
+        corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
+        total = value_on(corners, coefficients, number, self.ritz)
+        return total + self.boundary.value(triangulation.elements.chain, corners, coefficients)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""

@@ -7,12 +7,13 @@ from skfem import MeshTri
 from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
-from kohonen_adapt.polishing.functional import Functional, TrialFunction
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
 from kohonen_adapt.problem.protocol import NotOffered, Problem, nodes_held, offered, offers, order_of, ritz_of
 
@@ -97,6 +98,11 @@ def polish(
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
     movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)))
+    if movable.curved:
+        raise ValueError(
+            "polish has elements with straight sides only; this MeshTri2 has bent ones. Give it the corners: "
+            "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+        )
     expect(*loops_of(order_of(problem)))
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))

@@ -12,8 +12,9 @@ from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
 from kohonen_adapt.kernels.triangle.descend_higher import descend_nodes_higher
 from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.functional import Functional, TrialFunction
+from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["SWEEPS", "loops_of", "sweep"]
 
@@ -52,8 +53,9 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     """
     outline, gain = movable.outline, 0.0
     constraints = outline.constraints._replace(kind=functional.kinds(outline, trial.fixed))
-    twins = constraints.twins.partner >= 0  # one value on two sides, which a star on one side cannot judge
-    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | twins), constraints)
+    # values that a star cannot judge: of nodes on two sides at once, and where more than elements add to the functional
+    beyond = (constraints.twins.partner >= 0) | functional.boundary.nodes(movable.triangulation)
+    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
     if eager:
@@ -61,6 +63,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     for _ in range(sweeps):
         gain += descend_in_parts(movable, downhill, order, part)
         gain += flip_downhill(movable, downhill)
+        functional.boundary.improve(movable.triangulation, trial)
     return gain
 
 

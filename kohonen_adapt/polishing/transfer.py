@@ -9,6 +9,7 @@ from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.polynomials import (
     AFTER,
     BEFORE,
+    TrialFunction,
     evaluated,
     local_coefficients,
     places_on_sides,
@@ -17,7 +18,8 @@ from kohonen_adapt.mesh.polynomials import (
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.functional import Functional, TrialFunction, first_of_regions
+from kohonen_adapt.polishing.boundary import on_chains
+from kohonen_adapt.polishing.functional import Functional, first_of_regions
 
 __all__ = ["carried"]
 
@@ -77,9 +79,12 @@ def carried_modes(
 
 
 def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Mask:
-    """Sides whose values are given, (m, 3): on chains where they are, on periodic ones, and between nodes inside."""
+    """Sides whose values are given, (m, 3): on chains where they are, and between nodes inside.
+
+    So are, as far as sweeps know, those on periodic chains and those with a Robin condition.
+    """
     elements, constraints = movable.triangulation.elements, movable.constraints
-    given = (functional.given | constraints.chains.paired)[elements.chain] & (elements.chain >= 0)
+    given = on_chains(elements.chain, functional.given | functional.boundary.on | constraints.chains.paired)
     inside = fixed & (constraints.kind == FREE)
     ends = elements.node[:, AFTER], elements.node[:, BEFORE]
     return given | (fixed[ends[0]] & fixed[ends[1]] & (inside[ends[0]] | inside[ends[1]]))
@@ -87,8 +92,7 @@ def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Ma
 
 def straight_sides(functional: Functional, movable: MovableMesh) -> Mask:
     """Sides on chains along which the given values are linear, (m, 3)."""
-    chain = movable.triangulation.elements.chain
-    return functional.linear[chain] & (chain >= 0)
+    return on_chains(movable.triangulation.elements.chain, functional.linear)
 
 
 def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Ints:

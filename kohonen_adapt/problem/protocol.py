@@ -22,6 +22,7 @@ __all__ = [
     "estimate",
     "improved",
     "is_calibrated",
+    "is_curved",
     "nodes_held",
     "norm_of",
     "offered",
@@ -69,6 +70,10 @@ class Problem(Protocol):
     ``Rules.curves``. A method that a class has for some of its problems only raises `NotOffered` for the others, with
     the reason.
 
+    ``curved`` says whether the problem is solved on elements with bent sides: True asks for a ``skfem.MeshTri2`` where
+    an outline is curved, with mid-side nodes on the curve (`MeshTri` where none is), False for a ``skfem.MeshTri``.
+    Without it the problem gets what `adapt` was given.
+
     ``improved(mesh, solution, outputs)`` has better values of these functions of a solution, by name: from elements of
     a higher degree on the same mesh, for instance. Where a run has stalled, it is asked once, and `message` says which
     outputs are worse than the input's.
@@ -104,6 +109,11 @@ def is_calibrated(problem: Problem) -> bool:
     return getattr(problem, "calibrated", False)
 
 
+def is_curved(problem: Problem) -> bool | None:
+    """Whether the problem wants bent sides on curved outlines, None where it does not say."""
+    return getattr(problem, "curved", None)
+
+
 def improved(problem: Problem, mesh: MeshTri, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
     """Better values of functions of the solution that `solve` returned for the mesh, by name.
 
@@ -132,8 +142,8 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
     Raises
     ------
     ValueError
-        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order``, ``norm`` or
-        ``calibrated`` is unknown.
+        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order``, ``norm``,
+        ``calibrated`` or ``curved`` is unknown.
     """
     kind = type(problem).__name__
     missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
@@ -151,6 +161,8 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
     if not isinstance(is_calibrated(problem), bool):
         raise ValueError(f"calibrated of the problem must be True or False; got {is_calibrated(problem)!r}.")
+    if not isinstance(is_curved(problem), bool | None):
+        raise ValueError(f"curved of the problem must be True, False or None; got {is_curved(problem)!r}.")
     if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
         raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
 

@@ -1,11 +1,10 @@
 """The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -20,22 +19,24 @@ from kohonen_adapt.mesh.polynomials import (
     modes_of,
     reference,
 )
+from kohonen_adapt.problem.robin import Robin, added_on_sides, checked_conditions, sides_of_boundary
+from kohonen_adapt.problem.tables import EnergyLaw, checked_laws, constants, floats, numbers
 
-__all__ = ["EnergyLaw", "Flux", "Ritz", "check_fits", "flux_at", "functional_value", "integrated", "value_on"]
+__all__ = [
+    "Flux",
+    "Ritz",
+    "check_fits",
+    "flux_at",
+    "flux_on",
+    "functional_value",
+    "integrated",
+    "looked_up",
+    "value_on",
+]
 
 AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
-
-
-class EnergyLaw(Protocol):
-    """Nonlinear material: for arrays of b >= 0 a field strength H that rises from 0, and the energy that it makes."""
-
-    def field_strength(self, b: Floats) -> Floats:
-        """H(b)."""
-
-    def energy(self, b: Floats) -> Floats:
-        """``int_0^b H db``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,12 @@ class Ritz:
     axisymmetric
         Whether the functional is that around the axis x = 0. Its values are those of u at the places of the unknowns,
         given as 0 on the axis.
+    robin
+        Name of a boundary to (kappa, load): ``int kappa / 2 u^2 - load u`` over its facets, all on the outer boundary,
+        is a part of the functional, so that ``(coefficient grad u - flux) . n + kappa u = load`` is the natural
+        condition there (Robin, of convection or an open boundary; Neumann with kappa = 0). kappa >= 0 is a constant,
+        the load a constant or a function of x (2, n) that returns (n,), interpolated at the unknowns. The polish
+        improves the values there, and the nodes stay where they are. In the plane only.
 
     Raises
     ------
@@ -109,14 +116,15 @@ class Ritz:
     laws: Sequence[EnergyLaw | None] = ()
     order: int = 1
     axisymmetric: bool = False
+    robin: Robin = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if isinstance(self.order, bool) or self.order not in (1, 2, 3):
             raise ValueError(f"order of Ritz must be the degree of the elements, 1, 2 or 3; got {self.order!r}.")
         if not isinstance(self.axisymmetric, bool):
             raise ValueError(f"axisymmetric of Ritz must be True or False; got {self.axisymmetric!r}.")
-        region = None if self.region is None else _numbers(self.region)
-        values, fixed = _floats("values", self.values), np.array(self.fixed)
+        region = None if self.region is None else numbers(self.region)
+        values, fixed = floats("values", self.values), np.array(self.fixed)
         if values.ndim != 1:
             raise ValueError(f"values of Ritz must have shape (nunknowns,); got {values.shape}.")
         if fixed.dtype != np.bool_ or fixed.shape != values.shape:
@@ -124,77 +132,19 @@ class Ritz:
                 f"fixed of Ritz must be bool of shape (nunknowns,) = {values.shape}; got {fixed.dtype} of shape "
                 f"{fixed.shape}. From numbers: numpy.isin(numpy.arange(nunknowns), numbers)."
             )
-        coefficient = _constants("coefficient", self.coefficient, (), region)
+        coefficient = constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
-        source = _constants("source", self.source, (), region)
-        flux = self.flux if callable(self.flux) else _constants("flux", self.flux, (2,), region)
+        source = constants("source", self.source, (), region)
+        flux = self.flux if callable(self.flux) else constants("flux", self.flux, (2,), region)
         # Copies: what the caller does to his arrays later must not change a functional in use.
         names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
-        laws = _laws(self.laws, region)
+        laws = checked_laws(self.laws, region)
         for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws), strict=True):
             object.__setattr__(self, name, own)
-
-
-def _floats(name: str, given: ArrayLike) -> Floats:
-    array = np.array(given)
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} of Ritz must be real numbers; got {array.dtype}.")
-    array = array.astype(np.float64)
-    bad = np.count_nonzero(~np.isfinite(array))
-    if bad:
-        raise ValueError(f"{name} of Ritz must be finite; {bad} of {array.size} are not.")
-    return array
-
-
-def _numbers(given: ArrayLike) -> NDArray[np.int64]:
-    number = np.array(given)
-    if number.ndim != 1 or number.dtype.kind not in "iu":
-        raise ValueError(
-            f"region of Ritz must be integers of shape (nelements,); got {number.dtype} of shape {number.shape}."
-        )
-    if number.min(initial=0) < 0:
-        raise ValueError(f"region of Ritz must hold numbers >= 0; got {number.min()}.")
-    return number.astype(np.int64)
-
-
-def _constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
-    """A constant of this shape, or a table with one per region number in its last axis."""
-    table = _floats(name, given)
-    if table.shape == shape:
-        return table
-    expected = f"{shape} or {(*shape, 'nregions')}".replace("'", "")
-    if table.ndim != len(shape) + 1 or table.shape[:-1] != shape:
-        raise ValueError(f"{name} of Ritz must have shape {expected}; got {table.shape}.")
-    if region is None:
-        raise ValueError(f"{name} of Ritz is a table of {table.shape[-1]}; give region, the number of each element.")
-    if region.max(initial=-1) >= table.shape[-1]:
-        raise ValueError(
-            f"{name} of Ritz has {table.shape[-1]} values but region has numbers up to {region.max()}; give one for "
-            "each number from 0 on."
-        )
-    if table.shape[-1] == region.size > region.max(initial=-1) + 1:
-        raise ValueError(
-            f"{name} of Ritz must have one value per region number, {region.max() + 1}; got {region.size}, the "
-            "number of elements."
-        )
-    return table
-
-
-def _laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:
-    """The laws, one per region number, or none at all."""
-    if not isinstance(given, list | tuple):
-        raise ValueError(f"laws of Ritz must be a sequence with None or a law per region number; got {given!r}.")
-    needed = 1 if region is None else int(region.max(initial=-1)) + 1
-    if given and len(given) < needed:
-        raise ValueError(f"laws of Ritz must have None or a law for each of {needed} region numbers; got {len(given)}.")
-    for number, law in enumerate(given):
-        missing = [name for name in ("field_strength", "energy") if not callable(getattr(law, name, None))]
-        if law is not None and missing:
-            raise ValueError(
-                f"laws[{number}] of Ritz must be None or have the methods field_strength(b) and energy(b); got {law!r}."
-            )
-    return tuple(given)
+        object.__setattr__(self, "robin", checked_conditions(self.robin))
+        if self.robin and self.axisymmetric:
+            raise ValueError("robin of an axisymmetric Ritz must be left out; it has none around an axis.")
 
 
 def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
@@ -207,6 +157,8 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
     if ritz.axisymmetric:
         _check_axis(ritz, mesh)
+    for name in ritz.robin:
+        sides_of_boundary(mesh, name)
 
 
 def _check_axis(ritz: Ritz, mesh: MeshTri) -> None:
@@ -235,7 +187,11 @@ def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
     values, node = np.asarray(ritz.values), mesh.t.T
     kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
     modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
-    return value_on(mesh.p.T[node], local_coefficients(values[node], modes), number, ritz)
+    corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
+    total = value_on(corners, coefficients, number, ritz)
+    for name, terms in ritz.robin.items():
+        total += added_on_sides(corners, coefficients, *sides_of_boundary(mesh, name), terms)
+    return total
 
 
 def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
@@ -255,8 +211,8 @@ def _value(
 ) -> float:
     """The functional on elements of one kind; around an axis with the distances of the points from it (points, m)."""
     doubled, slope = gradients(corners, coefficients, at)
-    coefficient, source = (_looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
-    flux_x, flux_y = _flux_on(corners, number, ritz)
+    coefficient, source = (looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
+    flux_x, flux_y = flux_on(corners, number, ritz)
     stored = 0.5 * coefficient * np.sum(slope**2, axis=0)
     if x is not None:
         stored /= x
@@ -269,14 +225,14 @@ def _value(
     return 0.5 * float(np.sum(np.abs(doubled) * density))
 
 
-def _flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
     """The mean flux over elements, (2, m), or a constant (2,)."""
     if callable(ritz.flux):
         return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
-    return np.stack([_looked_up(part, number) for part in np.asarray(ritz.flux)])
+    return np.stack([looked_up(part, number) for part in np.asarray(ritz.flux)])
 
 
-def _looked_up(table: Floats, number: Ints) -> Floats:
+def looked_up(table: Floats, number: Ints) -> Floats:
     """A constant as it is, of a table what it has for every number."""
     return table if table.ndim == 0 else table[number]
 

@@ -66,7 +66,7 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     >>> bool(0.4 < total(mesh.refined(3)) / total(mesh.refined(2)) < 0.6)
     True
     """
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
     values = per_element(mesh.nelements, indicators, "indicators")
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
@@ -79,12 +79,12 @@ def equidistributing(mesh: MeshTri, values: Floats, order: int, norm: str) -> Fl
     """What `density_from_indicators` says of a mesh and indicators that need no check."""
     sizes = area(mesh)
     if not values.any():
-        return np.full(len(values), mesh.p.shape[1] / sizes.sum())
+        return np.full(len(values), mesh.nvertices / sizes.sum())
     median = np.median(values) or np.median(values[values > 0])
     eta = np.maximum(values, QUIET * median) / values.max()
     q = 2 * order if norm == "energy" else 2 * order + 2
     density = (eta**2 / (sizes / sizes.max()) ** (1 + order)) ** (2 / (2 + q))
-    return density * (mesh.p.shape[1] / np.sum(sizes * density))
+    return density * (mesh.nvertices / np.sum(sizes * density))
 
 
 def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
@@ -114,7 +114,7 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
     >>> ka.density_from_sizes(mesh, np.full(8, 0.1)).round(2)[0]  # equilateral triangles with edges of 0.1
     np.float64(115.47)
     """
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
     lengths = per_element(mesh.nelements, sizes, "sizes")
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")

@@ -14,10 +14,11 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Surgery, unchanged
 from kohonen_adapt.polishing.energy_recycling import judge_of, offers_of, recycle_by_energy, weighed
-from kohonen_adapt.polishing.functional import Functional, TrialFunction
+from kohonen_adapt.polishing.functional import Functional
 
 FLOOR = 0.3
 LAWS = {"none": None, "Brauer": Brauer(100.0, 10.0, 1.8), "Froehlich": Froehlich(4000.0, 2.1)}

@@ -345,7 +345,7 @@ def test_nodes_on_curves_stay_where_they_are():
 
 
 def test_a_mesh_of_another_kind_is_refused():
-    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad"):
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri or MeshTri2; got MeshQuad"):
         ka.polish(MeshQuad(), Diffusion())
 
 

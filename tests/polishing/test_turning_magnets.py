@@ -14,11 +14,12 @@ from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material, halbach, radial
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.measures import area, inner_points
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
-from kohonen_adapt.polishing.functional import Functional, TrialFunction
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.ritz import functional_value
 
 FLUX = np.random.default_rng(5).normal(size=(2, 6))

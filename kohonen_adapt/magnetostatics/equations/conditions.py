@@ -19,7 +19,7 @@ from kohonen_adapt.mesh.names import named, nodes_of_points
 from kohonen_adapt.outline.matching import Unmatched
 from kohonen_adapt.outline.pairs import image_nodes
 
-__all__ = ["Boundaries", "Conditions", "Value", "conditions_of", "fixed_values", "ties_of"]
+__all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
 CONTRADICTION = 1e-9  # of the largest fixed value: values that tied nodes may differ by
 ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle

@@ -1,0 +1,92 @@
+"""Tell the straight triangles of a `MeshTri2` from how far its mid-side nodes are off their chords, and join the two.
+
+A side with the ends a, b and the mid-side node m is the parabola through the three; what bends it is its displacement
+``d = m - (a + b) / 2``. An element is ``x = sum_i lambda_i x_i + 4 sum_k lambda_i lambda_j d_k`` for d_k of the side
+opposite to corner k, between i and j.
+"""
+
+import numpy as np
+from skfem import MeshTri, MeshTri2
+from skfem.mesh import MeshTri1
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.mesh.host import number_facets, of_kind
+
+__all__ = [
+    "corner_places",
+    "corners_of",
+    "displacements",
+    "facet_displacements",
+    "is_second_order",
+    "jacobian_coefficients",
+    "with_displacements",
+]
+
+OPPOSITE = [1, 2, 0]  # rows of `t2f` by the corner opposite: scikit-fem's facets of an element are corners 01, 12, 02
+
+
+def is_second_order(mesh: object) -> bool:
+    """Whether a mesh has mid-side nodes, bent or not."""
+    return type(mesh) is MeshTri2
+
+
+def corners_of(mesh: MeshTri) -> MeshTri:
+    """The straight triangles between the corners of a mesh, with every name; a `MeshTri` is returned as it is."""
+    return of_kind(MeshTri1, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
+
+
+def corner_places(mesh: MeshTri) -> Floats:
+    """Where the corners of elements are, (nelements, 3, 2), in the order of ``mesh.t``."""
+    return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
+
+
+def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
+    """The `MeshTri2` with the corners of a mesh, every name, and its facets (2, nfacets) bent by so much."""
+    number_facets(mesh)
+    corners = mesh.p[:, : mesh.nvertices]
+    return of_kind(MeshTri2, np.hstack([corners, corners[:, mesh.facets].mean(axis=1) + off]), mesh)
+
+
+def facet_displacements(mesh: MeshTri) -> Floats:
+    """How far the mid-side node of every facet is off the middle of its chord, (2, nfacets); 0 on a `MeshTri`."""
+    number_facets(mesh)
+    if not is_second_order(mesh):
+        return np.zeros(mesh.facets.shape)
+    return mesh.p[:, mesh.nvertices :] - mesh.p[:, mesh.facets].mean(axis=1)
+
+
+def displacements(mesh: MeshTri) -> Floats:
+    """The displacement of the side opposite to every corner of ``mesh.t``, (nelements, 3, 2); 0 of straight sides."""
+    return facet_displacements(mesh).T[mesh.t2f[OPPOSITE].T]
+
+
+def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
+    """Bernstein coefficients of the Jacobian determinants of elements, (m, 6); the least is below every value of it.
+
+    `corners` are (m, 3, 2), `bent` the displacements of the sides opposite to them, (m, 3, 2). The determinant is a
+    polynomial of degree 2: the first three coefficients are its values at the corners, the others belong to the sides
+    opposite to these. Straight elements have their doubled signed area in all six. (G. Farin, *Curves and Surfaces for
+    CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
+    """
+    along, across = (derivative(corners, bent, corner) for corner in (1, 2))
+    at = cross(along, across)
+    i, j = [1, 2, 0], [2, 0, 1]
+    between = 0.5 * (cross(along[:, i], across[:, j]) + cross(along[:, j], across[:, i]))
+    return np.concatenate([at, between], axis=1)
+
+
+def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
+    """Derivatives of x from corner 0 towards another one, at the three corners, (m, 3, 2); linear in between."""
+    other = 3 - corner
+    straight = corners[:, corner] - corners[:, 0]
+    side, beside, far = 4.0 * bent[:, other], 4.0 * bent[:, corner], 4.0 * bent[:, 0]
+    found = np.repeat(straight[:, None], 3, axis=1)
+    found[:, 0] += side
+    found[:, corner] -= side
+    found[:, other] += far - beside
+    return found
+
+
+def cross(u: Floats, w: Floats) -> Floats:
+    """Third component of the cross products of vectors (..., 2)."""
+    return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]

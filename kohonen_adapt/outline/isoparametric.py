@@ -1,0 +1,105 @@
+"""Bend the sides on curved outlines to them, no farther than leaves every Jacobian determinant well above zero."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.curved import jacobian_coefficients
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.outline.parameters import parameters_of, ways_along
+
+__all__ = ["LEAST", "bent_sides"]
+
+# Of the determinant of the straight element: what the least Bernstein coefficient of the bent one may fall to. Beside
+# facets of 15 degrees every element of quality .3, the default floor, keeps more, beside facets of 30, the longest that
+# moving makes, those of quality .6; equilateral ones keep .8 there. So elements are held back where they are thin and
+# facets few, and a determinant varies little enough for quadrature and for the conditioning of quadratic elements.
+LEAST = 0.25
+
+
+def bent_sides(triangulation: Triangulation, outline: Outline) -> Floats:
+    """How far the mid-side nodes of all sides are off their chords, (m, 3, 2): side k is opposite to corner k.
+
+    On curved outlines a mid-side node is at the middle of the chain's parameter, everywhere else on its chord. Where an
+    element would be left with less than `LEAST` of its determinant somewhere, its sides are straightened by just the
+    factor that leaves so much, on both sides of them.
+    """
+    elements = triangulation.elements
+    bent = np.zeros((*elements.node.shape, 2))
+    curved = np.append(~outline.straight, False)[elements.chain]
+    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))  # each once; -1 beyond the rim
+    bent[e, k] = off_chords(triangulation, outline, e, k)
+    there, back = across(triangulation, e, k)
+    bent[there, back] = bent[e, k][elements.neighbour[e, k] >= 0]
+    rows = np.flatnonzero(curved.any(axis=1))
+    bent[rows] *= factors(triangulation, outline, rows, bent[rows])[:, :, None]
+    return bent
+
+
+def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
+    """The elements across sides k of elements e, where there are any, and the numbers that the sides have in them."""
+    neighbour = triangulation.elements.neighbour
+    other = neighbour[e, k]
+    there = other[other >= 0]
+    return there, np.argmax(neighbour[there] == e[other >= 0][:, None], axis=1)
+
+
+def off_chords(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Floats:
+    """How far the curves are off the middles of sides k of elements e, half-way along, (f, 2)."""
+    position, constraints = triangulation.position, outline.constraints
+    chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
+    start, end = (parameters_of(position, constraints, chain, node) for node in ends)
+    middle = start + 0.5 * ways_along(chains, chain, start, end)
+    length = chains.length[chain]
+    round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
+    return outline.points_on(chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
+
+
+def factors(triangulation: Triangulation, outline: Outline, rows: Ints, bent: Floats) -> Floats:
+    """By what to multiply the displacements `bent` (q, 3, 2) of the sides of elements `rows`, (q, 3), alike where one.
+
+    Elements that need it are held back to a factor that suffices whatever smaller ones their sides get from elsewhere;
+    that may leave less to others, which are held back in turn.
+    """
+    corners = triangulation.position[triangulation.elements.node[rows]]
+    doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
+    side = np.unique(sides_alike(triangulation, outline, rows), return_inverse=True)[1].reshape(-1, 3)
+    factor, held = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
+    enough = sufficient(corners, bent, doubled)
+    while True:
+        least = jacobian_coefficients(corners, factor[side][:, :, None] * bent).min(axis=1)
+        short = (least < LEAST * doubled) & ~held
+        if not short.any():
+            return factor[side]
+        held |= short
+        np.minimum.at(factor, side[short], np.repeat(enough[short, None], 3, axis=1))
+
+
+def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
+    """Factors of displacements that leave elements `LEAST` of their determinant, smaller ones more, (q,).
+
+    Bernstein coefficients are ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk`` for factors t of the sides. Of L and Q the
+    negative parts alone count, so that they fall in every t; for a single bent side, where Q is 0, nothing is lost.
+    """
+    sides = np.eye(3)[:, None, :, None]
+    linear = [jacobian_coefficients(corners, bent * side) - doubled[:, None] for side in sides]
+    fall = sum(np.minimum(part, 0.0) for part in linear)
+    bow = np.zeros_like(fall)
+    for j, k in ((0, 1), (1, 2), (2, 0)):
+        both = jacobian_coefficients(corners, bent * (sides[j] + sides[k])) - doubled[:, None]
+        bow += np.minimum(both - linear[j] - linear[k], 0.0)
+    room = (1.0 - LEAST) * doubled[:, None]
+    with np.errstate(divide="ignore"):
+        found = 2.0 * room / (-fall + np.sqrt(fall**2 - 4.0 * bow * room))
+    return np.minimum(1.0, found.min(axis=1))
+
+
+def sides_alike(triangulation: Triangulation, outline: Outline, rows: Ints) -> Ints:
+    """Numbers of the sides of elements, (q, 3), the same for what is one: seen from two elements, or periodic pairs."""
+    elements, twins = triangulation.elements, outline.constraints.twins
+    ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
+    images = twins.partner[ends]
+    paired = np.append(outline.constraints.chains.paired, False)[elements.chain[rows]]
+    ends, images = (np.sort(nodes, axis=0).astype(np.int64) for nodes in (ends, images))
+    own, other = (nodes[0] * triangulation.nnodes + nodes[1] for nodes in (ends, images))
+    return np.where(paired & (images[0] >= 0), np.minimum(own, other), own)

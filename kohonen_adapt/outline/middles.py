@@ -1,0 +1,144 @@
+"""Tell from mid-side nodes which outline facets are bent, and which arcs and splines these are parts of."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.cutting import BEND, TURN, fitted_circle
+from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge
+from kohonen_adapt.outline.polylines import without_noise
+
+__all__ = ["TOLD", "Bent", "bent_facets", "joined_alike", "knots_through"]
+
+TOLD = -2  # in place of the number of a given curve: what the facet is on is told by its mid-side node
+SPANS = 4  # of a table between a corner and a mid-side node
+MOST_SHIFT = 0.25  # of a facet: a mid-side node that is farther off its middle folds the element beside it over
+CIRCULAR = 1e-6  # of the radius: how far corners and mid-side nodes may be off a circle
+
+
+class Bent(NamedTuple):
+    """What mid-side nodes tell of outline facets, a row each."""
+
+    off: Floats  # (f, 2) from the middles of their chords
+    is_bent: Mask  # (f,)
+    known: bool  # whether there are bent ones, so that the others are straight and no polygons in place of arcs
+
+    def told(self, curve: Ints) -> Ints:
+        """The given curve of every facet, (f,), TOLD in place of none where it is bent."""
+        return np.where((curve == -1) & self.is_bent, TOLD, curve)
+
+
+def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | None) -> Bent:
+    """Which facets are bent by mid-side nodes so far off the chords of a mesh, (2, nfacets); None where it has none."""
+    if of_mesh is None:
+        return Bent(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), known=False)
+    off = of_mesh.T[facet_of_edge(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
+    position = triangulation.position
+    chord = position[facets.nodes[:, 1]] - position[facets.nodes[:, 0]]
+    height = np.abs(chord[:, 0] * off[:, 1] - chord[:, 1] * off[:, 0])
+    is_bent = height > BEND * np.sum(chord**2, axis=1)
+    return Bent(np.where(is_bent[:, None], off, 0.0), is_bent, known=bool(is_bent.any()))
+
+
+def joined_alike(joints: Joints, facets: Facets, position: Floats, bent: Bent, curve: Ints) -> tuple[Joints, Floats]:
+    """The joints through which one straight line, arc or spline goes, and the circles of facets, (f, 3).
+
+    A circle is its centre and radius, nan for what is on none. `curve` (f,) tells the facets that have a given one:
+    with these nothing changes.
+    """
+    circle = np.full((len(facets.nodes), 3), np.nan)
+    if not bent.known:
+        return joints, circle
+    told, (one, other) = curve == TOLD, joints.facets.T
+    on_circle = on_one_circle(facets, position, bent, one, other) & on_one_circle(facets, position, bent, other, one)
+    group = groups_of(len(circle), joints.facets[joints.smooth & told[one] & told[other] & on_circle])
+    for rows in members(group, told):
+        circle[rows] = circle_through(facets, position, bent, rows)
+    group[np.isnan(circle[:, 0])] = -1
+    goes_on = (told[one] == told[other]) & (~told[one] | (group[one] == group[other]))
+    kinked = (curve[one] == -1) & (curve[other] == -1) & (joints.turn > TURN)
+    return joints._replace(smooth=joints.smooth & goes_on & ~kinked), circle
+
+
+def on_one_circle(facets: Facets, position: Floats, bent: Bent, one: Ints, other: Ints) -> Mask:
+    """Whether the corners and mid-side nodes of other facets are on the circles through those of these, (j,)."""
+    (a, b), m = ends_and_middle(facets, position, bent, one)
+    u, w = b - a, m - a
+    twice = 2.0 * (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
+    uu, ww = np.sum(u**2, axis=1), np.sum(w**2, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = (w[:, 1] * uu - u[:, 1] * ww) / twice, (u[:, 0] * ww - w[:, 0] * uu) / twice
+        radius, found = np.hypot(x, y), np.ones(len(one), dtype=bool)
+        (c, d), n = ends_and_middle(facets, position, bent, other)
+        for point in (c, d, n):
+            off = point - a
+            found &= np.abs(np.hypot(off[:, 0] - x, off[:, 1] - y) - radius) <= CIRCULAR * radius
+    return found
+
+
+def ends_and_middle(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> tuple[tuple[Floats, Floats], Floats]:
+    """The ends and the mid-side nodes of facets, (k, 2) each."""
+    a, b = (position[facets.nodes[rows, side]] for side in (0, 1))
+    return (a, b), 0.5 * (a + b) + bent.off[rows]
+
+
+def groups_of(count: int, linked: Ints) -> Ints:
+    """Numbers of the groups of facets that are linked with one another, (count,), by pairs (k, 2)."""
+    graph = coo_array((np.ones(len(linked), dtype=np.int8), tuple(linked.T)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def members(group: Ints, told: Mask) -> Iterator[Ints]:
+    """The facets of every group of two and more that are told."""
+    order = np.argsort(group[told], kind="stable")
+    rows = np.flatnonzero(told)[order]
+    cuts = np.flatnonzero(np.diff(group[rows])) + 1
+    yield from (part for part in np.split(rows, cuts) if len(part) > 1)
+
+
+def circle_through(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> Floats:
+    """The circle on which all corners and mid-side nodes of facets are, (3,); nan where they are on none."""
+    (a, b), m = ends_and_middle(facets, position, bent, rows)
+    points = np.concatenate([a, b, m])
+    found = without_noise(np.array([fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)]))[0]
+    off = np.abs(np.hypot(*(points - found[:2]).T) - found[2])
+    return found if np.max(off) <= CIRCULAR * found[2] < np.inf else np.full(3, np.nan)
+
+
+def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
+    """Knots (s, 5) of a cubic spline through nodes (k + 1, 2) and mid-side nodes (k, 2) so far `off` their chords.
+
+    The parameter is that of the spline, the length of its chords, shifted inside every facet by a smooth bump to have
+    the mid-side node half-way between the corners: so that is where it is looked for again.
+    """
+    points = np.empty((2 * len(nodes) - 1, 2))
+    points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + off
+    if closed:
+        points[-1] = points[0]
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    spline = CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
+    start, middle, end = (rows[:, None] for rows in (length[:-1:2], length[1::2], length[2::2]))
+    share = np.arange(2 * SPANS) / SPANS
+    along = np.where(share <= 1.0, start + share * (middle - start), middle + (share - 1.0) * (end - middle))
+    part, most = (along - start) / (end - start), MOST_SHIFT * (end - start)
+    shift = np.clip(0.5 * (start + end) - middle, -most, most) / bump((middle - start) / (end - start))[0]
+    value, slope = bump(part)
+    parameter, rate = along + shift * value, 1.0 + shift * slope / (end - start)
+    return np.vstack(
+        [
+            np.column_stack([parameter.ravel(), spline(along.ravel()), spline(along.ravel(), 1) / rate.reshape(-1, 1)]),
+            np.concatenate([length[-1:], points[-1], spline(length[-1], 1)]),
+        ]
+    )
+
+
+def bump(share: Floats) -> tuple[Floats, Floats]:
+    """A smooth function of 0 to 1 that is 0 at both ends with its derivative; and that derivative."""
+    beside = 1.0 - share
+    return 16.0 * (share * beside) ** 2, 32.0 * share * beside * (beside - share)

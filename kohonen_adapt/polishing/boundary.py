@@ -1,0 +1,173 @@
+"""Improve the values on boundaries with a Robin condition, of which the loops over stars know nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Modes, Reference
+from kohonen_adapt.mesh.polynomials import TrialFunction, gradients, local_coefficients, trace_columns
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.problem.ritz import Ritz, flux_on, looked_up, value_on
+from kohonen_adapt.problem.robin import added_on_sides, facet_terms
+
+__all__ = ["BoundaryTerms", "on_chains"]
+
+
+@dataclass(frozen=True)
+class BoundaryTerms:
+    """What Robin conditions add to a functional, on a triangulation wherever its other nodes have gone.
+
+    Attributes
+    ----------
+    ritz
+        The functional as its user states it.
+    reference
+        Functions of the elements, and where they are integrated.
+    number
+        Region number, in its tables, of every region of the triangulation, (nregions,).
+    chains
+        Those with a condition, (c,) bool, by the name of the boundary.
+    given
+        Chains whose values are given, (c,) bool.
+    """
+
+    ritz: Ritz
+    reference: Reference
+    number: Ints
+    chains: dict[str, Mask]
+    given: Mask
+
+    @property
+    def on(self) -> Mask:
+        """Chains with a condition, (c,)."""
+        return np.any([np.zeros(len(self.given), dtype=np.bool_), *self.chains.values()], axis=0)
+
+    def nodes(self, triangulation: Triangulation) -> Mask:
+        """Nodes on these chains, (n,)."""
+        elements, found = triangulation.elements, np.zeros(triangulation.nnodes, dtype=np.bool_)
+        if self.chains:
+            found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
+        return found
+
+    def value(self, chain: Ints, corners: Floats, coefficients: Floats) -> float:
+        """What the conditions add for a function of these coefficients, (m, b), on elements with corners (m, 3, 2).
+
+        Their sides are on these chains, (m, 3).
+        """
+        total = 0.0
+        for name, chains in self.chains.items():
+            e, k = sides_on(chain, chains)
+            total += added_on_sides(corners, coefficients, e, k, self.ritz.robin[name])
+        return total
+
+    def improve(self, triangulation: Triangulation, trial: TrialFunction) -> None:
+        """Take the values on these chains, all at once, that make the functional least.
+
+        In nonlinear material that is a step with the secant coefficients, which is kept if it lowers the functional.
+        """
+        unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((0, 3), dtype=int), 0)
+        if not count:
+            return
+        rows = np.flatnonzero(np.any(unknown >= 0, axis=1))
+        near = Near.of(triangulation, trial, rows, unknown[rows], self.number)
+        matrix, rest = self._equations(near, count)
+        change, before = spsolve(matrix.tocsc(), -rest), self._total(near)
+        near.add(trial, change)
+        if any(self.ritz.laws) and self._total(Near.of(triangulation, trial, rows, near.unknown, self.number)) > before:
+            near.add(trial, -change)
+
+    def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
+        """The number of every coefficient of elements, (m, b), -1 for what does not change; and how many."""
+        elements = triangulation.elements
+        free = self.nodes(triangulation) & ~trial.fixed
+        count, functions = int(free.sum()), self.reference.slope.shape[1]
+        unknown = np.full((len(elements.node), functions), -1)
+        unknown[:, :3] = np.where(free, np.cumsum(free) - 1, -1)[elements.node]
+        e, k = sides_on(elements.chain, self.on & ~self.given)
+        for first in range(3, min(functions, 9), 3):
+            unknown[e, first + k] = count + np.arange(len(e))
+            count += len(e)
+        return unknown, count
+
+    def _total(self, near: "Near") -> float:
+        """The functional of some elements, with what conditions add at them."""
+        own = value_on(near.corners, near.coefficients, near.number, self.ritz)
+        return own + self.value(near.chain, near.corners, near.coefficients)
+
+    def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
+        """The second derivatives of the functional by the unknowns, secant where it is nonlinear, and the first."""
+        parts = [(near.unknown, *self._of_elements(near))]
+        for name, chains in self.chains.items():
+            e, k = sides_on(near.chain, chains)
+            ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
+            matrix, load = facet_terms(ends, self.ritz.order, *self.ritz.robin[name])
+            own = e[:, None], trace_columns(k, self.ritz.order)
+            parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
+        total, right = coo_array((count, count)), np.zeros(count)
+        for at, matrix, slope in parts:
+            i, j = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+            both = (i >= 0) & (j >= 0)
+            total = total + coo_array((matrix[both], (i[both], j[both])), shape=(count, count))
+            np.add.at(right, at[at >= 0], slope[at >= 0])
+        return total, right
+
+    def _of_elements(self, near: "Near") -> tuple[Floats, Floats]:
+        """Derivatives of the functional of elements by their coefficients: second, (m, b, b), and first, (m, b)."""
+        ritz, at, (m, b) = self.ritz, self.reference, near.coefficients.shape
+        doubled, slope = gradients(near.corners, near.coefficients, at)
+        each = gradients(np.repeat(near.corners, b, axis=0), np.tile(np.eye(b), (m, 1)), at)[1].reshape(2, -1, m, b)
+        weight = 0.5 * at.weight[:, None] * doubled
+        secant = np.broadcast_to(looked_up(np.asarray(ritz.coefficient), near.number), slope.shape[1:]).copy()
+        for place, law in enumerate(ritz.laws):
+            if law is not None:
+                size = np.maximum(np.hypot(*slope[:, :, near.number == place]), np.finfo(float).tiny)
+                secant[:, near.number == place] = law.field_strength(size) / size
+        flux = np.broadcast_to(np.reshape(flux_on(near.corners, near.number, ritz), (2, 1, -1)), slope.shape)
+        stiffness = np.einsum("qm,cqmi,cqmj->mij", weight * secant, each, each)
+        pulled = np.outer(doubled * looked_up(np.asarray(ritz.source), near.number), at.mean)
+        return stiffness, np.einsum("cqm,cqmi->mi", weight * (secant * slope - flux), each) - pulled
+
+
+@dataclass(frozen=True)
+class Near:
+    """The elements that touch boundaries with conditions, and a function on them."""
+
+    rows: Ints  # (k,): their numbers
+    node: Ints  # (k, 3)
+    chain: Ints  # (k, 3)
+    number: Ints  # (k,): region numbers in the tables of the functional
+    corners: Floats  # (k, 3, 2)
+    coefficients: Floats  # (k, b)
+    unknown: Ints  # (k, b): of every coefficient, -1 for what does not change
+
+    @classmethod
+    def of(cls, tri: Triangulation, trial: TrialFunction, rows: Ints, unknown: Ints, number: Ints) -> "Near":
+        """Take these rows of a triangulation and a function."""
+        node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
+        modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
+        coefficients = local_coefficients(trial.values[node], modes)
+        return cls(rows, node, chain, number[region], tri.position[node], coefficients, unknown)
+
+    def add(self, trial: TrialFunction, change: Floats) -> None:
+        """Change the function by the changes of the unknowns, wherever these stand."""
+        e, i = np.nonzero(self.unknown >= 0)
+        at_nodes, more = i < 3, change[self.unknown[e, i]]
+        v, first = np.unique(self.node[e[at_nodes], i[at_nodes]], return_index=True)
+        trial.values[v] += more[at_nodes][first]
+        if trial.modes is not None:
+            e, i, more = e[~at_nodes], i[~at_nodes], more[~at_nodes]
+            trial.modes.side[self.rows[e], i % 3, i // 3 - 1] += more
+
+
+def sides_on(chain: Ints, chains: Mask) -> tuple[Ints, Ints]:
+    """Elements and corners opposite to sides on some chains, for the chains of all sides, (m, 3)."""
+    e, k = np.nonzero(on_chains(chain, chains))
+    return e, k
+
+
+def on_chains(chain: Ints, chains: Mask) -> Mask:
+    """Which of the sides of elements, that are on these chains (m, 3) or -1, are on some of all chains (c,)."""
+    return (chain >= 0) & chains[chain]

@@ -1,0 +1,100 @@
+"""Integrate what Robin conditions add to a Ritz functional, over the facets of their boundaries."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import is_number
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.polynomials import trace_columns, traces_at
+
+__all__ = ["Load", "Robin", "added_on_sides", "checked_conditions", "facet_terms", "sides_of_boundary"]
+
+Load = float | Callable[[Floats], ArrayLike]
+Robin = Mapping[str, tuple[float, Load]]
+
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for products of functions of order 3
+
+
+def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
+    """Refuse what is no coefficient >= 0 and load by name; returns a copy."""
+    expected = "robin of Ritz must map names of boundaries to (coefficient, load)"
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{expected}; got {given!r}.")
+    for name, terms in given.items():
+        if not isinstance(terms, tuple | list) or len(terms) != 2:
+            raise ValueError(f"{expected}; got {terms!r} for {name!r}.")
+        coefficient, load = terms
+        if not is_number(coefficient) or not 0.0 <= coefficient < np.inf:
+            raise ValueError(f"the coefficient in robin of Ritz must be a number >= 0; got {coefficient!r}, {name!r}.")
+        if not callable(load) and not (is_number(load) and np.isfinite(load)):
+            raise ValueError(f"the load in robin of Ritz must be a number or a function of x; got {load!r}, {name!r}.")
+    return {name: (float(coefficient), load) for name, (coefficient, load) in given.items()}
+
+
+def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
+    """The elements at the facets of a boundary, (f,), and the corners opposite to these, (f,).
+
+    Raises
+    ------
+    ValueError
+        If the mesh has no boundary of that name, or not all of it is on the outer boundary.
+    """
+    facets = np.asarray(named(mesh.boundaries, name, "boundary"))
+    number_facets(mesh)
+    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
+    if inside:
+        raise ValueError(
+            f"boundary {name!r} in robin of Ritz must lie on the outer boundary of the mesh, all of it; {inside} of "
+            f"its {facets.size} facets are inside."
+        )
+    element = mesh.f2t[0, facets]
+    beside = np.any(mesh.t.T[element][:, :, None] == mesh.facets[:, facets].T[:, None, :], axis=2)
+    return element, np.argmin(beside, axis=1)
+
+
+def facet_terms(ends: Floats, order: int, coefficient: float, load: Load) -> tuple[Floats, Floats]:
+    """A and b of ``c . A c / 2 - b . c``, that a condition adds for the coefficients c of a function on every facet.
+
+    They are (f, k, k) and (f, k), in the order of `traces_at`, for facets between ends (f, 2, 2); the load is
+    interpolated at the places of the unknowns.
+    """
+    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    length = np.hypot(*way.T)
+    here = traces_at(0.5 * (POINTS + 1.0), order)
+    mass = 0.5 * (here.T * WEIGHTS) @ here
+    share = np.append([0.0, 1.0], np.arange(1, order) / order)
+    x = (start[:, None] + share[:, None] * way[:, None]).reshape(-1, 2).T
+    loads = np.linalg.solve(traces_at(share, order), load_at(x, load).reshape(-1, order + 1).T)
+    return coefficient * length[:, None, None] * mass, length[:, None] * (mass @ loads).T
+
+
+def added_on_sides(corners: Floats, coefficients: Floats, e: Ints, k: Ints, terms: tuple[float, Load]) -> float:
+    """What a condition adds on the sides opposite to corners k of elements e, (f,) each.
+
+    For a function of these coefficients, (m, functions), on elements with corners (m, 3, 2).
+    """
+    order = (3, 6, 10).index(coefficients.shape[1]) + 1
+    matrix, load = facet_terms(np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1), order, *terms)
+    trace = coefficients[e[:, None], trace_columns(k, order)]
+    return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
+
+
+def load_at(x: Floats, load: Load) -> Floats:
+    """A load at points (2, n), (n,).
+
+    Raises
+    ------
+    ValueError
+        If the function returns another shape, or what is not finite.
+    """
+    values = np.asarray(load(x) if callable(load) else load, dtype=float)
+    if values.shape not in {(), x.shape[1:]} or not np.all(np.isfinite(values)):
+        raise ValueError(
+            f"a load in robin of Ritz must be finite numbers of shape (n,) = {x.shape[1:]}; got {values!r}."
+        )
+    return np.broadcast_to(values, x.shape[1:])

@@ -1,0 +1,84 @@
+"""Check what a Ritz functional is stated by: values, region numbers, tables of constants, laws."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.arrays import Floats
+
+__all__ = ["EnergyLaw", "checked_laws", "constants", "floats", "numbers"]
+
+
+class EnergyLaw(Protocol):
+    """Nonlinear material: for arrays of b >= 0 a field strength H that rises from 0, and the energy that it makes."""
+
+    def field_strength(self, b: Floats) -> Floats:
+        """H(b)."""
+
+    def energy(self, b: Floats) -> Floats:
+        """``int_0^b H db``."""
+
+
+def floats(name: str, given: ArrayLike) -> Floats:
+    """Finite numbers."""
+    array = np.array(given)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} of Ritz must be real numbers; got {array.dtype}.")
+    array = array.astype(np.float64)
+    bad = np.count_nonzero(~np.isfinite(array))
+    if bad:
+        raise ValueError(f"{name} of Ritz must be finite; {bad} of {array.size} are not.")
+    return array
+
+
+def numbers(given: ArrayLike) -> NDArray[np.int64]:
+    """Region numbers."""
+    number = np.array(given)
+    if number.ndim != 1 or number.dtype.kind not in "iu":
+        raise ValueError(
+            f"region of Ritz must be integers of shape (nelements,); got {number.dtype} of shape {number.shape}."
+        )
+    if number.min(initial=0) < 0:
+        raise ValueError(f"region of Ritz must hold numbers >= 0; got {number.min()}.")
+    return number.astype(np.int64)
+
+
+def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
+    """A constant of this shape, or a table with one per region number in its last axis."""
+    table = floats(name, given)
+    if table.shape == shape:
+        return table
+    expected = f"{shape} or {(*shape, 'nregions')}".replace("'", "")
+    if table.ndim != len(shape) + 1 or table.shape[:-1] != shape:
+        raise ValueError(f"{name} of Ritz must have shape {expected}; got {table.shape}.")
+    if region is None:
+        raise ValueError(f"{name} of Ritz is a table of {table.shape[-1]}; give region, the number of each element.")
+    if region.max(initial=-1) >= table.shape[-1]:
+        raise ValueError(
+            f"{name} of Ritz has {table.shape[-1]} values but region has numbers up to {region.max()}; give one for "
+            "each number from 0 on."
+        )
+    if table.shape[-1] == region.size > region.max(initial=-1) + 1:
+        raise ValueError(
+            f"{name} of Ritz must have one value per region number, {region.max() + 1}; got {region.size}, the "
+            "number of elements."
+        )
+    return table
+
+
+def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:
+    """The laws, one per region number, or none at all."""
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"laws of Ritz must be a sequence with None or a law per region number; got {given!r}.")
+    needed = 1 if region is None else int(region.max(initial=-1)) + 1
+    if given and len(given) < needed:
+        raise ValueError(f"laws of Ritz must have None or a law for each of {needed} region numbers; got {len(given)}.")
+    for number, law in enumerate(given):
+        missing = [name for name in ("field_strength", "energy") if not callable(getattr(law, name, None))]
+        if law is not None and missing:
+            raise ValueError(
+                f"laws[{number}] of Ritz must be None or have the methods field_strength(b) and energy(b); got {law!r}."
+            )
+    return tuple(given)

@@ -1,0 +1,136 @@
+"""A `MeshTri2` is its straight triangles and what bends them, and determinants are bounded from below."""
+
+import numpy as np
+import pytest
+from helpers.meshes import inset, perturbed, square
+from skfem import Basis, ElementTriP1, MeshTri, MeshTri2
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.mesh.curved import (
+    corner_places,
+    corners_of,
+    displacements,
+    facet_displacements,
+    jacobian_coefficients,
+    with_displacements,
+)
+from kohonen_adapt.mesh.measures import area, signed_area
+from kohonen_adapt.mesh.validity import check_mesh
+
+MESH = perturbed(inset(6), 2).with_boundaries({"left": lambda x: x[0] == 0.0})
+ORIENTED = OrientedBoundary(np.array([3, 8, 20]), np.array([0, 1, 0]))
+
+
+def named():
+    return MeshTri(MESH.p, MESH.t, {**MESH.boundaries, "sheet": ORIENTED}, MESH.subdomains)
+
+
+def bent(mesh, size, seed=0):
+    off = size * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, mesh.facets.shape[1]))
+    return with_displacements(mesh, off), off
+
+
+def test_corners_and_displacements_make_up_the_mesh():
+    mesh = named()
+    curved, off = bent(mesh, 0.01)
+    assert type(curved) is MeshTri2 and curved.nvertices == mesh.nvertices
+    np.testing.assert_allclose(facet_displacements(curved), off, atol=1e-16)
+    straight = corners_of(curved)
+    assert type(straight) is MeshTri and corners_of(mesh) is mesh
+    for array in ("p", "t", "facets", "t2f", "f2t"):
+        np.testing.assert_array_equal(getattr(straight, array), getattr(mesh, array))
+    for each in (curved, straight):
+        assert list(each.subdomains) == list(mesh.subdomains) and list(each.boundaries) == ["left", "sheet"]
+        np.testing.assert_array_equal(each.boundaries["sheet"].ori, ORIENTED.ori)
+        np.testing.assert_array_equal(each.boundaries["left"], mesh.boundaries["left"])
+    assert not np.any(facet_displacements(mesh)) and not np.any(facet_displacements(MeshTri2.from_mesh(mesh)) > 1e-15)
+
+
+def test_middles_stand_where_scikit_fem_looks_for_those_of_facets_and_elements():
+    curved, off = bent(named(), 0.01)
+    middles = curved.p[:, curved.dofs.facet_dofs[0]]
+    np.testing.assert_allclose(middles, curved.p[:, curved.facets].mean(axis=1) + off, atol=1e-15)
+    for corner, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        halfway = np.zeros(3)
+        halfway[[i, j]] = 0.5
+        at = curved._mapping().F(halfway[1:, None])[:, :, 0]
+        chord = curved.p[:, curved.t[[i, j]]].mean(axis=1)
+        np.testing.assert_allclose((at - chord).T, displacements(curved)[:, corner], atol=1e-15)
+
+
+def test_determinants_are_those_of_scikit_fem_and_the_coefficients_bound_them():
+    curved, _ = bent(MESH, 0.04)
+    coefficients = jacobian_coefficients(corner_places(curved), displacements(curved))
+    x, y = points = np.random.default_rng(1).dirichlet(np.ones(3), 200).T[1:]
+    shares = np.stack([1.0 - x - y, x, y])
+    i, j = [1, 2, 0], [2, 0, 1]
+    found = coefficients @ np.concatenate([shares**2, 2.0 * shares[i] * shares[j]])
+    np.testing.assert_allclose(found, curved._mapping().detDF(points), atol=1e-14)
+    assert np.all(coefficients.min(axis=1)[:, None] <= found + 1e-15)
+    np.testing.assert_allclose(coefficients[:, :3].T[0], curved._mapping().detDF(np.zeros((2, 1)))[:, 0], atol=1e-14)
+
+
+def test_areas_lie_between_the_bent_sides():
+    curved, _ = bent(MESH, 0.001)
+    np.testing.assert_allclose(area(curved), Basis(curved, ElementTriP1(), intorder=4).dx.sum(axis=1), rtol=1e-13)
+    np.testing.assert_allclose(area(curved).sum(), area(MESH).sum() + bulges(curved), rtol=1e-13)
+    np.testing.assert_array_equal(signed_area(curved), signed_area(MESH))
+    np.testing.assert_array_equal(ka.quality(curved), ka.quality(MESH))
+
+
+def bulges(mesh):
+    """What the parabolas on the rim add to the area between the chords, two thirds of chord times height."""
+    rim = mesh.boundary_facets()
+    a, b = (mesh.p[:, mesh.facets[side, rim]] for side in (0, 1))
+    off, along = facet_displacements(mesh)[:, rim], b - a
+    inside = mesh.p[:, mesh.t[:, mesh.f2t[0, rim]]].mean(axis=1) - 0.5 * (a + b)
+    height, depth = (along[0] * way[1] - along[1] * way[0] for way in (off, inside))
+    return -2.0 / 3.0 * np.sum(height * np.sign(depth))
+
+
+def one_bent(side):
+    """Two triangles with their common side bent towards one of them."""
+    mesh = MeshTri()
+    off = np.zeros((2, mesh.facets.shape[1]))
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    off[:, inner] = side
+    return with_displacements(mesh, off)
+
+
+def test_folded_elements_are_refused_and_no_others():
+    for ratio in (0.1, 0.24):
+        check_mesh(one_bent(ratio), bent=True)
+    for call in (lambda mesh: check_mesh(mesh, bent=True), ka.quality):
+        with pytest.raises(ValueError, match=r"must not fold its elements over; 1 are, the first is element [01]\."):
+            call(one_bent(0.26))
+
+
+def test_a_determinant_may_be_positive_where_a_coefficient_is_not():
+    """Only what really is folded over is refused."""
+    rng = np.random.default_rng(5)
+    corners = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+    shares = rng.dirichlet(np.ones(3), 4000).T
+    weights = np.concatenate([shares**2, 2.0 * shares[[1, 2, 0]] * shares[[2, 0, 1]]])
+    found = 0
+    for _ in range(400):
+        off = rng.uniform(-0.3, 0.3, (1, 3, 2))
+        coefficients = jacobian_coefficients(corners, off)
+        if coefficients.min() >= 0.0 or (coefficients @ weights).min() < 0.05:
+            continue
+        mesh = MeshTri(corners[0].T, np.array([[0], [1], [2]]))
+        facets = np.zeros((2, 3))
+        facets[:, mesh.t2f[[1, 2, 0], 0]] = off[0].T
+        check_mesh(with_displacements(mesh, facets), bent=True)
+        found += 1
+    assert found > 3
+
+
+def test_nodes_must_be_as_many_as_corners_and_sides():
+    curved = MeshTri2.from_mesh(square(2))
+    broken = MeshTri2(np.hstack([curved.p, np.full((2, 1), 0.5)]), curved.t)
+    with pytest.raises(ValueError, match=r"a finite node for every corner and every side, 25 in all; got 26\."):
+        ka.quality(broken)
+    curved.p[0, -1] = np.nan
+    with pytest.raises(ValueError, match=r"25 in all; got 24\."):
+        ka.quality(curved)

@@ -1,0 +1,188 @@
+"""Robin conditions and open boundaries: the functional has them, and sweeps lower it with the nodes there in place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.devices import shielded
+from helpers.meshes import perturbed
+from helpers.tensor_meshes import disk
+from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementTriP3, FacetBasis, LinearForm, MeshTri, solve
+from skfem.helpers import dot, grad
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
+from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.problem.ritz import functional_value
+
+ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
+KAPPA, NEAR = {"left": 3.0, "bottom": 0.0}, 1e-9
+TABLE = 1e-9  # of a functional: what tables of laws leave out
+each_order = pytest.mark.parametrize("order", (1, 2, 3))
+
+
+def pushed_at(x):
+    return 1.0 + x[0] * x[1] - x[1] ** 2
+
+
+class Cooled:
+    """-div grad u = 1 with a Robin condition on the left, a Neumann one below, u = 0 at the top; straight by skfem."""
+
+    def __init__(self, order):
+        self.order = order
+
+    def forms(self, mesh):
+        basis = Basis(mesh, ELEMENTS[self.order](), intorder=6)
+        matrix = BilinearForm(lambda u, v, w: dot(grad(u), grad(v))).assemble(basis)
+        load = LinearForm(lambda v, w: 1.0 * v).assemble(basis)
+        for name, kappa in KAPPA.items():
+            facets = FacetBasis(mesh, ELEMENTS[self.order](), facets=mesh.boundaries[name], intorder=6)
+            matrix = matrix + kappa * BilinearForm(lambda u, v, w: u * v).assemble(facets)
+            values = facets.interpolate(pushed_at(basis.doflocs))
+            load = load + LinearForm(lambda v, w: w["values"] * v).assemble(facets, values=values)
+        return basis, matrix, load
+
+    def solve(self, mesh):
+        basis, matrix, load = self.forms(mesh)
+        inner = basis.complement_dofs(basis.get_dofs("top"))
+        values = np.zeros(basis.N)
+        values[inner] = solve(matrix[inner][:, inner], load[inner])
+        return values
+
+    def indicators(self, mesh, values):
+        nodal = values[: mesh.p.shape[1]]
+        return ka.estimators.residual(mesh, nodal, np.ones(mesh.t.shape[1]))
+
+    def ritz(self, mesh, values):
+        basis, *_ = self.forms(mesh)
+        fixed = np.isin(np.arange(basis.N), basis.get_dofs("top").flatten())
+        robin = {name: (kappa, pushed_at) for name, kappa in KAPPA.items()}
+        return ka.Ritz(values, fixed, 1.0, 1.0, order=self.order, robin=robin)
+
+
+def slab():
+    return perturbed(MeshTri().refined(3), 1).with_defaults()
+
+
+class Setting:
+    """A mesh, its solution, and the functional that the polish lowers."""
+
+    def __init__(self, mesh, problem, topology="recycle"):
+        self.problem, self.movable = problem, MovableMesh.of(mesh, Rules(topology).guarded())
+        self.functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), self.movable, mesh)
+        self.trial = self.functional.solution.copy()
+
+    def value(self):
+        return self.functional.value(self.movable.triangulation, self.trial)
+
+    def solved(self):
+        mesh = self.movable.mesh()
+        return functional_value(mesh, self.problem.ritz(mesh, self.problem.solve(mesh)))
+
+
+@each_order
+def test_the_functional_is_that_of_scikit_fem(order):
+    mesh, problem = slab(), Cooled(order)
+    values = problem.solve(mesh)
+    _, matrix, load = problem.forms(mesh)
+    assert functional_value(mesh, problem.ritz(mesh, values)) == pytest.approx(
+        0.5 * values @ (matrix @ values) - load @ values, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(("device", "order"), [("slab", 1), ("slab", 2), ("slab", 3), ("steel", 1), ("steel", 2)])
+def test_sweeps_and_recycling_take_off_what_they_say(device, order):
+    if device == "slab":
+        setting = Setting(slab(), Cooled(order))
+    else:
+        mesh, steel = shielded()
+        given = {"ampere_turns": steel.ampere_turns, "open_boundary": "outer", "order": order}
+        setting = Setting(mesh, Magnetostatics(steel.materials, **given))
+    tri = setting.movable.triangulation
+    rim, recycled = tri.position[setting.functional.boundary.nodes(tri)], unchanged(tri)
+    before = setting.value()
+    assert before == pytest.approx(setting.solved(), rel=1e-9)
+    for _ in range(2):
+        gain = descend(setting.movable, setting.functional, setting.trial, 2)
+        after = setting.value()
+        assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
+        now = setting.movable, setting.functional, setting.trial, recycled
+        setting.trial, recycled, lowered = recycle_by_energy(*now)
+        before = setting.value()
+        assert after - before == pytest.approx(lowered, rel=1e-6, abs=TABLE * abs(before))
+        assert setting.solved() <= before + NEAR * abs(before)  # the certificate: the solution lies lower still
+    now = setting.movable.triangulation
+    np.testing.assert_array_equal(now.position[setting.functional.boundary.nodes(now)], rim)
+
+
+@each_order
+def test_values_on_the_boundary_settle_where_those_of_the_solution_are(order):
+    setting = Setting(slab(), Cooled(order), "fixed")
+    exact, rng = setting.value(), np.random.default_rng(0)
+    free = ~setting.trial.fixed
+    setting.trial.values[free] += 0.1 * rng.normal(size=free.sum())
+    moving = setting.movable.constraints.kind
+    moving[:] = 2  # held, so that only values change
+    off = [setting.value() - exact]
+    for _ in range(3):
+        descend(setting.movable, setting.functional, setting.trial, 12)
+        off.append(setting.value() - exact)
+    assert -NEAR < off[3] < off[2] < off[1] < 0.1 * off[0]
+
+
+def cylinder(k):
+    """Of 10 mm radius in air up to 20 mm."""
+    return disk(np.linspace(0.0, 0.02, k + 1)[1:], {"iron": k // 2, "air": k})
+
+
+def in_field(order):
+    materials = {"iron": Material(5.0), "air": Material()}
+    return Magnetostatics(materials, open_boundary="outer", applied_field=(1.8e5, 2.4e5), order=order)
+
+
+def above_least(problem, mesh):
+    """What the functional lies above its value of order 3 on the mesh, half the square of the error."""
+    finer = replace(problem, order=3)
+    value, least = (functional_value(mesh, each.ritz(mesh, each.solve(mesh))) for each in (problem, finer))
+    return value - least
+
+
+@pytest.mark.parametrize("order", (1, 2))
+def test_the_mesh_in_an_open_boundary_is_polished(order):
+    problem, mesh = in_field(order), cylinder(8)
+    result = ka.adapt(mesh, problem, passes=2)
+    assert "there was no polish" not in result.message
+    assert all(step.polish_gain > 0.0 for step in result.history[1:])
+    polished = ka.polish(mesh, problem)
+    assert above_least(problem, polished) < 0.96 * above_least(problem, mesh)
+    assert polished.p.shape == mesh.p.shape
+
+
+def test_polished_passes_have_less_error_than_those_without():
+    mesh, steel = shielded()
+    errors = [above_least(steel, ka.adapt(mesh, steel, passes=3, polish=polish).mesh) for polish in (True, False)]
+    assert errors[0] < 0.93**2 * errors[1]
+
+
+@pytest.mark.parametrize(
+    ("robin", "message"),
+    [
+        ([("left", 1.0)], r"robin of Ritz must map names of boundaries to \(coefficient, load\); got \["),
+        ({"left": 1.0}, r"robin of Ritz must map names of boundaries to \(coefficient, load\); got 1\.0 for 'left'"),
+        ({"left": (-1.0, 0.0)}, r"the coefficient in robin of Ritz must be a number >= 0; got -1\.0, 'left'\."),
+        ({"left": (1.0, np.nan)}, r"the load in robin of Ritz must be a number or a function of x; got nan, 'left'\."),
+        ({"rim": (1.0, 0.0)}, "rim"),
+        ({"middle": (1.0, 0.0)}, r"boundary 'middle' in robin of Ritz must lie on the outer boundary of the mesh, all"),
+        ({"left": (1.0, lambda x: x)}, r"a load in robin of Ritz must be finite numbers of shape \(n,\) = \(\d+,\); "),
+    ],
+)
+def test_conditions_that_are_none_are_refused(robin, message):
+    mesh = MeshTri().refined(2).with_defaults()
+    mesh = mesh.with_boundaries({"middle": lambda x: x[0] == 0.5}, boundaries_only=False)
+    with pytest.raises(ValueError, match=message):
+        functional_value(mesh, ka.Ritz(np.zeros(25), np.zeros(25, bool), 1.0, robin=robin))
