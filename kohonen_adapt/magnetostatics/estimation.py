@@ -22,7 +22,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
-from kohonen_adapt.magnetostatics.equations.elements import facet_products
+from kohonen_adapt.magnetostatics.equations.higher import facet_products
 from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
@@ -30,7 +30,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import quadratic_solution, tangent_solution
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points, signed_area
 from kohonen_adapt.outline.rounding import refined_on_arcs
 from kohonen_adapt.problem.outputs import Output
@@ -50,7 +50,8 @@ SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # on a mesh, from the so
 RESIDUAL_SCALE = 1.0 / 3.6
 # The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
 # corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %. Of order 3: smooth fields 8.5
-# - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %.
+# - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %. A round magnet on curved
+# elements: of order 2 5.9 - 6.0, of order 3 10.2 - 10.6 (`benchmarks curves`).
 HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
 
 # Corners and middles of sides by barycentric coordinates.
@@ -135,29 +136,33 @@ def higher_residual(field: Field, joined: Facets | None) -> Floats:
     """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
 
     q is ``nu grad u - flux``, the field strength turned by a right angle: of a degree less than the potential in every
-    element, for nonlinear material by its values at the corners, and of order 3 in the middles of the sides. Symbols
-    and `joined` as of `estimators.residual`.
+    element, for nonlinear material by its values at the corners, and of order 3 and beside curves in the middles of the
+    sides. Symbols and `joined` as of `estimators.residual`.
     """
-    mesh, given, cubic = field.mesh, field.coefficients, field.elements.order == 3
-    number_facets(mesh)
-    size, hats, count = area(mesh), hat_gradients(mesh), mesh.t.shape[1]
-    shares = LATTICE if cubic else LATTICE[:3]
-    at = field.at_shares(np.tile(np.arange(count), len(shares)), np.repeat(shares.T, count, axis=1))
-    flux = PLANAR.flux(at.field_strength).reshape(2, len(shares), -1)
+    elements, given = field.elements, field.coefficients
+    shape, size = elements.shape, area(field.mesh)
+    points = LATTICE if elements.order == 3 or shape.curved.any() else LATTICE[:3]
+    at = field.at_each(points.T)
+    flux = PLANAR.flux(at.field_strength).reshape(2, len(points), -1)
     secant, differential = at.reluctivities
-    weight = np.sqrt(secant * differential).reshape(len(shares), -1).mean(axis=0)
-    squared = np.mean((given.current_density + divergences(flux, hats)) ** 2, axis=0)
-    return np.sqrt(size**2 * squared / weight + _jumps(mesh, flux, weight, size * hats, joined))
+    weight = np.sqrt(secant * differential).reshape(len(points), -1).mean(axis=0)
+    squared = np.mean((given.current_density + divergences(flux, shape)) ** 2, axis=0)
+    return np.sqrt(size**2 * squared / weight + _jumps(shape, flux, weight, joined))
 
 
-def divergences(flux: Floats, hats: Floats) -> Floats:
+def divergences(flux: Floats, shape: Isoparametric) -> Floats:
     """Divergence of a vector (2, points, nelements) known on the `LATTICE`: in each element, or in the middles of its
     sides, which tell the mean of a squared linear function.
     """
+    hats = hat_gradients(shape.corners)
     if flux.shape[1] == 3:
         return np.einsum("cik,cik->k", flux, hats)[None]
-    slopes = np.stack([_slopes(share) for share in LATTICE[3:]])
-    return np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
+    slopes, rows = np.stack([_slopes(share) for share in LATTICE[3:]]), np.flatnonzero(shape.curved)
+    found = np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
+    for divergence, share, slope in zip(found, LATTICE[3:], slopes, strict=True):
+        bent = shape.hats(rows, np.repeat(share[:, None], rows.size, axis=1))
+        divergence[rows] = np.einsum("cpk,pi,cik->k", flux[:, :, rows], slope, bent, optimize=True)
+    return found
 
 
 def _slopes(share: Floats) -> Floats:
@@ -166,17 +171,17 @@ def _slopes(share: Floats) -> Floats:
     return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
 
 
-def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joined: Facets | None) -> Floats:
+def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None) -> Floats:
     """The facet part: a jump that is a polynomial on a facet, from its values at both ends and in the middle."""
-    degree = flux.shape[1] // 3  # 1 or 2
-    nfacets = mesh.facets.shape[1]
+    mesh, degree = shape.corners, flux.shape[1] // 3  # 1 or 2
+    nfacets, normals = mesh.facets.shape[1], outward(shape)
     outflow, largest = np.zeros((degree + 1, nfacets)), np.zeros(nfacets)
     sides, along, clockwise = np.zeros(nfacets, dtype=int), np.zeros(nfacets, dtype=bool), signed_area(mesh) < 0.0
     for side, ends in enumerate(ENDS):
         facet = mesh.t2f[side]
         first = mesh.t[ends[0]] == mesh.facets[0, facet]
-        normal = -2.0 * scaled_hats[:, OPPOSITE[side]]
-        at = [np.einsum("ck,ck->k", flux[:, point], normal) for point in (*ends, 3 + side)[: degree + 1]]
+        points = zip((*ends, 3 + side), normals[side], strict=True)
+        at = [np.einsum("ck,ck->k", flux[:, point], normal) for point, normal in list(points)[: degree + 1]]
         np.add.at(outflow[0], facet, np.where(first, at[0], at[1]))
         np.add.at(outflow[1], facet, np.where(first, at[1], at[0]))
         if degree == 2:
@@ -194,6 +199,18 @@ def _jumps(mesh: MeshTri, flux: Floats, weight: Floats, scaled_hats: Floats, joi
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
     squared = np.einsum("if,ij,jf->f", jump, facet_products(degree), jump)
     return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
+
+
+def outward(shape: Isoparametric) -> Floats:
+    """The tangents of sides turned outwards, at both ends and in the middle, (3 sides, 3 points, 2, nelements).
+
+    An integral over a side is one from 0 to 1 over what has these as factors: they are as long as a straight side.
+    """
+    mesh = shape.corners
+    straight = -2.0 * (area(mesh) * hat_gradients(mesh))[:, OPPOSITE].swapaxes(0, 1)
+    (along, up), sense = shape.bent[:, OPPOSITE], np.sign(signed_area(mesh)) * [[1.0], [1.0], [-1.0]]
+    bow = 4.0 * np.stack((sense * up, -sense * along), axis=1)
+    return np.stack((straight + bow, straight - bow, straight), axis=1)
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:

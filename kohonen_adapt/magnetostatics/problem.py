@@ -115,7 +115,8 @@ class Magnetostatics(Arguments):
         Parameters
         ----------
         mesh
-            A plain `MeshTri` in metres, with the named subdomains and boundaries.
+            A plain `MeshTri` in metres, with the named subdomains and boundaries. Above order 1 it may be a `MeshTri2`,
+            whose elements with curved sides are isoparametric.
 
         Returns
         -------
@@ -164,7 +165,7 @@ class Magnetostatics(Arguments):
         self._energy_on(mesh)
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
-        check_mesh(mesh)
+        check_mesh(mesh, bent=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         elements, given = elements_on(mesh, self.order, symmetry), coefficients(mesh, self.materials, self.ampere_turns)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))

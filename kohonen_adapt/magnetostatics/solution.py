@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.elements import Higher
+from kohonen_adapt.magnetostatics.equations.higher import Higher
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
@@ -36,6 +36,8 @@ __all__ = [
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
     """A planar field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
+
+    In elements with curved sides both are so in the coordinates of the triangle that these are images of.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
     else:
         unknown = newton.linear(energy)
     values = energy.symmetry.potential(elements.places, unknown)
-    made = elements.mesh, values[: elements.mesh.p.shape[1]], energy.given, energy.symmetry, depth, steps
+    made = elements.mesh, values[: elements.corners.p.shape[1]], energy.given, energy.symmetry, depth, steps
     if elements.order == 1:
         field = Field(*made)
     else:
@@ -143,7 +145,7 @@ def carried(x: Floats, old: Field) -> Floats:
     values = old.potential_at(x)
     outside = np.isnan(values)
     if outside.any():
-        nearest = KDTree(old.mesh.p.T).query(x[:, outside].T)[1]
+        nearest = KDTree(old.elements.corners.p.T).query(x[:, outside].T)[1]
         values[outside] = old.potential[nearest]
     return values
 

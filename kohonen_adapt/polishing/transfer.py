@@ -5,6 +5,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
 from kohonen_adapt.kernels.triangle.locate import barycentric
+from kohonen_adapt.mesh.isoparametric import CurvedElements
 from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.polynomials import (
     AFTER,
@@ -33,10 +34,11 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
     """
     constraints, solution = movable.constraints, functional.solution
     kind, chain = constraints.kind, constraints.own_chain
-    found, share = located(before.triangulation, movable.triangulation.position, hint)
-    corners = before.triangulation.elements.node[found]
+    old = Old(functional, before)
+    found, share = old.located(movable.triangulation.position, hint)
+    corners = old.triangulation.elements.node[found]
     inside = solution.fixed & (before.constraints.kind == FREE)
-    values = values_at(solution, before.triangulation, found, share)
+    values = old.values(found, share)
     fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
     held, sliding = kind == HELD, kind == SLIDING
     nearest = corners[held, np.argmax(share[held], axis=1)]
@@ -47,35 +49,76 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
     values[exact] = start + rate * constraints.parameter[exact]
     if solution.modes is None:
         return TrialFunction(values, fixed, None)
-    return TrialFunction(values, fixed, carried_modes(functional, before, movable, hint, values, fixed))
+    return TrialFunction(values, fixed, carried_modes(old, movable, hint, values, fixed))
 
 
-def carried_modes(
-    functional: Functional, before: MovableMesh, movable: MovableMesh, hint: Ints, values: Floats, fixed: Mask
-) -> Modes:
+class Old:
+    """The solution of a functional on its mesh, which has not moved."""
+
+    def __init__(self, functional: Functional, before: MovableMesh) -> None:
+        self.functional, self.triangulation = functional, before.triangulation
+        self.curved: CurvedElements | None = None
+        if before.curved:
+            elements, bent = self.triangulation.elements, before.bent_sides()
+            self.curved = CurvedElements(
+                self.triangulation.position.T, elements.node.T, bent.transpose(2, 1, 0), elements.neighbour.T
+            )
+
+    def located(self, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
+        """The element that holds each point, (n,), and its barycentric coordinates there, (n, 3), none < 0."""
+        found = holding(self.triangulation, points, hint, across_outlines=False)
+        share = np.empty((len(points), 3))
+        barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, share)
+        if self.curved is not None:
+            rows = np.flatnonzero(self.curved.curved[found])
+            found[rows] = self.curved.walked(found[rows], points[rows].T)
+            share[rows] = self.curved.shares(found[rows], points[rows].T).T
+        share = np.maximum(share, 0.0)
+        return found, share / share.sum(axis=1, keepdims=True)
+
+    def values(self, element: Ints, share: Floats) -> Floats:
+        """The solution at barycentric coordinates (n, 3) of elements (n,)."""
+        values, _, modes = self.functional.solution
+        part = None if modes is None else Modes(*(array[element] for array in modes))
+        return evaluated(local_coefficients(values[self.triangulation.elements.node[element]], part), share)
+
+    def at(self, points: Floats, hint: Ints) -> Floats:
+        """The solution at points (n, 2), each near an element."""
+        return self.values(*self.located(points, hint))
+
+
+def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fixed: Mask) -> Modes:
     """The coefficients of sides and elements that interpolate the solution, given where the sides are.
 
     The points of an element are looked for from a hint of its own region; those of a side in one of its two elements.
     """
-    old, new, degrees = before.triangulation, movable.triangulation, functional.ritz.order - 1
-    elements, m = new.elements, len(new.elements.node)
-    start = hints_of_elements(old, new, hint)
+    new, order = movable.triangulation, old.functional.ritz.order
+    elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
+    start = hints_of_elements(old.triangulation, new, hint)
     modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), given_sides(functional, movable, fixed))
-    corners = new.position[elements.node]
-    points = places_on_sides(corners, functional.ritz.order)  # (m, 3, degrees, 2)
+    points, middles = places_inside(movable, order)
     e, k = np.nonzero(elements.neighbour < np.arange(m)[:, None])
     own = np.empty((m, 3, degrees))
-    own[e, k] = at_points(functional, old, points[e, k].reshape(-1, 2), np.repeat(start[e], degrees)).reshape(
-        -1, degrees
-    )
+    own[e, k] = old.at(points[e, k].reshape(-1, 2), np.repeat(start[e], degrees)).reshape(-1, degrees)
     beyond = elements.neighbour[e, k]
     e, k, beyond = e[beyond >= 0], k[beyond >= 0], beyond[beyond >= 0]
     own[beyond, np.argmax(elements.neighbour[beyond] == e[:, None], axis=1)] = own[e, k, ::-1]
     set_sides(modes, values[elements.node], own)
     modes.side[modes.given & straight_sides(functional, movable)] = 0.0
-    if functional.ritz.order == 3:
-        set_bubbles(modes, values[elements.node], at_points(functional, old, corners.mean(axis=1), start))
+    if order == 3:
+        set_bubbles(modes, values[elements.node], old.at(middles, start))
     return modes
+
+
+def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
+    """Where sides have values of their own, counter-clockwise, (m, 3, order - 1, 2), and where elements do, (m, 2)."""
+    corners, along = movable.triangulation.position[movable.triangulation.elements.node], np.arange(1, order) / order
+    on_sides, middles = places_on_sides(corners, order), corners.mean(axis=1)
+    if movable.curved:
+        bent = movable.bent_sides()
+        on_sides += (4.0 * along * (1.0 - along))[:, None] * bent[:, :, None]
+        middles += 4.0 / 9.0 * bent.sum(axis=1)
+    return on_sides, middles
 
 
 def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Mask:
@@ -101,24 +144,3 @@ def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Int
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
     return np.where(fits.any(axis=1), chosen, first_of_regions(old)[new.elements.region])
-
-
-def at_points(functional: Functional, old: Triangulation, points: Floats, hint: Ints) -> Floats:
-    """The solution at points (n, 2), each near an old element."""
-    return values_at(functional.solution, old, *located(old, points, hint))
-
-
-def values_at(solution: TrialFunction, old: Triangulation, element: Ints, share: Floats) -> Floats:
-    """A function at barycentric coordinates (n, 3) of elements (n,)."""
-    modes = solution.modes
-    part = None if modes is None else Modes(*(array[element] for array in modes))
-    return evaluated(local_coefficients(solution.values[old.elements.node[element]], part), share)
-
-
-def located(old: Triangulation, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
-    """The old element that holds each point, (n,), and its barycentric coordinates there, (n, 3), none < 0."""
-    found = holding(old, points, hint, across_outlines=False)
-    share = np.empty((len(points), 3))
-    barycentric(old.position, old.elements.node, points, found, share)
-    share = np.maximum(share, 0.0)
-    return found, share / share.sum(axis=1, keepdims=True)

@@ -6,7 +6,8 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.elements import Elements, Higher, Linear
+from kohonen_adapt.magnetostatics.equations.elements import Linear
+from kohonen_adapt.magnetostatics.equations.higher import Elements, Higher
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.measures import hat_gradients
 

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.elements import Elements
+from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
@@ -128,7 +128,7 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
     if given.periodic or given.antiperiodic:
         ties = ties_of(elements, given.periodic, given.antiperiodic)
         fixed, values = _shared(elements.places, ties, fixed, values)
-    _check_anchored(elements.mesh.facets, elements.mesh.p.shape[1], fixed, beyond, ties)
+    _check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, beyond, ties)
     free = np.flatnonzero(~fixed)
     return Conditions(fixed, values, free, beyond, None if ties is None else _join(ties, free), ties)
 
@@ -142,7 +142,7 @@ def open_boundary_of(
     of a ring does like sin(theta) / R^2 (Jackson, Classical Electrodynamics, 5.5), so u = r A falls like 1 / R, too.
     The potential u0 of a uniform applied field grows like R^(d - 1) in d dimensions, and u - u0 is what falls.
     """
-    mesh = elements.mesh
+    mesh = elements.corners
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
     inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
@@ -154,10 +154,10 @@ def open_boundary_of(
     start, end = mesh.facets[:, facets]
     (a, b), (centre, size) = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)
     applied, dimension = symmetry.uniform(elements.places, centre, applied_field)
-    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size) * np.hypot(*(b - a))
+    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size)
     unknowns, count = elements.on_facets(facets), elements.places.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
-    values = elements.facet_products[:, :, None] * weight
+    values = elements.products_on(facets, weight)
     matrix = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
     return OpenBoundary(matrix, dimension * VACUUM_PERMEABILITY * (matrix @ applied))
 
@@ -185,7 +185,7 @@ def fixed_values(elements: Elements, given: Boundaries) -> tuple[Mask, Floats]:
 
     A boundary hands its value to all unknowns of its facets; where several meet, the last in the mapping counts.
     """
-    x, mesh = elements.places, elements.mesh
+    x, mesh = elements.places, elements.corners
     at_points = nodes_of_points(mesh, given.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
     for name, value in given.potential.items():
@@ -198,7 +198,7 @@ def fixed_values(elements: Elements, given: Boundaries) -> tuple[Mask, Floats]:
 def _on_boundary(elements: Elements, name: str) -> Ints:
     """The unknowns of a boundary."""
     try:
-        facets = named(elements.mesh.boundaries, name, "boundary")
+        facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:
         raise ValueError(f"{error} If it is a point, say in points where.") from None
     return np.unique(elements.on_facets(facets))
@@ -208,7 +208,7 @@ def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence
     """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell;
     refuse names that are no boundaries, and nodes that do not match.
     """
-    mesh, pairs = elements.mesh, [*periodic, *antiperiodic]
+    mesh, pairs = elements.corners, [*periodic, *antiperiodic]
     try:
         found = image_nodes(mesh, pairs)
     except Unmatched as error:

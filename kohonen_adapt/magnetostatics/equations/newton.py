@@ -10,7 +10,7 @@ from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.elements import Elements
+from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
@@ -56,7 +56,7 @@ class EnergyFunctional:
 
     @cached_property
     def _at_points(self) -> Coefficients:
-        return self.given.repeated(self.elements.weights.size // self.given.number.size)
+        return self.given.at_quadrature(self.elements.element)
 
     def at_rest(self) -> Self:
         """The same with the reluctivity at B = 0 everywhere: quadratic in u."""

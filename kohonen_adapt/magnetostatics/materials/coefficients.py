@@ -52,9 +52,9 @@ class Coefficients:
             pieces.append(Piece(piece.law, np.flatnonzero(inside[element])))
         return replace(self, **arrays, pieces=tuple(pieces))
 
-    def repeated(self, times: int) -> "Coefficients":
-        """The same for `times` points in every element, those of an element together."""
-        return self if times == 1 else self.at_points(np.repeat(np.arange(self.number.size), times))
+    def at_quadrature(self, element: Ints) -> "Coefficients":
+        """The same for all quadrature points, in these elements, (npoints,): itself if there is one in each."""
+        return self if element.size == self.number.size else self.at_points(element)
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""

@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
+from kohonen_adapt.mesh.measures import area, hat_gradients
 from kohonen_adapt.mesh.names import named, named_sets
 from kohonen_adapt.outline.curves import Arc
 
@@ -56,7 +56,7 @@ def isolated_body(field: LocalField, names: Names) -> Mask:
     """Which elements are in the body, (nelements,); refuse one where an element that shares a node with it from outside
     is not air, or there is none at all.
     """
-    mesh, inside = field.mesh, elements_in(field.mesh, names)
+    mesh, inside = field.elements.corners, elements_in(field.mesh, names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
@@ -223,7 +223,7 @@ def _by_radius(facets: Ints, radial: Floats) -> Ints:
 
 
 def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
-    """Gradient of the weight, (2, nelements) in 1/m; zero but in the air around the body.
+    """Gradient of the weight at the quadrature points, (2, npoints) in 1/m; zero but in the air around the body.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
     1 on the body, and 0 on all that is not air and on the outer boundary but for the cut. Any weight that is 1 on the
@@ -231,12 +231,13 @@ def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
     body and neighbours, and in many elements, so that the errors of single ones count little: the force converges by
     the square of the element size on uniform meshes, too.
     """
-    mesh, air = field.mesh, air_elements(field) & ~inside
+    mesh, air = field.elements.corners, air_elements(field) & ~inside
     values, held = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
     values[cut.twin[mesh.t[:, inside]]] = 1.0
     held[cut.twin[held]] = True
     level = np.clip(2.0 * _laplace(mesh, air, cut.twin, values, held) - 0.5, 0.0, 1.0)
-    return np.where(air, gradient(mesh, level**2 * (3.0 - 2.0 * level)), 0.0)
+    slope = field.elements.slope_of_corners(level**2 * (3.0 - 2.0 * level))
+    return np.where(air[field.elements.element], slope, 0.0)
 
 
 def _free_nodes(mesh: MeshTri, air: Mask, cut: Cut) -> Mask:

@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, PointField
-from kohonen_adapt.mesh.locate import find_elements, interpolate
+from kohonen_adapt.mesh.locate import as_rows, find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Field"]
@@ -49,14 +49,14 @@ class Field(LocalField):
         per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
         largest = np.max(np.hypot(*self.at_corners.flux_density))
         return (
-            f"<{type(self).__name__} on {self.mesh.p.shape[1]} nodes: |B| up to {largest:.4g} T, "
+            f"<{type(self).__name__} on {self.potential.size} nodes: |B| up to {largest:.4g} T, "
             f"energy {self.energy:.4g} J{per_metre}>"
         )
 
     @cached_property
     def _regions(self) -> Ints:
         """Number of the region of every element: connected, with the same subdomain names."""
-        return Triangulation.of(self.mesh).region_of_input.astype(np.int64)
+        return Triangulation.of(self.elements.corners).region_of_input.astype(np.int64)
 
     @cached_property
     def corner_flux_density(self) -> Floats:
@@ -144,9 +144,8 @@ class Field(LocalField):
 
     def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """The element of every point, -1 outside the mesh, and the barycentric coordinates there."""
-        points = np.asarray(x, dtype=float)
-        element = find_elements(self.mesh, points)
-        return element, self.elements.shares(element, points)
+        points, elements = as_rows(x).T, self.elements
+        return elements.shape.located(points, find_elements(elements.corners, points))
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Potential at points, a polynomial of the order of the elements in each.

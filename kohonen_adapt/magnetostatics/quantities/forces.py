@@ -55,9 +55,9 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
     """A torque about a centre as such a component."""
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
-    slope = weight_gradient(field, inside, sector_cut(field.mesh, inside, middle))
+    slope = weight_gradient(field, inside, sector_cut(field.elements.corners, inside, middle))
     x, y = field.at_quadrature.x - middle[:, None]
-    return Component(slope[:, field.at_quadrature.element], np.stack((-y, x)))
+    return Component(slope, np.stack((-y, x)))
 
 
 def component_change(field: LocalField, component: Component) -> Floats:
@@ -120,12 +120,13 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
             f"{solid} of {len(ring)}. Name a ring of air around the rotor."
         )
     inner, outer = _radii(field, ring, middle, gap)
-    share, weight = field.elements.rule
-    rows = np.flatnonzero(ring)
-    at = field.at_shares(np.repeat(rows, weight.size), np.tile(share, rows.size))
+    element, share, size = field.elements.fine_rule
+    inside = ring[element]
+    at = field.at_shares(element[inside], share[:, inside])
     (x, y), (right, up) = at.x - middle[:, None], at.flux_density
-    product = np.reshape((x * right + y * up) * (x * up - y * right) / np.hypot(x, y), (rows.size, -1)) @ weight
-    return float(np.sum(field.volume[rows] * product) / (VACUUM_PERMEABILITY * (outer - inner)))
+    product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
+    total = float(np.sum(size[inside] * product)) * (1.0 if field.depth is None else field.depth)
+    return total / (VACUUM_PERMEABILITY * (outer - inner))
 
 
 def lorentz_force(field: LocalField, coil: Names) -> Floats:
@@ -200,8 +201,8 @@ def _pull(field: LocalField, slope: Floats) -> Floats:
 def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
     """Gradient of the weight around a body that a mirror plane may cut, (2, npoints) in 1/m."""
     inside = isolated_body(field, body)
-    cut = mirror_cut(field.mesh, inside)
-    return weight_gradient(field, inside, cut)[:, field.at_quadrature.element], cut
+    cut = mirror_cut(field.elements.corners, inside)
+    return weight_gradient(field, inside, cut), cut
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
@@ -237,7 +238,7 @@ def _current_force(field: LocalField, coil: Names) -> Floats:
 
 def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
     """Inner and outer radius of a ring."""
-    mesh = field.mesh
+    mesh = field.elements.corners
     one, other = mesh.f2t
     edge = mesh.facets[:, ring[one] != (ring[other] & (other >= 0))]
     radius = np.hypot(*(mesh.p - centre[:, None]))[edge]

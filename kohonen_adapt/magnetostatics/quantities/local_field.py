@@ -8,7 +8,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
-from kohonen_adapt.magnetostatics.equations.elements import Elements, Linear
+from kohonen_adapt.magnetostatics.equations.elements import Linear
+from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.mesh.measures import area
@@ -88,10 +89,10 @@ class LocalField:
     @cached_property
     def at_quadrature(self) -> PointField:
         """The field at the quadrature points of the elements, whose volumes are `point_volumes`."""
-        elements, count = self.elements, self.mesh.t.shape[1]
-        each = elements.weights.size // count
+        elements = self.elements
         density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
-        return PointField(np.repeat(np.arange(count), each), elements.points, density, self.coefficients.repeated(each))
+        given = self.coefficients.at_quadrature(elements.element)
+        return PointField(elements.element, elements.points, density, given)
 
     @cached_property
     def point_volumes(self) -> Floats:
@@ -104,7 +105,7 @@ class LocalField:
 
         B is that of the elements there are: constant in those of order 1, a polynomial in others.
         """
-        x = self.elements.points_at(element, share)
+        x = self.elements.shape.points(element, share)
         if isinstance(self.elements, Linear):
             density = self.at_quadrature.flux_density[:, element]
         else:
@@ -186,7 +187,7 @@ class LocalField:
     @cached_property
     def volume(self) -> Floats:
         """Of every element, (nelements,): in m^2, its area, per metre of depth; else in m^3."""
-        middle = self.mesh.p[:, self.mesh.t].mean(axis=1)
+        middle = self.elements.middles
         return self.symmetry.volume(middle, area(self.mesh)) * (1.0 if self.depth is None else self.depth)
 
     @cached_property

@@ -1,0 +1,242 @@
+"""Integrate functions of order 2 and 3 over elements with straight and with curved sides, by quadrature."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+from skfem import Basis, ElementLineP1, ElementTriP2, ElementTriP3, MeshTri
+from skfem.quadrature import get_quadrature
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
+from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.host import remade
+from kohonen_adapt.mesh.isoparametric import Isoparametric
+
+__all__ = ["Elements", "Higher", "facet_products"]
+
+HIGHER = {2: ElementTriP2, 3: ElementTriP3}
+CURVED = 2  # degrees more by which elements with curved sides are integrated, whose gradients are no polynomials
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Elements that are integrated by one rule."""
+
+    rows: Ints | slice  # their numbers
+    points: slice  # of all quadrature points theirs
+    basis: Basis
+
+    @cached_property
+    def gradients(self) -> Floats:
+        """Of the functions of every element, (k, 2, nelements, q)."""
+        return np.stack([np.asarray(function[0].grad) for function in self.basis.basis])
+
+    @cached_property
+    def integrals(self) -> Floats:
+        """Of the functions of every element, (k, nelements)."""
+        values = np.stack([np.broadcast_to(np.asarray(each[0]), self.weights.shape) for each in self.basis.basis])
+        return np.einsum("ikq,kq->ik", values, self.weights)
+
+    @property
+    def weights(self) -> Floats:
+        """Of the quadrature points of every element, (nelements, q)."""
+        return self.basis.dx
+
+    def apart(self, values: Floats) -> Floats:
+        """What is at all quadrature points, (..., npoints), at those of these elements, (..., nelements, q)."""
+        own = values[..., self.points]
+        return own.reshape(*own.shape[:-1], *self.weights.shape)
+
+
+def parts_of(shape: Isoparametric, order: int) -> list[Part]:
+    """The straight elements, and by more points those with a curved side."""
+    kind = HIGHER[order]()
+    if not shape.curved.any():
+        # nu |grad u|^2 needs a degree less by 2 where nu is constant
+        return [Part(slice(None), slice(None), Basis(shape.corners, kind, intorder=2 * order))]
+    mesh, parts, first = with_displacements(shape.corners, shape.off), list[Part](), 0
+    for on, chosen, more in ((shape.corners, ~shape.curved, 0), (mesh, shape.curved, CURVED)):
+        if chosen.any():
+            rows = np.flatnonzero(chosen)
+            basis = Basis(on, kind, intorder=2 * order + more, elements=rows)
+            parts.append(Part(rows, slice(first, first + basis.dx.size), basis))
+            first += basis.dx.size
+    return parts
+
+
+class Higher(Polynomials):
+    """P2 or P3 by quadrature: the unknowns are those of scikit-fem, at the nodes, on the facets, inside the elements.
+
+    Methods are as of `Linear`, with as many functions in every element as it has unknowns. Elements of a `MeshTri2`
+    with a curved side are isoparametric.
+    """
+
+    def __init__(self, mesh: MeshTri, order: int) -> None:
+        shape = Isoparametric(mesh)
+        if not np.array_equal(mesh.t, shape.corners.t):  # scikit-fem sorts the corners of a `MeshTri`, and goes by that
+            names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
+            mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
+        self.order, self.facet_products = order, facet_products(order)
+        self._parts = parts_of(shape, order)
+        last = self._parts[-1].basis
+        super().__init__(mesh, shape, last.dofs.element_dofs, last.doflocs)
+        count = np.arange(mesh.t.shape[1])
+        self.element = np.concatenate([np.repeat(count[part.rows], part.weights.shape[1]) for part in self._parts])
+
+    @cached_property
+    def points(self) -> Floats:
+        """The quadrature points, (2, npoints)."""
+        found = [np.asarray(part.basis.global_coordinates()).reshape(2, -1) for part in self._parts]
+        return np.concatenate(found, axis=1)
+
+    @cached_property
+    def weights(self) -> Floats:
+        """Of the quadrature points, (npoints,): areas of an element in sum."""
+        return np.concatenate([part.weights.ravel() for part in self._parts])
+
+    @cached_property
+    def _integrals(self) -> Floats:
+        """Of the functions of every element, (k, nelements)."""
+        return self._by_element([part.integrals for part in self._parts])
+
+    def _by_element(self, found: Sequence[Floats]) -> Floats:
+        """What the parts have of their elements, (..., nelements) each, of all elements."""
+        if len(found) == 1:
+            return found[0]
+        whole = np.empty((*found[0].shape[:-1], self.unknowns.shape[1]))
+        for part, values in zip(self._parts, found, strict=True):
+            whole[..., part.rows] = values
+        return whole
+
+    def on_facets(self, facets: Ints) -> Ints:
+        """Numbers of the unknowns of facets, (order + 1, nfacets): of both ends, then between, from the first end."""
+        inner = (self.order - 1) * np.asarray(facets) + np.arange(self.order - 1)[:, None]
+        return np.vstack((self.corners.facets[:, facets], self.corners.p.shape[1] + inner))
+
+    @property
+    def middles(self) -> Floats:
+        return self.mean(self.points) if self.shape.curved.any() else super().middles
+
+    def products_on(self, facets: Ints, weight: Floats) -> Floats:
+        products, off = super().products_on(facets, weight), self.shape.off[:, facets]
+        bent = np.flatnonzero(off.any(axis=0))
+        if bent.size:
+            start, end = self.corners.p[:, self.corners.facets[:, facets[bent]]].swapaxes(0, 1)
+            products[:, :, bent] = weight[bent] * curved_products(self.order, end - start, off[:, bent])
+        return products
+
+    def gradient(self, u: Floats) -> Floats:
+        local = u[self.unknowns]
+        found = [np.einsum("ik,ickq->ckq", local[:, part.rows], part.gradients) for part in self._parts]
+        return np.concatenate([each.reshape(2, -1) for each in found], axis=1)
+
+    @cached_property
+    def fine_rule(self) -> tuple[Ints, Floats, Floats]:
+        """Elements (n,) and barycentric coordinates (3, n) of points, and their areas (n,): they integrate the product
+        of two gradients and two coordinates. These are the quadrature points.
+        """
+        shares = [np.stack((1.0 - x - y, x, y)) for x, y in (part.basis.X for part in self._parts)]
+        each = [np.tile(share, len(part.weights)) for share, part in zip(shares, self._parts, strict=True)]
+        return self.element, np.concatenate(each, axis=1), self.weights
+
+    def slope_of_corners(self, values: Floats) -> Floats:
+        element, share, _ = self.fine_rule
+        return np.einsum("in,cin->cn", values[self.corners.t[:, element]], self._hats_at(element, share))
+
+    def _hats_at(self, element: Ints, share: Floats) -> Floats:
+        """Gradients of the barycentric coordinates at points of these elements, (2, 3, n)."""
+        hats, rows = self.hats[:, :, element], np.flatnonzero(self.shape.curved[element])
+        if rows.size:
+            hats[:, :, rows] = self.shape.hats(element[rows], share[:, rows])
+        return hats
+
+    def mean(self, values: Floats) -> Floats:
+        parts = self._parts
+        sums = [np.sum(part.apart(values) * part.weights, axis=-1) / np.sum(part.weights, axis=-1) for part in parts]
+        return self._by_element(sums)
+
+    def mean_function(self, u: Floats) -> Floats:
+        """The mean of a function over every element, (nelements,)."""
+        areas = self._by_element([np.sum(part.weights, axis=1) for part in self._parts])
+        return np.sum(self._integrals * u[self.unknowns], axis=0) / areas
+
+    def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
+        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
+        values = np.stack([each[0] for each in self._functions(share)])
+        return np.sum(values * u[self.unknowns[:, element]], axis=0)
+
+    def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
+        """Its gradient there, (2, n)."""
+        slopes = np.stack([each[1] for each in self._functions(share)])
+        slope = np.einsum("icn,in->cn", slopes, u[self.unknowns[:, element]])
+        return np.einsum("in,cin->cn", slope, self._hats_at(element, share)[:, 1:])
+
+    def _functions(self, share: Floats) -> list[tuple[Floats, Floats]]:
+        """Values (n,) of every function at barycentric coordinates, and slopes (2, n) by the last two of these."""
+        kind = self._parts[0].basis.elem
+        return [kind.lbasis(share[1:], i) for i in range(len(self.unknowns))]
+
+    def against_functions(self, source: Floats) -> Floats:
+        """``int source phi`` for a source (nelements,): (k, nelements)."""
+        return self._integrals * source
+
+    def against_function(self, source: Floats, u: Floats) -> Floats:
+        return self.against_functions(source) * u[self.unknowns]
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        parts = self._parts
+        found = [np.einsum("ckq,ickq->ik", part.apart(flux) * part.weights, part.gradients) for part in parts]
+        return self._by_element(found)
+
+    def against_slopes(self, size: Floats) -> Floats:
+        found = []
+        for part in self._parts:
+            slopes = np.hypot(part.gradients[:, 0], part.gradients[:, 1])
+            found.append(np.einsum("kq,ikq->ik", part.apart(size) * part.weights, slopes))
+        return self._by_element(found)
+
+    def loads(self, source: Floats, flux: Floats) -> Floats:
+        return self.added(self.against_functions(source) + self.against_gradients(flux))
+
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
+        products = self._by_element([self._products(part, across, along) for part in self._parts])
+        row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
+        count = self.places.shape[1]
+        return coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()[free][:, free]
+
+    def _products(self, part: Part, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        """What each two functions of an element of this part have for `stiffness`, (k, k, nelements)."""
+        gradients, across = part.gradients, part.apart(across) * part.weights
+        products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)
+        if along is not None:
+            more = part.apart(along[0]) * part.weights - across
+            slope = np.einsum("ckq,ickq->ikq", part.apart(along[1]), gradients)
+            products += np.einsum("ikq,kq,jkq->ijk", slope, more, slope, optimize=True)
+        return products
+
+
+Elements = Linear | Higher
+
+
+def facet_products(order: int) -> Floats:
+    """Integrals of products of the functions of a facet of length 1: of both ends, then of those between."""
+    powers, functions = np.arange(order + 1), facet_functions(order)
+    moments = 1.0 / (powers[:, None] + powers + 1.0)
+    return functions.T @ moments @ functions
+
+
+def facet_functions(order: int) -> Floats:
+    """Coefficients of powers of these functions, (order + 1, order + 1), a column for each."""
+    at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
+    return np.linalg.inv(at[:, None] ** np.arange(order + 1))
+
+
+def curved_products(order: int, chord: Floats, off: Floats) -> Floats:
+    """The same integrals along curved facets, (order + 1, order + 1, n), with chords (2, n) and middles off these."""
+    (at,), weights = get_quadrature(ElementLineP1, 2 * order + CURVED)
+    values = (at[:, None] ** np.arange(order + 1)) @ facet_functions(order)
+    length = np.hypot(*(chord[:, :, None] + 4.0 * off[:, :, None] * (1.0 - 2.0 * at)))
+    return np.einsum("qi,qj,nq,q->ijn", values, values, length, weights)

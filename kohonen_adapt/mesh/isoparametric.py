@@ -1,0 +1,124 @@
+"""Map barycentric coordinates to points of elements with curved sides, and back; say which element holds a point."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import KDTree
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.curved import corners_of, facet_displacements
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.polynomials import AFTER, BEFORE
+
+__all__ = ["CurvedElements", "Isoparametric"]
+
+STRAIGHT = 1e-10  # of its chord: a side whose middle is nearer to the chord's is straight
+INSIDE = 1e-9  # how far barycentric coordinates of a point inside may be below 0
+MOST_STEPS = 20  # of Newton's method; four to six are what it takes
+SETTLED = 1e-14  # its last step
+NEAR = 4  # steps from element to element, and sides between whose arc and chord a point is looked for
+
+
+class CurvedElements:
+    """Elements, each the image of a triangle under the quadratic map through its corners and the middles of its sides.
+
+    ``x = sum lambda_k corner_k + 4 sum lambda_a lambda_b bent_k``, with a and b the corners that side k joins, the one
+    opposite to corner k. Elements are numbers (n,), barycentric coordinates `share` (3, n), points (2, n).
+    """
+
+    def __init__(self, p: Floats, t: Ints, bent: Floats, beyond: Ints) -> None:
+        self.p, self.t = p, t  # (2, nnodes), (3, nelements)
+        self.bent = bent  # (2, 3, nelements): what the middles of sides are off those of their chords
+        self.beyond = beyond  # (3, nelements): the elements across the sides, -1 for none
+
+    @cached_property
+    def curved(self) -> Mask:
+        """Which elements have a curved side, (nelements,)."""
+        return np.any(self.bent, axis=(0, 1), keepdims=True)[0, 0]
+
+    def points(self, element: Ints, share: Floats) -> Floats:
+        """The points at these barycentric coordinates."""
+        x = np.einsum("in,cin->cn", share, self.p[:, self.t[:, element]])
+        rows = np.flatnonzero(self.curved[element])
+        if rows.size:
+            between = share[AFTER] * share[BEFORE]
+            x[:, rows] += 4.0 * np.sum(between[:, rows] * self.bent[:, :, element[rows]], axis=1)
+        return x
+
+    def shares(self, element: Ints, x: Floats) -> Floats:
+        """The barycentric coordinates of points, of curved elements by Newton's method from those of straight ones."""
+        corner = self.p[:, self.t[:, element]]
+        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+        x0, y0 = x - corner[:, 0]
+        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
+        share = np.stack((1.0 - second - third, second, third))
+        rows = np.flatnonzero(self.curved[element])
+        for _ in range(MOST_STEPS if rows.size else 0):
+            off = x[:, rows] - self.points(element[rows], share[:, rows])
+            step = np.einsum("cn,cin->in", off, self.hats(element[rows], share[:, rows]))
+            share[:, rows] += step
+            if np.abs(step).max() < SETTLED:
+                break
+        return share
+
+    def hats(self, element: Ints, share: Floats) -> Floats:
+        """Gradients of the barycentric coordinates there, (2, 3, n)."""
+        corner, bent = self.p[:, self.t[:, element]], self.bent[:, :, element]
+        rate = corner + 4.0 * (bent[:, BEFORE] * share[AFTER] + bent[:, AFTER] * share[BEFORE])
+        (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
+        return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
+
+    def walked(self, element: Ints, x: Floats) -> Ints:
+        """The elements that hold points near these, found by steps across the sides that the points lie beyond.
+
+        Where there is nothing beyond, it is the last element before that.
+        """
+        own = np.arange(element.size)
+        for _ in range(NEAR):
+            share = np.where(self.beyond[:, element] >= 0, self.shares(element, x), 0.0)
+            side = np.argmin(share, axis=0)
+            element = np.where(share[side, own] < -INSIDE, self.beyond[side, element], element)
+        return element
+
+
+class Isoparametric(CurvedElements):
+    """The elements of a mesh: of a `MeshTri` straight, of a `MeshTri2` with curved sides."""
+
+    def __init__(self, mesh: MeshTri) -> None:
+        self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
+        number_facets(corners)
+        start, end = corners.p[:, corners.facets]
+        off, sides = facet_displacements(mesh), corners.t2f[AFTER]
+        self.off = np.where(np.hypot(*off) > STRAIGHT * np.hypot(*(end - start)), off, 0.0)  # (2, nfacets)
+        beyond = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
+        super().__init__(corners.p, corners.t, self.off[:, sides], beyond)
+
+    def located(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
+        """The element of every point, -1 outside the mesh, and the barycentric coordinates there.
+
+        Given are the straight elements between the corners that hold the points, -1 for none.
+        """
+        element = straight.astype(np.int64)
+        if self.curved.any():
+            rows = np.flatnonzero((element >= 0) & self.curved[element])
+            found = self.walked(element[rows], x[:, rows])
+            element[rows] = np.where(self._holds(found, x[:, rows]), found, -1)
+            rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
+            element[rows] = self._behind_arcs(x[:, rows])
+        return element, self.shares(np.maximum(element, 0), x)
+
+    def _holds(self, element: Ints, x: Floats) -> Mask:
+        return self.shares(element, x).min(axis=0) >= -INSIDE
+
+    def _behind_arcs(self, x: Floats) -> Ints:
+        """The elements that hold points beyond the chords of the outer boundary, -1 for those that none does."""
+        element = np.full(x.shape[1], -1)
+        side, own = np.nonzero(self.bent.any(axis=0) & (self.beyond < 0))
+        if own.size and element.size:
+            middle = self.points(own, np.where(side == np.arange(3)[:, None], 0.0, 0.5))
+            near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
+            with np.errstate(all="ignore"):  # far away Newton's method may go anywhere
+                for tried in own[near.T]:
+                    element = np.where((element < 0) & self._holds(tried, x), tried, element)
+        return element

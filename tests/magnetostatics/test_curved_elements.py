@@ -1,0 +1,155 @@
+"""Elements with curved sides against exact fields: equations, estimate, values at points, forces, conditions."""
+
+import numpy as np
+import pytest
+from helpers.exact_fields import overrating, true_error
+from helpers.meshes import disk
+from skfem import MeshTri, MeshTri2
+
+from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
+from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.measures import area
+
+MU0 = 4e-7 * np.pi
+INNER, OUTER = 0.4, 1.0  # radii of the magnet, and of the air around it
+
+
+def round_mesh(rings, curved=True, turn=0.1):
+    """A magnet in a disk of air: nodes on rings, sides on the circle of the magnet and on the outer one curved."""
+    plain = disk(rings, OUTER)
+    c, s = np.cos(turn), np.sin(turn)
+    mesh = MeshTri(np.array([[c, -s], [s, c]]) @ plain.p, plain.t)
+    radius = np.hypot(*mesh.p)
+    inside = radius[mesh.t].max(axis=0) < INNER + 1e-9
+    mesh = mesh.with_boundaries({"outer": lambda x: x[0] > -9.0}, boundaries_only=True)
+    mesh = mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    return bent_on(mesh, INNER, OUTER) if curved else mesh
+
+
+def bent_on(mesh, *radii):
+    """The mesh with its facets on these circles about the origin bent."""
+    middle, (one, other) = mesh.p[:, mesh.facets].mean(axis=1), np.hypot(*mesh.p)[mesh.facets]
+    on = (np.abs(one - other) < 1e-9) & np.any(np.abs(one - np.array(radii)[:, None]) < 1e-9, axis=0)
+    stretch = np.where(on, one / np.where(on, np.hypot(*middle), 1.0), 1.0)
+    return with_displacements(mesh, middle * (stretch - 1.0))
+
+
+MAGNET = {"magnet": Material(remanence=(0.0, 1.0)), "air": Material()}
+
+
+def disk_field(x):
+    """B of that magnet of permeability 1: A = a x inside, (b + c / r^2) x outside."""
+    a, b, c = np.linalg.solve([[INNER, -INNER, -1 / INNER], [0, OUTER, 1 / OUTER], [1, -1, 1 / INNER**2]], [0, 0, -1])
+    squared = np.sum(x**2, axis=0)
+    inside = squared < INNER**2
+    along = np.where(inside, a, b + c * (x[1] ** 2 - x[0] ** 2) / squared**2)
+    return np.stack((np.where(inside, 0.0, -2 * c * x[0] * x[1] / squared**2), -along))
+
+
+def solved(order, rings, **options):
+    mesh = round_mesh(rings)
+    problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order, **options)
+    return problem, mesh, problem.solve(mesh)
+
+
+@pytest.mark.parametrize(("order", "rate", "band"), [(2, 0.95, (0.95, 1.05)), (3, 1.35, (0.88, 1.12))])
+def test_a_round_magnet_converges_at_the_rate_of_its_elements(order, rate, band):
+    """On chords the rate of order 2 falls to a half (python -m benchmarks curves)."""
+    unknowns, errors = [], []
+    for rings in (10, 20):
+        problem, mesh, field = solved(order, rings)
+        unknowns.append(field.values.size)
+        errors.append(true_error(field, disk_field) / problem.energy_norm(mesh, field))
+        assert band[0] < overrating(problem, mesh, field, disk_field) < band[1]
+    assert np.log(errors[0] / errors[1]) / np.log(unknowns[1] / unknowns[0]) > rate
+    assert errors[0] < {2: 0.012, 3: 0.001}[order]
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_uniform_field_is_held_without_error(order):
+    """Linear functions are among the isoparametric ones: everything of B = 1 T is known in closed form."""
+    mesh = round_mesh(5)
+    problem = Magnetostatics(dict.fromkeys(MAGNET, Material()), {"outer": lambda x: x[0]}, order=order)
+    field = problem.solve(mesh)
+    size = area(mesh)
+    assert size.sum() == pytest.approx(np.pi, rel=2e-5) and area(round_mesh(5, curved=False)).sum() < 0.994 * np.pi
+    assert size @ np.isin(np.arange(len(size)), mesh.subdomains["magnet"]) == pytest.approx(np.pi * INNER**2, rel=3e-4)
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 500))
+    x = x[:, np.hypot(*x) < 0.99]
+    np.testing.assert_allclose(field.potential_at(x), x[0], atol=1e-12)
+    np.testing.assert_allclose(field.flux_density_at(x).T, np.tile([0.0, -1.0], (x.shape[1], 1)), atol=1e-10)
+    assert field.energy == pytest.approx(size.sum() / 2 / MU0, rel=1e-12)
+    assert problem.energy_norm(mesh, field) ** 2 == pytest.approx(2 * field.energy, rel=1e-12)
+    assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-9 * problem.energy_norm(mesh, field)
+    middle = field.elements.middles[0]
+    np.testing.assert_allclose(field.elements.mean_function(field.values), middle, atol=1e-12)
+    assert field.flux_linkage("magnet") == pytest.approx(0.0, abs=1e-12)
+    assert field.volume @ middle == pytest.approx(0.0, abs=1e-12)
+
+
+def test_straight_elements_of_a_second_order_mesh_are_as_they_were():
+    plain = round_mesh(5, curved=False)
+    for order in (2, 3):
+        problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
+        one, other = (
+            problem.solve(plain),
+            problem.solve(with_displacements(plain, np.zeros((2, plain.facets.shape[1])))),
+        )
+        np.testing.assert_array_equal(other.values, one.values)
+        np.testing.assert_allclose(problem.indicators(other.mesh, other), problem.indicators(plain, one), rtol=1e-13)
+
+
+def test_points_between_arcs_and_chords_belong_to_the_element_that_reaches_there():
+    mesh = round_mesh(5)
+    shape, rng = Isoparametric(mesh), np.random.default_rng(1)
+    element = rng.integers(0, mesh.t.shape[1], 400)
+    share = rng.dirichlet([0.3, 0.3, 0.3], 400).T  # many near sides
+    x = shape.points(element, share)
+    located = lambda x: shape.located(x, find_elements(shape.corners, x))  # noqa: E731
+    found, back = located(x)
+    np.testing.assert_array_equal(found, element)
+    np.testing.assert_allclose(back, share, atol=1e-12)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 300)
+    rim = np.stack((np.cos(angle), np.sin(angle)))
+    assert np.all(located(0.9999 * rim)[0] >= 0) and np.all(located(1.0001 * rim)[0] == -1)
+    assert np.isin(located(0.3999 * rim)[0], mesh.subdomains["magnet"]).all()
+    assert np.isin(located(0.4001 * rim)[0], mesh.subdomains["air"]).all()
+
+
+def test_the_numbers_of_corners_may_stand_in_any_order():
+    """scikit-fem sorts the corners of the elements of a `MeshTri`, not those of a `MeshTri2`."""
+    mesh = round_mesh(5)
+    turned = MeshTri2(mesh.doflocs, np.roll(mesh.t, 1, axis=0), mesh.boundaries, mesh.subdomains)
+    for order in (2, 3):
+        problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
+        np.testing.assert_array_equal(problem.solve(turned).values, problem.solve(mesh).values)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_torque_of_a_uniform_field_on_a_round_magnet(order):
+    """Moment times field, M and area of the magnet: chords have 4 % less of the area."""
+    mesh = round_mesh(5)
+    materials = {"magnet": Material(remanence=(1.0, 0.0)), "air": Material()}
+    field = Magnetostatics(materials, open_boundary="outer", applied_field=(0.0, 2.0), order=order).solve(mesh)
+    wanted = np.pi * INNER**2 / MU0 * 2.0 * MU0
+    assert field.torque("magnet") == pytest.approx(wanted, rel=2e-3)
+    assert abs(field.force("magnet")[0]) < 1e-3 * wanted and abs(field.force("magnet")[1]) < 1e-3 * wanted
+    assert field.potential_at([[0.0], [0.9]])[0] == pytest.approx(0.5 * INNER**2 / 0.9, rel=2e-3)
+
+
+def test_a_current_in_a_round_wire():
+    """Energy, linkage, Lorentz's and Arkkio's torques where everything but the outline is held exactly."""
+    mesh = round_mesh(5)
+    problem = Magnetostatics({"magnet": Material(), "air": Material()}, {"outer": 0.0}, ampere_turns={"magnet": 1.0})
+    curved, chords = (
+        Magnetostatics(problem.materials, {"outer": 0.0}, ampere_turns={"magnet": 1.0}, order=2).solve(each)
+        for each in (mesh, round_mesh(5, curved=False))
+    )
+    wanted = MU0 / (4 * np.pi) * (np.log(OUTER / INNER) + 0.25)
+    assert curved.energy == pytest.approx(wanted, rel=3e-4) and chords.energy != pytest.approx(wanted, rel=3e-3)
+    assert curved.flux_linkage("magnet") == pytest.approx(2 * wanted, rel=3e-4)
+    assert curved.current_density.max() == pytest.approx(1.0 / (np.pi * INNER**2), rel=3e-4)
+    assert lorentz_torque(curved, "magnet") == pytest.approx(0.0, abs=1e-12)
+    assert arkkio_torque(curved, "air") == pytest.approx(0.0, abs=1e-9)
