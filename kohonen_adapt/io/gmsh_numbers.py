@@ -40,10 +40,7 @@ class Numbers:
 
     def integer(self, kind: str = INT) -> int:
         """Take one whole number."""
-        value = self.take(1, kind).item()
-        if not float(value).is_integer():
-            raise ValueError(f"{value} stands where a whole number must")
-        return int(value)
+        return int(self.ints(1, kind)[0])
 
     def count(self) -> int:
         """Take the count of MSH 2, a line of text in binary files, too."""
@@ -74,7 +71,6 @@ class Numbers:
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
         """Take the elements of MSH 2: type, tags per element, and rows of number, tags (first the group) and nodes."""
-
         says = slice(0, 3) if self._binary else slice(1, 3)  # type, how many elements in a binary row, tags
 
         def row(kind: int, *rest: int) -> tuple[int, int]:

@@ -324,7 +324,7 @@ $EndElements
         ("\n2\n3\n", "\n2\n2.5\n", "2.5 stands where a whole number must"),
         ("\n2\n3\n", "\n2\n1e300\n", "a number that counts is too large, or none"),
         ("\n2\n3\n", "\n2\nnan\n", "a number that counts is too large, or none"),
-        ("\n2 1 0 3\n", "\n2 1 0 1e300\n", "a section ends before its last number"),
+        ("\n2 1 0 3\n", "\n2 1 0 1e300\n", "a number that counts is too large, or none"),
         ('2 1 "all"', '2 99999999999 "all"', "a group has the number 99999999999"),
         (ONE[ONE.index("\n2 1 0 3") : ONE.index("\n$EndNodes")], "", "it has elements and no nodes"),
     ],
