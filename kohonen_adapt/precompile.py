@@ -4,7 +4,7 @@ import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
 from kohonen_adapt.kernels.ahead import compile_ahead
-from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.compilation import expect, is_kept
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
@@ -18,7 +18,7 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 
-__all__ = ["warmup"]
+__all__ = ["compile_missing", "warmup"]
 
 
 compile_ahead()  # of any first use, not of `warmup` alone
@@ -51,6 +51,17 @@ def warmup() -> None:
         x = Basis(mesh, (ElementTriP1(), ElementTriP2())[order - 1]).doflocs[0]
         _polish(mesh, Ritz(x**2, x == 0.0, 1.0, order=order))
     _equilibrate()
+
+
+def compile_missing() -> None:
+    """See that every kernel is in numba's cache, where other processes find it; where all are, load none of them here.
+
+    That takes a hundredth of a second, and `warmup` half a second even then.
+    """
+    loops = [entry for chapter in ENTRIES.values() for entry in chapter]
+    # Uncompiled, for debugging, they are plain functions.
+    if not all(is_kept(entry.loop, entry.types) for entry in loops if hasattr(entry.loop, "py_func")):
+        warmup()
 
 
 def _polish(mesh: MeshTri, ritz: Ritz) -> None:

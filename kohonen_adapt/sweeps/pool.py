@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.precompile import warmup
+from kohonen_adapt.precompile import compile_missing
 
 __all__ = ["CannotBeginError", "LocalPool", "cannot_be_pickled", "check_pickled"]
 
@@ -76,7 +76,7 @@ class LocalPool(Executor):
         count = number_of_threads() if processes is None else processes
         if not is_count(count) or count < 1:
             raise ValueError(f"the number of processes must be an integer >= 1; got {processes!r}.")
-        warmup()
+        compile_missing()
         self._share = max(1, number_of_threads() // count)
         self._tasks: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
         self._lock, self._ended = threading.Lock(), False

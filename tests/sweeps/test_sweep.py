@@ -15,6 +15,7 @@ from helpers import swept
 from helpers.processes import output_with
 
 import kohonen_adapt as ka
+from kohonen_adapt import precompile
 from kohonen_adapt.sweeps.pool import LocalPool
 
 THREAD = ThreadPoolExecutor(1)
@@ -170,6 +171,15 @@ def test_local_processes_find_everything_compiled():
     result = ka.sweep(swept.compilations, {"x": [1, 2]})
     np.testing.assert_array_equal(result.table["compiled"], 0)
     assert os.environ == before
+
+
+def test_before_they_begin_all_is_compiled_that_is_not_kept(monkeypatch):
+    begun = []
+    monkeypatch.setattr(precompile, "warmup", lambda: begun.append("now"))
+    for missing, wanted in [(None, []), ("walk_each", ["now"])]:
+        monkeypatch.setattr(precompile, "is_kept", lambda loop, types, missing=missing: loop.__name__ != missing)
+        precompile.compile_missing()
+        assert begun == wanted
 
 
 THREADS = """
