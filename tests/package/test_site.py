@@ -1,6 +1,7 @@
 """The documentation site says what is so: programs and commands of its pages run, and every public name appears."""
 
 import doctest
+import inspect
 import io
 import re
 import shlex
@@ -9,7 +10,9 @@ from pathlib import Path
 import pytest
 from test_public_surface import MODULES
 
+import kohonen_adapt as ka
 from kohonen_adapt.commands.main import main
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -65,6 +68,20 @@ def test_what_a_page_does_gives_what_it_says(name, tmp_path, monkeypatch, capsys
 
 def test_the_guides_are_tried():
     assert {"first_steps", "own_problem", "magnetostatics", "sweeps", "how_it_works"} <= set(RUN)
+
+
+@pytest.mark.parametrize(
+    ("name", "things"), [("magnetostatics", [Magnetostatics, Material]), ("own_problem", [ka.Ritz])]
+)
+def test_a_guide_names_every_argument_of_what_it_is_about(name, things):
+    arguments = {argument for thing in things for argument in inspect.signature(thing).parameters}
+    assert arguments - set(re.findall(r"\w+", PAGES[name])) == set()
+
+
+def test_the_guide_names_everything_that_a_problem_may_offer():
+    offered = set(re.findall(r"``(\w+)(?:\(.*?\))?[^`]*``", ka.Problem.__doc__))
+    assert offered >= {"order", "norm", "solve_from", "energy_norm", "ritz", "pairs", "points", "curves", "improved"}
+    assert offered - set(re.findall(r"\w+", PAGES["own_problem"])) == set()
 
 
 def names_documented():
