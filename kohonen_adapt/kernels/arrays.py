@@ -259,6 +259,14 @@ class Trial(NamedTuple):
 
 
 @record
+class Trials(NamedTuple):
+    """What is judged by the sum of its functionals: one function, or a solution and the dual one of a goal."""
+
+    one: Trial
+    other: Trial  # of linear material, its values given where those of the first are; without values if there is none
+
+
+@record
 class Modes(NamedTuple):
     """What functions of order 2 or 3 have beside their values at the nodes: coefficients of `Reference` functions.
 

@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.triangle import (
     equilibrate,
     flip,
     flip_higher,
+    flip_linear,
     geometry,
     locate,
     recycle,
@@ -45,6 +46,7 @@ HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 LAWS = RecordType(arrays.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
+TRIALS = RecordType(arrays.Trials, (TRIAL, TRIAL))
 MODES = RecordType(arrays.Modes, (R3, R1, boolean[:, ::1]))
 REFERENCE = RecordType(arrays.Reference, (R3, R1, R1, R3))
 BLOCK = RecordType(arrays.Block, (I2, R2, I1, R2, R1, R2, R2, R1, R2, R1, R1))
@@ -115,12 +117,12 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
     ),
     "polish": (
-        Entry(descend.mark_gainful, R2, ELEMENTS, TRIAL, int64, int64, B1),
-        Entry(descend.descend_flips, R2, ELEMENTS, TRIAL, float64, B1),
-        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIAL, I1, float64),
-        Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIAL, OFFERS, float64, int64, int64),
-        Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIAL, OFFERS, float64, float64, int64, int64),
-        Entry(energy_recycle.exchange, OPEN_MESH, TRIAL, OFFERS, L1, L1, float64),
+        Entry(flip_linear.mark_gainful, R2, ELEMENTS, TRIALS, int64, int64, B1),
+        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1),
+        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
+        Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIALS, OFFERS, float64, int64, int64),
+        Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIALS, OFFERS, float64, float64, int64, int64),
+        Entry(energy_recycle.exchange, OPEN_MESH, TRIALS, OFFERS, L1, L1, float64),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "polish of higher order": (

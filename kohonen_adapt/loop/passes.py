@@ -63,6 +63,8 @@ class Pass(Work):
         Ritz functional of the solution, in the problem's unit of energy; None where there is no polish.
     comparable
         Whether its functional may be compared with that of other passes.
+    share
+        Of the solution in a functional with a dual, that of the first pass; see `Ritz`.
     unpolished
         Why there is no polish, or empty.
     outputs
@@ -96,6 +98,7 @@ class Pass(Work):
     seconds: dict[str, float] = field(default_factory=dict)
     functional: float | None = None
     comparable: bool = False
+    share: float = 1.0
     unpolished: str = ""
     outputs: dict[str, float] = field(default_factory=dict)
 

@@ -100,7 +100,8 @@ class Adaptation:
         with self.steps("estimate"):
             indicators = estimate(self.problem, mesh, solution)
             norm = energy_norm(self.problem, mesh, solution, self.settings.rtol)
-            functional, value, unpolished = self._functional(mesh, solution)
+            share = before.functional.share if before and before.functional else None
+            functional, value, unpolished = self._functional(mesh, solution, share)
         qualities, weight = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else np.sqrt(area(mesh))
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
@@ -117,6 +118,7 @@ class Adaptation:
             mean_quality=float(qualities.mean()),
             functional=value,
             comparable=functional is not None and functional.comparable,
+            share=functional.share if functional else 1.0,
             unpolished=unpolished,
             outputs=self._outputs(solution),
             seconds=self.steps.seconds,  # last, for outputs take their time, too
@@ -132,7 +134,7 @@ class Adaptation:
             If its indicators are no longer those of before, so that it is another problem.
         """
         solution = solve_again(self.problem, record.mesh, record.indicators)
-        return Solved(record, solution, self._functional(record.mesh, solution)[0])
+        return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
 
     def relocate(self, solved: Solved) -> Moved:
         """Recycle and move nodes to where all elements would carry the same error."""
@@ -144,7 +146,7 @@ class Adaptation:
             topology, nodes = settings.rules.topology, settings.growth.nodes(number)
             by_energy = solved.functional is not None and len(self.plan) > 1 and number > RECYCLED_BY_DENSITY
             recycles, longest = not by_energy or nodes != self.movable.nnodes, None
-            if solved.functional is not None:
+            if solved.functional is not None and solved.functional.dual is None:  # what arcs cost a goal is not known
                 longest = longest_on_arcs(solved.functional.ritz, self.movable, record.estimate)
             rng = settings.rng(number)
             return move(self.movable, density, settings.schedule, topology, rng, nodes, recycles, longest)
@@ -167,8 +169,13 @@ class Adaptation:
         except (Exception, KeyboardInterrupt):  # a remark more or less: the result is there, whatever goes wrong here
             return {}
 
-    def _functional(self, mesh: MeshTri, solution: Any) -> tuple[Functional | None, float | None, str]:
-        """What the solution minimises and its value, None where there is no polish, and then why not."""
+    def _functional(
+        self, mesh: MeshTri, solution: Any, share: float | None
+    ) -> tuple[Functional | None, float | None, str]:
+        """What the solution minimises and its value, None where there is no polish, and then why not.
+
+        A dual has its share of an earlier pass, where there is one.
+        """
         if not self.settings.polish:
             return None, None, "it is switched off"
         if self.movable.curved:
@@ -177,6 +184,7 @@ class Adaptation:
             return None, None, f"its norm is {norm_of(self.problem)!r}, not 'energy'"
         try:
             ritz = ritz_of(self.problem, mesh, solution)
+            ritz = ritz if share is None else replace(ritz, share=share)
             value = functional_value(mesh, ritz)
             return Functional.of(ritz, self.movable, mesh), value, ""
         except NotOffered as offered:

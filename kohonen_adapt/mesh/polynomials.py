@@ -57,11 +57,18 @@ class TrialFunction(NamedTuple):
     values: Floats  # (n,)
     fixed: Mask  # (n,)
     modes: Modes | None
+    dual: "TrialFunction | None" = None  # that of a goal
 
     def copy(self) -> "TrialFunction":
         """The function, for sweeps to change."""
         modes = self.modes and Modes(*(array.copy() for array in self.modes))
-        return TrialFunction(self.values.copy(), self.fixed.copy(), modes)
+        return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy())
+
+    def restore(self, values: "TrialFunction") -> None:
+        """Take back the values at the nodes that a copy has."""
+        self.values[:] = values.values
+        if self.dual is not None and values.dual is not None:
+            self.dual.restore(values.dual)
 
 
 def count_unknowns(mesh: MeshTri, order: int) -> int:

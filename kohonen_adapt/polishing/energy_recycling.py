@@ -56,6 +56,12 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 
 
+def in_rows(trial: TrialFunction, rows: int) -> TrialFunction:
+    """The values of a function at the nodes, with rows to spare, of its dual likewise."""
+    dual = trial.dual and in_rows(trial.dual, rows)
+    return TrialFunction(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), None, dual)
+
+
 class _Linear:
     """Gains and costs of functions of order 1; threads have room of their own."""
 
@@ -63,23 +69,24 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
     ) -> None:
         rows, triangulation = len(mesh.position), movable.triangulation
-        values, fixed = padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False)
         self.mesh, self.star, self.floor, self.offers = mesh, triangulation.star, movable.floor, offers
-        self.trial = functional.trial(triangulation, values, fixed)
+        self.trials = functional.trials(triangulation, in_rows(trial, rows))
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
-        weigh_splits(self.mesh, self.trial, self.offers, self.floor, first, last)
+        weigh_splits(self.mesh, self.trials, self.offers, self.floor, first, last)
 
     def weigh_collapses(self, thread: int, scratch: SurgeryScratch, most: float, first: int, last: int) -> None:
         mesh = self.mesh._replace(scratch=scratch)
-        weigh_collapses(mesh, self.star, self.trial, self.offers, most, self.floor, first, last)
+        weigh_collapses(mesh, self.star, self.trials, self.offers, most, self.floor, first, last)
 
     def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
-        return exchange(self.mesh, self.trial, self.offers, edges, nodes, self.floor)
+        return exchange(self.mesh, self.trials, self.offers, edges, nodes, self.floor)
 
     def left(self, kept: Ints, used: Ints) -> TrialFunction:
         """The function on the rows of nodes and elements that are in use in the end."""
-        return TrialFunction(self.trial.value[kept], self.trial.fixed[kept], None)
+        one, other = self.trials
+        dual = TrialFunction(other.value[kept], other.fixed[kept], None) if len(other.value) else None
+        return TrialFunction(one.value[kept], one.fixed[kept], None, dual)
 
 
 class _Higher(_Linear):
@@ -90,7 +97,7 @@ class _Higher(_Linear):
     ) -> None:
         super().__init__(movable, functional, trial, mesh, offers)
         self.modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in trial.modes or ()))
-        self.shared = mesh.position, mesh.elements, self.star, mesh.constraints, self.trial, self.modes
+        self.shared = mesh.position, mesh.elements, self.star, mesh.constraints, self.trials.one, self.modes
         self.reference, self.rooms = functional.reference, dict[int, Descent]()
 
     def _room(self, thread: int) -> Descent:
@@ -112,7 +119,7 @@ class _Higher(_Linear):
 
     def left(self, kept: Ints, used: Ints) -> TrialFunction:
         modes = Modes(*(array[used] for array in self.modes))
-        return TrialFunction(self.trial.value[kept], self.trial.fixed[kept], modes)
+        return super().left(kept, used)._replace(modes=modes)
 
 
 def judge_of(

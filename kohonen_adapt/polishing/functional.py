@@ -1,36 +1,30 @@
 """Express a Ritz functional in terms of a movable mesh: constants by region, given values by chain."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.kernels.arrays import (
-    CENTRE_X,
-    CONSTANTS,
     FREE,
-    HALF_FLUX_X,
     HELD,
-    RATES_X,
-    RATES_Y,
     SLIDING,
     STRAIGHT,
-    VARYING,
     Laws,
     Reference,
     Trial,
+    Trials,
 )
-from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, TrialFunction, gradients, local_coefficients, modes_of
+from kohonen_adapt.mesh.polynomials import TrialFunction, gradients, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.boundary import BoundaryTerms, on_chains
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.problem.ritz import Ritz, check_fits, flux_at, integrated, value_on
+from kohonen_adapt.polishing.flux_polynomials import expanded
+from kohonen_adapt.problem.ritz import Ritz, check_fits, integrated, parts_of, value_on
 from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = ["Functional", "VariesInside"]
@@ -76,6 +70,10 @@ class Functional:
         Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
     tables
         The energies of the laws.
+    dual
+        The functional of the dual solution of a goal, which is added to this; or None.
+    share
+        That of the first, as `Ritz` has it, with which the constants of both are multiplied.
     """
 
     solution: TrialFunction
@@ -91,10 +89,12 @@ class Functional:
     comparable: bool
     law: NDArray[np.int32]
     tables: Tables
+    dual: "Functional | None" = None
+    share: float = 1.0
 
     @classmethod
     def of(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None = None) -> "Functional":
-        """Look up the constants of every region and how values are given on every chain.
+        """Look up the constants of every region and how values are given on every chain, of a dual solution likewise.
 
         The mesh is that of the movable one as it is now, where that is at hand.
 
@@ -103,6 +103,16 @@ class Functional:
         ValueError
             If `ritz` is of another mesh, or its constants change inside a region.
         """
+        one, *other = (cls._of_one(part, movable, mesh) for part in parts_of(ritz))
+        if not other:
+            return one
+        (dual,) = other
+        solution, comparable = one.solution._replace(dual=dual.solution), one.comparable and dual.comparable
+        held = one.held | dual.held
+        return replace(one, solution=solution, held=held, comparable=comparable, dual=dual, share=ritz.share)
+
+    @classmethod
+    def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None) -> "Functional":
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
@@ -111,7 +121,7 @@ class Functional:
         if callable(ritz.flux) and ritz.order > 1:
             raise VariesInside("flux of Ritz can be a function with elements of order 1 only.")
         solution = solution_on(ritz, triangulation, mesh)
-        values, fixed, modes = solution
+        values, fixed, modes, _ = solution
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
@@ -126,12 +136,12 @@ class Functional:
         straight = outline.constraints.chains.shape == STRAIGHT
         linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
-        comparable = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
+        alike = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
         held = ~straight | (given & ~linear) | (whole & bare) | boundary.on
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
-        constants = constants_of(ritz, number)
+        constants, comparable = constants_of(ritz, number), ritz.comparable and alike
         if modes is not None:
             modes.given[on_chains(triangulation.elements.chain, boundary.on)] = True
         chains = given, linear, boundary, held, on_chain
@@ -140,14 +150,30 @@ class Functional:
     @property
     def varies(self) -> bool:
         """Whether the flux varies inside regions, so that elements that move have another one."""
-        return callable(self.ritz.flux)
+        return callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
 
     def value(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         """The functional of a function."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
         total = value_on(corners, coefficients, number, self.ritz)
-        return total + self.boundary.value(triangulation.elements.chain, corners, coefficients)
+        total += self.boundary.value(triangulation.elements.chain, corners, coefficients)
+        if self.dual is None or trial.dual is None:
+            return total
+        return total + self.dual.value(triangulation, trial.dual)
+
+    def improve_on_boundary(self, triangulation: Triangulation, trial: TrialFunction) -> None:
+        """Take the best values where there are Robin conditions, of a dual function, too."""
+        self.boundary.improve(triangulation, trial)
+        if self.dual is not None and trial.dual is not None:
+            self.dual.improve_on_boundary(triangulation, trial.dual)
+
+    def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
+        """A function and its dual, each as `trial` has it."""
+        one = self.trial(triangulation, trial.values, trial.fixed)
+        if self.dual is None or trial.dual is None:
+            return Trials(one, one._replace(value=one.value[:0]))
+        return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.dual.fixed))
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""
@@ -208,41 +234,6 @@ def constants_of(ritz: Ritz, number: NDArray[np.int64]) -> Floats:
     tables = (ritz.coefficient, ritz.source, *flux)
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
     return np.stack(rows, axis=1)
-
-
-def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """What `Trial` calls its data, (m, VARYING), where a function gives the flux, of the constants (m, CONSTANTS).
-
-    The polynomial has the values of the function at the points of `inner_points` and at the middles between them. Its
-    mean over the element is that of the function over the three points, as in the functional itself. The function is
-    asked inside of elements only: an element moves by less than its size until it is asked again.
-    """
-    points = inner_points(corners)
-    sampled = flux_at(np.concatenate([points, 0.5 * (points + np.roll(points, -1, axis=1))], axis=1), number, flux)
-    data = np.zeros((len(constants), VARYING))
-    data[:, :CONSTANTS] = constants
-    data[:, CENTRE_X : CENTRE_X + 2] = corners.mean(axis=1).T
-    for part, rates in enumerate((RATES_X, RATES_Y)):
-        value, increase = polynomial(points, 0.5 * sampled[part])
-        data[:, HALF_FLUX_X + part] = value
-        data[:, rates : rates + len(increase)] = increase.T
-    return data
-
-
-def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """The quadratic polynomial of values (6, m) at corners (2, 3, m) and then at the middles after each.
-
-    Returns its value at the centre (m,), and gradient and Hessian there, by x, y, xx, xy and yy, (5, m).
-    """
-    corner, middle = values[:3], values[3:]
-    hat = np.stack(
-        [gradients(points.T, np.tile(unit, (points.shape[2], 1)), LINEAR_FUNCTIONS)[1][:, 0] for unit in np.eye(3)]
-    )
-    after = np.roll(hat, -1, axis=0)
-    slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
-    bend = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
-    value = (4.0 * middle.sum(axis=0) - corner.sum(axis=0)) / 9.0
-    return value, np.stack([*slope / 3.0, 4.0 * bend[0, 0], 2.0 * (bend[0, 1] + bend[1, 0]), 4.0 * bend[1, 1]])
 
 
 def laws_of_regions(

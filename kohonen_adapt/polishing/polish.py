@@ -163,13 +163,13 @@ def descend(
         return sweep(movable, functional, trial, sweeps, eager)
     total = 0.0
     for done in range(0, sweeps, KNOWN):
-        state, old = {name: array.copy() for name, array in movable.state().items()}, trial.values.copy()
+        state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
         before = functional.value(movable.triangulation, trial)
         gain = sweep(movable, functional, trial, min(KNOWN, sweeps - done), eager)
         fallen = before - functional.value(movable.triangulation, trial)
         if not fallen > 0.0:
             movable.restore(state)
-            trial.values[:] = old
+            trial.restore(old)
             break
         total += min(gain, fallen)
     return total

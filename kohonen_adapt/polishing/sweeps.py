@@ -9,9 +9,10 @@ from kohonen_adapt.arrays import Mask
 from kohonen_adapt.kernels.arrays import Block, Constraints, Descent, Modes
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.descend import descend_flips, descend_nodes, mark_gainful
+from kohonen_adapt.kernels.triangle.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.descend_higher import descend_nodes_higher
 from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainful
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import Functional
@@ -63,7 +64,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     for _ in range(sweeps):
         gain += descend_in_parts(movable, downhill, order, part)
         gain += flip_downhill(movable, downhill)
-        functional.boundary.improve(movable.triangulation, trial)
+        functional.improve_on_boundary(movable.triangulation, trial)
     return gain
 
 
@@ -79,18 +80,18 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
-        self.trial = functional.trial(self.triangulation, trial.values, trial.fixed)
+        self.trials = functional.trials(self.triangulation, trial)
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         position, star = self.triangulation.position, self.triangulation.star
-        return float(descend_nodes(position, star, self.constraints, self.trial, nodes, self.floor))
+        return float(descend_nodes(position, star, self.constraints, self.trials, nodes, self.floor))
 
     def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
-        mark_gainful(self.triangulation.position, self.triangulation.elements, self.trial, first, last, gainful)
+        mark_gainful(self.triangulation.position, self.triangulation.elements, self.trials, first, last, gainful)
 
     def descend_flips(self, gainful: Mask) -> tuple[float, int]:
         position, elements = self.triangulation.position, self.triangulation.elements
-        gain, flips = descend_flips(position, elements, self.trial, self.floor, gainful)
+        gain, flips = descend_flips(position, elements, self.trials, self.floor, gainful)
         return float(gain), int(flips)
 
 

@@ -47,9 +47,10 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
     exact = np.flatnonzero(sliding)[functional.linear[chain[sliding]]]
     start, rate = functional.on_chain[chain[exact]].T
     values[exact] = start + rate * constraints.parameter[exact]
+    dual = None if functional.dual is None else carried(functional.dual, before, movable, hint)
     if solution.modes is None:
-        return TrialFunction(values, fixed, None)
-    return TrialFunction(values, fixed, carried_modes(old, movable, hint, values, fixed))
+        return TrialFunction(values, fixed, None, dual)
+    return TrialFunction(values, fixed, carried_modes(old, movable, hint, values, fixed), dual)
 
 
 class Old:
@@ -78,7 +79,7 @@ class Old:
 
     def values(self, element: Ints, share: Floats) -> Floats:
         """The solution at barycentric coordinates (n, 3) of elements (n,)."""
-        values, _, modes = self.functional.solution
+        values, _, modes, _ = self.functional.solution
         part = None if modes is None else Modes(*(array[element] for array in modes))
         return evaluated(local_coefficients(values[self.triangulation.elements.node[element]], part), share)
 

@@ -1,13 +1,15 @@
 """The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import is_number
 from kohonen_adapt.kernels.arrays import Reference
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
@@ -31,6 +33,7 @@ __all__ = [
     "functional_value",
     "integrated",
     "looked_up",
+    "parts_of",
     "value_on",
 ]
 
@@ -90,12 +93,23 @@ class Ritz:
         condition there (Robin, of convection or an open boundary; Neumann with kappa = 0). kappa >= 0 is a constant,
         the load a constant or a function of x (2, n) that returns (n,), interpolated at the unknowns. The polish
         improves the values there, and the nodes stay where they are. In the plane only.
+    dual
+        The functional of the dual solution z of a goal J, where the mesh is to be adapted for that: with the
+        coefficient of this one, J as its load, and zeros given where values are. What is lowered then is ``share Pi(u)
+        + Pi_dual(z) / share``, which lies above its minimum by ``(share |e|^2 + |d|^2 / share) / 2``, and that is no
+        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Order 1, no laws.
+    share
+        > 0: best ``|d| / |e|``, as estimated. `adapt` keeps that of the first mesh, so that passes compare.
+    comparable
+        Whether values of the functional on different meshes may be compared; not where it was linearised at a solution,
+        as the dual of a goal that is not linear.
 
     Raises
     ------
     ValueError
         If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
-        entry in a table, or a law lacks a method.
+        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws or an order above 1, or
+        the dual other places where values are given or a dual of its own.
 
     Examples
     --------
@@ -117,6 +131,9 @@ class Ritz:
     order: int = 1
     axisymmetric: bool = False
     robin: Robin = field(default_factory=dict)
+    dual: "Ritz | None" = None
+    share: float = 1.0
+    comparable: bool = True
 
     def __post_init__(self) -> None:
         if isinstance(self.order, bool) or self.order not in (1, 2, 3):
@@ -145,6 +162,46 @@ class Ritz:
         object.__setattr__(self, "robin", checked_conditions(self.robin))
         if self.robin and self.axisymmetric:
             raise ValueError("robin of an axisymmetric Ritz must be left out; it has none around an axis.")
+        _check_dual(self)
+
+
+def _check_dual(ritz: Ritz) -> None:
+    """Refuse a dual that is none, and a share that says nothing."""
+    if not is_number(ritz.share) or not 0.0 < ritz.share < np.inf:
+        raise ValueError(f"share of Ritz must be a finite number > 0; got {ritz.share!r}.")
+    if not isinstance(ritz.comparable, bool):
+        raise ValueError(f"comparable of Ritz must be True or False; got {ritz.comparable!r}.")
+    if ritz.dual is None:
+        return
+    if not isinstance(ritz.dual, Ritz) or ritz.dual.dual is not None:
+        raise ValueError(f"dual of Ritz must be a Ritz without a dual, or None; got {ritz.dual!r}.")
+    if ritz.laws or ritz.dual.laws:
+        raise ValueError("a Ritz with a dual must have no laws; the dual of a nonlinear problem has none either.")
+    if (ritz.order, ritz.dual.order) != (1, 1):
+        raise ValueError(f"a Ritz with a dual must be of order 1, both; got {ritz.order} and {ritz.dual.order}.")
+    if not np.array_equal(np.asarray(ritz.dual.fixed), np.asarray(ritz.fixed)):
+        counts = [np.count_nonzero(one.fixed) for one in (ritz, ritz.dual)]
+        raise ValueError(
+            f"fixed of the dual of a Ritz must be that of the Ritz, with {counts[0]} given; got {counts[1]} or others."
+        )
+
+
+def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
+    """The functionals that are added up, with the share of each in its constants."""
+    if ritz.dual is None:
+        return (ritz,)
+    return _times(ritz.share, replace(ritz, dual=None)), _times(1.0 / ritz.share, ritz.dual)
+
+
+def _times(factor: float, ritz: Ritz) -> Ritz:
+    """A functional without laws, multiplied."""
+
+    def scaled(given: Any) -> Any:
+        return (lambda *at: factor * np.asarray(given(*at))) if callable(given) else factor * np.asarray(given)
+
+    constants = {name: scaled(getattr(ritz, name)) for name in ("coefficient", "source", "flux")}
+    robin = {name: (factor * kappa, scaled(load)) for name, (kappa, load) in ritz.robin.items()}
+    return replace(ritz, robin=robin, **constants)
 
 
 def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
@@ -181,7 +238,11 @@ def integrated(ritz: Ritz) -> Reference:
 
 
 def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
-    """The functional of the solution on its own mesh, or an error if that is another one."""
+    """The functional of the solution on its own mesh, its dual's included, or an error if that is another one."""
+    return sum(_value_of_part(mesh, part) for part in parts_of(ritz))
+
+
+def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
     check_fits(ritz, mesh)
     number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     values, node = np.asarray(ritz.values), mesh.t.T

@@ -18,6 +18,7 @@ NO_ARRAYS = {
     "Laws": {"first"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},
+    "Trials": {"one", "other"},
 }
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "Twins", "SearchScratch", "SurgeryScratch")
 

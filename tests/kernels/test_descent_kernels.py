@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, gain_of_flip, quadratic
+from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip, mark_gainful
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
@@ -41,7 +43,8 @@ class Setting:
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        self.trial = self.functional.trial(self.tri, self.values, self.fixed)
+        self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
+        self.trial = self.trials.one
 
     @property
     def arrays(self):
@@ -53,14 +56,14 @@ class Setting:
 
     def sweep(self):
         return kernels.descend_nodes(
-            self.tri.position, self.tri.star, self.constraints, self.trial, np.arange(self.tri.nnodes), FLOOR
+            self.tri.position, self.tri.star, self.constraints, self.trials, np.arange(self.tri.nnodes), FLOOR
         )
 
 
 def all_flips(at, floor):
     """A sweep over all edges."""
     every = np.ones(len(at.tri.elements.node), dtype=np.bool_)
-    return kernels.descend_flips(at.tri.position, at.tri.elements, at.trial, floor, every)
+    return descend_flips(at.tri.position, at.tri.elements, at.trials, floor, every)
 
 
 MESHES = {
@@ -178,9 +181,7 @@ def test_a_flip_gains_what_the_functional_loses(build):
     at = Setting(perturbed(build(), 5), 5)
     elements, gained = at.tri.elements, 0
     for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
-        gain = gain_of_flip(
-            at.tri.position, elements.node, at.trial.value, at.trial.data, at.trial.laws, e, k, elements.neighbour[e, k]
-        )
+        gain = gain_of_flip(at.tri.position, elements.node, at.trials, e, k, elements.neighbour[e, k])
         saved = [array.copy() for array in elements]
         before = functional(*at.arrays)
         flip_edge(elements, e, k)
@@ -201,9 +202,9 @@ def test_marked_edges_are_flipped_as_if_all_were_looked_at(build):
         m = len(one.tri.elements.node)
         gainful = np.empty(m, dtype=np.bool_)
         for first, last in ((0, m // 3), (m // 3, m)):
-            kernels.mark_gainful(one.tri.position, one.tri.elements, one.trial, first, last, gainful)
+            mark_gainful(one.tri.position, one.tri.elements, one.trials, first, last, gainful)
         assert 0 < np.count_nonzero(gainful) < m
-        found = kernels.descend_flips(one.tri.position, one.tri.elements, one.trial, FLOOR, gainful)
+        found = descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful)
         assert found == all_flips(other, FLOOR)
         for mine, all_of_them in zip(one.tri.elements, other.tri.elements, strict=True):
             np.testing.assert_array_equal(mine, all_of_them)

@@ -19,12 +19,13 @@ from kohonen_adapt.kernels.triangle.descend import (
     LEAST_CURVATURE,
     OVERSTEP,
     derivatives,
-    gain_of_flip,
     parabola,
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip, mark_gainful
 from kohonen_adapt.kernels.triangle.nonlinear import stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.energy_tables import tabulated
@@ -199,7 +200,8 @@ class Setting:
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        self.trial = self.functional.trial(self.tri, self.values, self.fixed)
+        self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
+        self.trial = self.trials.one
 
     @property
     def arrays(self):
@@ -213,11 +215,11 @@ class Setting:
 
     def sweep(self):
         order = np.arange(self.tri.nnodes)
-        return kernels.descend_nodes(self.tri.position, self.tri.star, self.constraints, self.trial, order, FLOOR)
+        return kernels.descend_nodes(self.tri.position, self.tri.star, self.constraints, self.trials, order, FLOOR)
 
     def flips(self):
         every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
-        lowered, count = kernels.descend_flips(self.tri.position, self.tri.elements, self.trial, FLOOR, every)
+        lowered, count = descend_flips(self.tri.position, self.tri.elements, self.trials, FLOOR, every)
         self.tri.refill_star()
         return lowered, count
 
@@ -354,9 +356,7 @@ def test_a_flip_gains_what_the_functional_loses(law):
     at = Setting(perturbed(inset(8), 5), 5, law)
     elements, gained = at.tri.elements, 0
     for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
-        gain = gain_of_flip(
-            at.tri.position, elements.node, at.trial.value, at.trial.data, at.trial.laws, e, k, elements.neighbour[e, k]
-        )
+        gain = gain_of_flip(at.tri.position, elements.node, at.trials, e, k, elements.neighbour[e, k])
         saved = [array.copy() for array in elements]
         before = at.exact()
         flip_edge(elements, e, k)
@@ -451,7 +451,7 @@ def test_a_linear_law_is_polished_like_linear_material():
 
 
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
-    mesh, compiled = blocks(16), (kernels.descend_nodes, kernels.descend_flips, kernels.mark_gainful)
+    mesh, compiled = blocks(16), (kernels.descend_nodes, descend_flips, mark_gainful)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)

@@ -1,4 +1,4 @@
-"""Lower a Ritz functional of P1 functions by sweeps that move nodes and flip edges.
+"""Lower Ritz functionals of P1 functions by sweeps that move nodes.
 
 The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), counter-clockwise with doubled area D, is
 
@@ -26,11 +26,9 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
-from kohonen_adapt.kernels.triangle.connectivity import corners_around
-from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.nonlinear import stored, stored_in
-from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates, pushed
+from kohonen_adapt.kernels.triangle.nonlinear import stored
+from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -40,25 +38,24 @@ LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count a
 
 
 @kernel
-def descend_nodes(position, star, constraints, trial, order, floor):
+def descend_nodes(position, star, constraints, trials, order, floor):
     """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
 
-    A node's own value follows: it is what minimises the functional, or where it is given along a chain what the chain
-    says. What a better value at the same place gains does not count.
+    A node's own values follow: each is what minimises its functional, or where it is given along a chain what the chain
+    says. What better values at the same place gain does not count.
     """
-    gain = 0.0
+    gain, two = 0.0, trials.other.value.shape[0] > 0
     for node in order:
         v = np.int64(node)
-        kind, fixed = constraints.kind[v], trial.fixed[v]
-        if kind == HELD:
-            if not fixed:
-                improve_value(position, star, trial, v)
-            continue
-        slope = derivatives(position, star, trial, v)
+        kind = constraints.kind[v]
         if kind == FREE:
-            gain += move_free(position, star, trial, v, slope, floor)
-        else:
-            gain += move_on_chain(position, star, constraints, trial, v, slope, floor)
+            gain += move_free(position, star, trials, v, floor)
+        elif kind != HELD:
+            gain += move_on_chain(position, star, constraints, trials, v, floor)
+        elif not trials.one.fixed[v]:
+            improve_value(position, star, trials.one, v)
+            if two:
+                improve_value(position, star, trials.other, v)
     return gain
 
 
@@ -150,12 +147,28 @@ def quadratic(position, star, trial, v, x, y):
 
 
 @inner_kernel
-def move_free(position, star, trial, v, slope, floor):
-    """Move a free node by a step with its value eliminated, or half as far until it is a gain; returns the gain."""
+def eliminated(slope):
+    """Of what `derivatives` returns, the own value at its best: (sum of magnitudes, value, by x, y, by xx, xy, yy)."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
-    now = total - 0.5 * by_w * by_w / ww
     by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
-    step_x, step_y = newton_step(by_x, by_y, xx - xw * xw / ww, xy - xw * yw / ww, yy - yw * yw / ww)
+    return size, total - 0.5 * by_w * by_w / ww, by_x, by_y, xx - xw * xw / ww, xy - xw * yw / ww, yy - yw * yw / ww
+
+
+@inner_kernel
+def move_free(position, star, trials, v, floor):
+    """Move a free node by a step with its values eliminated, or half as far until it is a gain; returns the gain."""
+    trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
+    slope = derivatives(position, star, trial, v)
+    _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
+    size, now, by_x, by_y, xx, xy, yy = eliminated(slope)
+    still = 0.0
+    if two:
+        slope = derivatives(position, star, other, v)
+        still = -slope[4] / slope[10]
+        more = eliminated(slope)
+        size, now, by_x, by_y = size + more[0], now + more[1], by_x + more[2], by_y + more[3]
+        xx, xy, yy = xx + more[4], xy + more[5], yy + more[6]
+    step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
     if -(step_x * by_x + step_y * by_y) > ROUNDING * size:
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
@@ -165,16 +178,23 @@ def move_free(position, star, trial, v, slope, floor):
                     c, r, k = least_parabola(position, star, trial, v, x, y, w, np.bool_(False))
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
-                gain = now - c + 0.5 * r * r / k
+                gain, z = now - c + 0.5 * r * r / k, 0.0
+                if two:
+                    d, s, stiff = quadratic(position, star, other, v, x, y)
+                    gain, z = gain - d + 0.5 * s * s / stiff, -s / stiff
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] -= r / k
+                    if two:
+                        other.value[v] += z
                     return gain
             step_x, step_y = 0.5 * step_x, 0.5 * step_y
     if trial.bent[v]:
         improve_value(position, star, trial, v)
     else:
         trial.value[v] -= by_w / ww
+    if two:
+        other.value[v] += still
     return 0.0
 
 
@@ -195,129 +215,77 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 
 @inner_kernel
-def move_on_chain(position, star, constraints, trial, v, slope, floor):
-    """Move a node along a straight chain in the same way; its value is eliminated, or looked up where given."""
+def along_line(slope, tx, ty, given, rate):
+    """The same along a direction, where a given value changes at that rate, and how the value follows then.
+
+    Returns (sum of magnitudes, value, slope, curvature, rate of the value).
+    """
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
+    mixed = tx * xw + ty * yw
+    if not given:
+        total, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
+    along = tx * by_x + ty * by_y + rate * by_w
+    return size, total, along, tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate, rate
+
+
+@inner_kernel
+def value_on_chain(trial, chain, parameter):
+    """What a chain on which values are given says."""
+    return trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * parameter
+
+
+@inner_kernel
+def move_on_chain(position, star, constraints, trials, v, floor):
+    """Move a node along a straight chain in the same way; its values are eliminated, or looked up where given."""
+    trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
     chain, parameter, given = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
-    mixed = tx * xw + ty * yw
-    now, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
-    if given:
-        now, rate = total, trial.on_chain[chain, 1]
-    along = tx * by_x + ty * by_y + rate * by_w
-    curvature = abs(tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate)
-    change = -OVERSTEP * along / curvature
+    slope = derivatives(position, star, trial, v)
+    size, now, along, curvature, rate = along_line(slope, tx, ty, given, trial.on_chain[chain, 1])
+    by_w, ww, still = slope[4], slope[10], 0.0
+    if two:
+        slope = derivatives(position, star, other, v)
+        still = -slope[4] / slope[10]
+        more = along_line(slope, tx, ty, given, other.on_chain[chain, 1])
+        size, now, along, curvature = size + more[0], now + more[1], along + more[2], curvature + more[3]
+    change = -OVERSTEP * along / abs(curvature)
     if -change * along > ROUNDING * size:
         for _ in range(HALVINGS + 1):
             x, y = point_at(constraints.chains, chain, parameter + change)
             if may_move(position, star, v, x, y, floor):
                 w = rate * change - by_w / ww
                 if given:
-                    w = trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * (parameter + change) - trial.value[v]
+                    w = value_on_chain(trial, chain, parameter + change) - trial.value[v]
                 if trial.bent[v]:
                     c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
                 if not given:
                     w = -r / k
-                gain = now - c - (r + 0.5 * k * w) * w
+                gain, z = now - c - (r + 0.5 * k * w) * w, 0.0
+                if two:
+                    c, r, k = quadratic(position, star, other, v, x, y)
+                    z = -r / k
+                    if given:
+                        z = value_on_chain(other, chain, parameter + change) - other.value[v]
+                    gain -= c + (r + 0.5 * k * z) * z
                 if gain > ROUNDING * size:
                     constraints.parameter[v] = parameter + change
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] += w
+                    if two:
+                        other.value[v] += z
                     return gain
             change *= 0.5
-    if not given and trial.bent[v]:
-        improve_value(position, star, trial, v)
-    elif not given:
-        trial.value[v] -= by_w / ww
-    return 0.0
-
-
-@kernel
-def mark_gainful(position, elements, trial, first, last, gainful):
-    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
-    node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
-    for e in range(first, last):
-        gainful[e] = False
-        for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
-                gainful[e] = gain_of_flip(position, node, value, data, laws, e, k, other) > 0.0
-
-
-@inner_kernel
-def mark_beside(elements, e, marked):
-    """Mark the neighbours of e."""
-    for k in range(3):
-        if elements.neighbour[e, k] >= 0:
-            marked[elements.neighbour[e, k]] = True
-
-
-@kernel
-def descend_flips(position, elements, trial, floor, gainful):
-    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
-
-    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
-    these it marks.
-    """
-    node, value, data, laws = elements.node, trial.value, trial.data, trial.laws
-    gain, flips = 0.0, 0
-    for e in range(node.shape[0]):
-        if not gainful[e]:
-            continue
-        for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0:
-                lowered = gain_of_flip(position, node, value, data, laws, e, k, other)
-                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
-                    flip_edge(elements, e, k)
-                    gain += lowered
-                    flips += 1
-                    mark_beside(elements, e, gainful)
-                    mark_beside(elements, other, gainful)
-    return gain, flips
-
-
-@kernel
-def gain_of_flip(position, node, value, data, laws, e, k, other):
-    """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
-
-    A constant flux adds the same to both: the mean gradient of two elements is a matter of their outline.
-    """
-    p, q, r, s = corners_around(node, e, k, other)
-    x, y, own = position[r, 0], position[r, 1], value[r]
-    px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
-    qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
-    sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
-    coefficient, load = 2.0 * data[e, HALF_COEFFICIENT], data[e, SIXTH_SOURCE]
-    law = laws.number[e]
-    if law >= 0:
-        coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
-        before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-        after = stored_in(laws, law, px, py, u, sx, sy, w) + stored_in(laws, law, sx, sy, w, qx, qy, v)
-    else:
-        before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-        after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
-    inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
-    left, right = px * sy - py * sx, sx * qy - sy * qx
-    if not (left > 0.0 and right > 0.0):
+    if given:
         return 0.0
-    pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
-    gain = coefficient * (before - after) + pulled
-    if data.shape[1] > CONSTANTS:
-        gain += pushed(data, e, x, y, px, py, u, sx, sy, w) + pushed(data, e, x, y, sx, sy, w, qx, qy, v)
-        gain -= pushed(data, e, x, y, px, py, u, qx, qy, v)
-        gain -= pushed(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-    size = coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
-    return gain if gain > ROUNDING * size else 0.0
-
-
-@inner_kernel
-def dirichlet(ax, ay, u, bx, by, v):
-    """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
-    nx, ny = v * ax - u * bx, v * ay - u * by
-    return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
+    if trial.bent[v]:
+        improve_value(position, star, trial, v)
+    else:
+        trial.value[v] -= by_w / ww
+    if two:
+        other.value[v] += still
+    return 0.0
 
 
 @kernel

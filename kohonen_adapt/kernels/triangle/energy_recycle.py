@@ -48,8 +48,8 @@ def split_parabola(mesh, trial, e, k, x, y, own, w):
 
 
 @inner_kernel
-def gain_of_split(mesh, trial, e, k, x, y):
-    """What the best value of a new node at (x, y) takes off, 0 if that is rounding, and this value.
+def best_of_split(mesh, trial, e, k, x, y):
+    """Sum of magnitudes, what the best value of a new node at (x, y) takes off one functional, and this value.
 
     In nonlinear material it is the value after one step of Newton's method.
     """
@@ -59,13 +59,24 @@ def gain_of_split(mesh, trial, e, k, x, y):
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
     if trial.bent[a] or trial.bent[b]:
         gain = before - split_parabola(mesh, trial, e, k, x, y, own, w)[1]
-    return gain if gain > ROUNDING * size else 0.0, own + w
+    return size, gain, own + w
+
+
+@inner_kernel
+def gain_of_split(mesh, trials, e, k, x, y):
+    """What the best values of a new node at (x, y) take off, 0 if that is rounding, and these values."""
+    size, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
+    other = 0.0
+    if trials.other.value.shape[0] > 0:
+        sized, more, other = best_of_split(mesh, trials.other, e, k, x, y)
+        size, gain = size + sized, gain + more
+    return gain if gain > ROUNDING * size else 0.0, value, other
 
 
 @kernel
-def weigh_splits(mesh, trial, offers, floor, first, last):
+def weigh_splits(mesh, trials, offers, floor, first, last):
     """Work out what a split of every edge of the elements `first` to `last` gains, 0 where none is allowed."""
-    elements, inner = mesh.elements, mesh.constraints.inner
+    elements, inner, fixed = mesh.elements, mesh.constraints.inner, trials.one.fixed
     node = elements.node
     for e in range(first, last):
         for k in range(3):
@@ -74,10 +85,10 @@ def weigh_splits(mesh, trial, offers, floor, first, last):
             if elements.neighbour[e, k] >= e or (c >= 0 and not offers.open[c]):  # the outer boundary is -1
                 continue
             a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
-            if trial.fixed[a] and trial.fixed[b] and (inner[a] or inner[b]):
+            if fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue  # given inside a region: who knows what between them
             x, y, _ = midpoint(mesh, c, a, b)
-            gain, _ = gain_of_split(mesh, trial, e, k, x, y)
+            gain, _, _ = gain_of_split(mesh, trials, e, k, x, y)
             if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
                 offers.gain[e, k] = gain
 
@@ -115,14 +126,17 @@ def star_functional(position, star, trial, v):
 
 
 @kernel
-def weigh_collapses(mesh, star, trial, offers, most, floor, first, last):
+def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
     """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
     position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
+    two = trials.other.value.shape[0] > 0
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        before, least, sliding = star_functional(position, star, trial, v), most, constraints.kind[v] == SLIDING
+        before, least, sliding = star_functional(position, star, trials.one, v), most, constraints.kind[v] == SLIDING
+        if two:
+            before += star_functional(position, star, trials.other, v)
         for j in range(star.start[v], star.start[v + 1]):
             e = np.int64(star.element[j])
             k = corner_of(elements.node, e, v)
@@ -132,7 +146,10 @@ def weigh_collapses(mesh, star, trial, offers, most, floor, first, last):
                 # everyone around a free node is ahead of it once; along a chain there are two
                 if c != constraints.chain[v, OWN] if sliding else i == 1:
                     continue
-                cost = merged_functional(position, star, trial, v, w) - before
+                after = merged_functional(position, star, trials.one, v, w)
+                if two:
+                    after += merged_functional(position, star, trials.other, v, w)
+                cost = after - before
                 # the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
@@ -169,11 +186,11 @@ def cheapest_left(mesh, offers, nodes, at, gain, floor):
 
 
 @kernel
-def exchange(mesh, trial, offers, edges, nodes, floor):
+def exchange(mesh, trials, offers, edges, nodes, floor):
     """Split edges, the largest gain first, each for the cheapest collapse that is left, while that costs less.
 
     `edges` are 3 e + k, in order of their gains, `nodes` in order of their costs; values of new nodes are put into the
-    trial. Returns how many pairs, and what they took off the functional.
+    trials. Returns how many pairs, and what they took off the functional.
     """
     elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
@@ -196,9 +213,11 @@ def exchange(mesh, trial, offers, edges, nodes, floor):
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
-        _, value = gain_of_split(mesh, trial, e, k, x, y)
+        _, value, other_value = gain_of_split(mesh, trials, e, k, x, y)
         p = split(mesh, e, k, x, y, parameter)
-        trial.value[p], trial.fixed[p] = value, False
+        trials.one.value[p], trials.one.fixed[p] = value, False
+        if trials.other.value.shape[0] > 0:
+            trials.other.value[p], trials.other.fixed[p] = other_value, False
         lock_around(mesh, p, locked)
         pairs += 1
     return pairs, lowered

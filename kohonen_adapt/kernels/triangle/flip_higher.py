@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
-from kohonen_adapt.kernels.triangle.descend import ROUNDING, mark_beside
+from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.descend_higher import (
     BUBBLE,
     EVEN,
@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     solve_upper,
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.flip_linear import mark_beside
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
 NEWTON = 2  # steps for the coefficients inside two elements of nonlinear material

@@ -1,0 +1,105 @@
+"""Flip edges where that lowers Ritz functionals of P1 functions, the functional of `descend.py`."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corners_around
+from kohonen_adapt.kernels.triangle.descend import ROUNDING
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.nonlinear import stored_in
+from kohonen_adapt.kernels.triangle.varying_flux import pushed
+
+
+@kernel
+def mark_gainful(position, elements, trials, first, last, gainful):
+    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
+    for e in range(first, last):
+        gainful[e] = False
+        for k in range(3):
+            other = np.int64(elements.neighbour[e, k])
+            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
+                gainful[e] = gain_of_flip(position, elements.node, trials, e, k, other) > 0.0
+
+
+@inner_kernel
+def mark_beside(elements, e, marked):
+    """Mark the neighbours of e."""
+    for k in range(3):
+        if elements.neighbour[e, k] >= 0:
+            marked[elements.neighbour[e, k]] = True
+
+
+@kernel
+def descend_flips(position, elements, trials, floor, gainful):
+    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
+
+    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
+    these it marks.
+    """
+    gain, flips = 0.0, 0
+    for e in range(elements.node.shape[0]):
+        if not gainful[e]:
+            continue
+        for k in range(3):
+            other = np.int64(elements.neighbour[e, k])
+            if other > e and elements.chain[e, k] < 0:
+                lowered = gain_of_flip(position, elements.node, trials, e, k, other)
+                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                    flip_edge(elements, e, k)
+                    gain += lowered
+                    flips += 1
+                    mark_beside(elements, e, gainful)
+                    mark_beside(elements, other, gainful)
+    return gain, flips
+
+
+@kernel
+def gain_of_flip(position, node, trials, e, k, other):
+    """What a flip of the edge opposite to corner k of e takes off the sum of functionals; 0 if that is rounding."""
+    gain, size = change_by_flip(position, node, trials.one, e, k, other)
+    if trials.other.value.shape[0] > 0:
+        more, sized = change_by_flip(position, node, trials.other, e, k, other)
+        gain, size = gain + more, size + sized
+    return gain if gain > ROUNDING * size else 0.0
+
+
+@inner_kernel
+def change_by_flip(position, node, trial, e, k, other):
+    """What a flip takes off one functional, nothing where it cannot be, and the sum of the magnitudes.
+
+    A constant flux adds the same to both: the mean gradient of two elements is a matter of their outline.
+    """
+    value, data, laws = trial.value, trial.data, trial.laws
+    p, q, r, s = corners_around(node, e, k, other)
+    x, y, own = position[r, 0], position[r, 1], value[r]
+    px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
+    qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
+    sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
+    coefficient, load = 2.0 * data[e, HALF_COEFFICIENT], data[e, SIXTH_SOURCE]
+    law = laws.number[e]
+    if law >= 0:
+        coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
+        before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = stored_in(laws, law, px, py, u, sx, sy, w) + stored_in(laws, law, sx, sy, w, qx, qy, v)
+    else:
+        before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
+    inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
+    left, right = px * sy - py * sx, sx * qy - sy * qx
+    if not (left > 0.0 and right > 0.0):
+        return 0.0, 0.0
+    pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
+    gain = coefficient * (before - after) + pulled
+    if data.shape[1] > CONSTANTS:
+        gain += pushed(data, e, x, y, px, py, u, sx, sy, w) + pushed(data, e, x, y, sx, sy, w, qx, qy, v)
+        gain -= pushed(data, e, x, y, px, py, u, qx, qy, v)
+        gain -= pushed(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+    return gain, coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
+
+
+@inner_kernel
+def dirichlet(ax, ay, u, bx, by, v):
+    """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
+    nx, ny = v * ax - u * bx, v * ay - u * by
+    return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
