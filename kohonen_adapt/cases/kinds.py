@@ -16,6 +16,7 @@ __all__ = [
     "TEXT",
     "Kind",
     "Reader",
+    "UnknownKeyError",
     "about",
     "called",
     "kinds_of",
@@ -35,6 +36,14 @@ LARGEST = 2**31 - 1  # of integers: nothing that is counted here is more
 SHOWN = 60  # characters of a wrong value
 
 
+class UnknownKeyError(ValueError):
+    """A key that a table has not; `key` is its name."""
+
+    def __init__(self, said: str, key: str) -> None:
+        super().__init__(said)
+        self.key = key
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of value: types of TOML, what they are called together, which values fit, and how to read those."""
@@ -47,7 +56,8 @@ class Kind:
     def __call__(self, given: Any, place: str) -> Any:
         """Read a value; a ValueError names the place, what was expected and what came."""
         if type(given) not in self.types or not self.fits(given):
-            hint = " Write it without quotes." if isinstance(given, str) and str not in self.types else ""
+            plain = {bool, int, float} & set(self.types)
+            hint = " Write it without quotes." if isinstance(given, str) and plain and str not in self.types else ""
             raise ValueError(f"{place} must be {self.wanted}; got {_shown(given)}.{hint}")
         return self.read(given, place)
 
@@ -132,8 +142,9 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
     for key in entries:
         if key not in readers:
             where = f" in {place}" if place else ""
-            raise ValueError(
-                f"{_below(place, key)!r} is no key of a case.{_near(key, readers)} Known{where}: {', '.join(readers)}."
+            raise UnknownKeyError(
+                f"{_below(place, key)!r} is no key of a case.{_near(key, readers)} Known{where}: {', '.join(readers)}.",
+                key,
             )
     for key in required:
         if key not in entries:
@@ -158,10 +169,12 @@ def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> A
 
 def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
     """Call the class or function that one key of a table names, with the others as its arguments."""
-    entries = TABLE(given, place)
+    said = f"one of {', '.join(map(repr, makers))}"
+    entries = Kind((dict,), f"a table with a key {key}, {said}", read=TABLE)(given, place)
     name = entries.pop(key, None)
+    if name is None:
+        raise ValueError(f"{_below(place, key)} is missing; it must be {said}.")
     if not isinstance(name, str) or name not in makers:
-        said = f"one of {', '.join(map(repr, makers))}"
         raise ValueError(f"{_below(place, key)} must be {said}; got {_shown(name)}.{_near(name, makers)}")
     return made(makers[name], entries, place)
 

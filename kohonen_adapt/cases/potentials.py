@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.kinds import NUMBER, POINTS, Kind, called, kinds_of, read_table
@@ -17,8 +18,12 @@ TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<
 LONGEST = 1000  # characters
 SHOWN = 20  # characters of what is refused
 BEYOND = 1e-9  # of the width of a table: how far off its ends rounding may bring a node
+WIDE = 100.0  # times as wide as the mesh a table is in another unit
 
-REMEDY = 'Write a sum as "0.3*x - 0.1*y + 2e-3", without brackets; for curves of x or y give a table.'
+REMEDY = (
+    'Write a sum of x and y (which are r and z around an axis) as "0.3*x - 0.1*y + 2e-3", without brackets; for curves '
+    "give a table over x or y."
+)
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,15 @@ class TabulatedPotential:
     @property
     def _columns(self) -> Floats:
         return np.reshape(self.points, (-1, 2)).T
+
+    def check(self, mesh: MeshTri) -> None:
+        """Refuse a table that must be in another unit than the mesh."""
+        wide, (low, high) = np.ptp(self._columns[0]), np.sort(mesh.p["xy".index(self.over)])[[0, -1]]
+        if wide > WIDE * (high - low):
+            raise ValueError(
+                f"{self.place}: the table is {wide:g} m wide, and the mesh reaches from {self.over} = {low:g} to "
+                f"{high:g} m. Give its points in metres, whatever the unit of the mesh file."
+            )
 
     def __call__(self, x: Floats) -> Floats:
         """A at points (2, n), (n,); a ValueError where the table does not reach."""

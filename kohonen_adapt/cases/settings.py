@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,18 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, about, kinds_of, read_table, table_of
-from kohonen_adapt.cases.potentials import POTENTIAL
+from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, UnknownKeyError, about, kinds_of, read_table, table_of
+from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
 from kohonen_adapt.io import HEADER, MSH_VERSION
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
+from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 
@@ -108,12 +111,23 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "turn": table_of(NUMBER),
         "rim": TEXT,
     }
-    values = read_table(given, readers, "", required=("mesh", "materials"))
+    try:
+        values = read_table(given, readers, "", required=("mesh", "materials"))
+    except UnknownKeyError as error:
+        raise ValueError(f"{error}{_home_of(error.key, readers)}") from None
     problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     return Case(
         folder / values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", "")
     )
+
+
+def _home_of(key: str, top: Mapping[str, Reader]) -> str:
+    """Say where a key belongs that stands elsewhere: in TOML what follows a [table] is a part of that."""
+    if key in top:
+        return f" But {key} is one of the case itself: write it above all tables."
+    home = "adapt" if key in ADAPT else "materials.NAME" if key in signature(Material).parameters else ""
+    return f" But {key} is one of [{home}]." if home else ""
 
 
 def fitting_mesh(case: Case) -> MeshTri:
@@ -145,9 +159,15 @@ def fitting_mesh(case: Case) -> MeshTri:
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
+    _check_names(case, mesh)
     case.problem.check(mesh)
     blank = _blank(case.problem, mesh)
     if case.problem.goal is not None:
+        if case.adapt.get("rtol") is not None:
+            raise ValueError(
+                "adapt.rtol is a share of the energy norm, which is no measure of a goal; leave it out, or give atol, "
+                "the root of what is allowed, or output_rtol."
+            )
         with about("goal"):
             case.problem.goal.derivative(blank)
     for name, each in case.outputs.items():
@@ -156,6 +176,19 @@ def fitting_mesh(case: Case) -> MeshTri:
     with about("adapt"), suppress(_Checked):
         adapt(mesh, _Unsolved(**vars(case.problem)), outputs=case.outputs, **case.options(mesh))
     return mesh
+
+
+def _check_names(case: Case, mesh: MeshTri) -> None:
+    """Refuse what is wrong with the potentials of a case, but would be clear to the author of a program."""
+    given = case.problem.boundaries
+    if not named_sets(mesh.boundaries) and given.potential.keys() - given.points.keys():
+        raise ValueError(
+            "potential must name a boundary, and the mesh file names no part of its rim: for a name of the whole rim "
+            'write rim = "outer" above all tables, or give its lines a physical group.'
+        )
+    for value in given.potential.values():
+        if isinstance(value, TabulatedPotential):
+            value.check(mesh)
 
 
 def _blank(problem: Magnetostatics, mesh: MeshTri) -> Field:

@@ -258,7 +258,11 @@ def wrong(old, new, *said):
         wrong("permeability = 1000.0", 'bh = "/dev/zero"', "materials.iron.bh must name a file with a table of B and"),
         wrong("permeability = 1000.0", 'bh = "\\u0000"', "materials.iron.bh"),
         wrong("permeability = 1000.0", f'bh = "{"x" * 5000}"', "materials.iron.bh"),
-        wrong("permeability = 1000.0", "bh = {k1 = 1}", "materials.iron.bh.law must be one of 'brauer', 'froehlich'"),
+        wrong(
+            "permeability = 1000.0",
+            "bh = {k1 = 1}",
+            "materials.iron.bh.law is missing; it must be one of 'brauer', 'fr",
+        ),
         wrong("permeability = 1000.0", 'bh = {law = "bauer"}', "got 'bauer'. Did you mean 'brauer'?"),
         wrong("permeability = 1000.0", 'bh = {law = "brauer", k1 = 1}', "materials.iron.bh.k2 is missing"),
         wrong(
@@ -266,6 +270,18 @@ def wrong(old, new, *said):
             'bh = {law = "brauer", k1 = 1e9, k2 = 1, k3 = 1}',
             "materials.iron.bh: k1 + k2 of Brauer",
         ),
+        wrong(
+            "passes = 4",
+            "depth = 0.1",
+            "'adapt.depth' is no key",
+            "But depth is one of the case itself: write it above",
+        ),
+        wrong("scale = 1e-3", "passes = 3", "'passes' is no key of a case.", "But passes is one of [adapt]."),
+        wrong("outer = 0.0", "outer = 0.0\n[goal]\nbh = 2", "goal.quantity is missing; it must be one of 'force', 't"),
+        wrong(
+            "outer = 0.0", "outer = 0.0\n[points]\n[outputs.a]\nquantity = 'energy'\nbh = 2", "But bh is one of [mat"
+        ),
+        wrong("scale = 1e-3", "goal = 'force'", "goal must be a table with a key quantity, one of 'force', 'torque', "),
         pytest.param('mesh = "m"\nmaterials = {air = 1}', ["materials.air must be a table of keys; got 1."], id="air"),
         wrong(
             "outer = 0.0",
@@ -276,9 +292,7 @@ def wrong(old, new, *said):
         wrong("outer = 0.0", "", "potential must fix A on at least one boundary"),
         wrong("outer = 0.0", "outer = 0.0\n[ampere_turns]\ncoil = 1", "ampere_turns has 'coil', which is not among"),
         wrong("passes = 4", "passes = 4.0", "adapt.passes must be an integer up to 2147483647; got 4.0."),
-        wrong(
-            "passes = 4", "curves = {a = {radius = 1}}", "adapt.curves.a.curve must be one of 'arc', 'line', 'spline'"
-        ),
+        wrong("passes = 4", "curves = {a = {radius = 1}}", "adapt.curves.a.curve is missing; it must be one of 'arc',"),
         wrong("passes = 4", 'curves = {a = {curve = "arc", radius = 1}}', "adapt.curves.a.centre is missing"),
         wrong(
             "passes = 4",

@@ -88,7 +88,7 @@ def _reads(text):
 def test_what_is_no_expression(text, said):
     with pytest.raises(ValueError) as refusal:
         POTENTIAL(text, "potential.rim")
-    assert str(refusal.value).startswith(f"potential.rim must have {said}. Write a sum as ")
+    assert str(refusal.value).startswith(f"potential.rim must have {said}. Write a sum of x and y ")
 
 
 @pytest.mark.parametrize("text", ["1e999*x", "1e300*1e300*y", "1e-300/1e300/1e300*1e999"])

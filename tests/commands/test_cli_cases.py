@@ -17,10 +17,11 @@ from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
-from kohonen_adapt.cases import case_of, fitting_mesh
+from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.cases.settings import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.sweep import CaseOutputs
 from kohonen_adapt.magnetostatics import (
     FluxLinkage,
     Force,
@@ -222,6 +223,14 @@ def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_
             "outputs.more: at must be a point [x, y] of the mesh, in metres; [1.1, 0.5] is outside.",
         ),
         (
+            'potential.left = {over = "y", points = [[0.0, 0.0], [1000.0, 1.0]]}',
+            "potential.left: the table is 1000 m wide, and the mesh reaches from y = 0 to 1 m. Give its points in ",
+        ),
+        (
+            'goal = {quantity = "energy", part = "core"}\nadapt.rtol = 0.1',
+            "adapt.rtol is a share of the energy norm, which is no measure of a goal",
+        ),
+        (
             'potential.left = {over = "y", points = [[0.0, 0.0], [0.5, 1.0]]}',
             "potential.left: the table reaches from y = 0 to 0.5 m, and the boundary has a node at 1 m.",
         ),
@@ -231,6 +240,23 @@ def test_what_does_not_fit_the_mesh_is_refused_before_the_run(toml, said, run, t
     (tmp_path / "case.toml").write_text(case_text(toml))
     assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
     assert f"case.toml: {said}" in capsys.readouterr().err
+
+
+def test_a_mesh_without_named_lines_is_told_how_to_name_its_rim(tmp_path, capsys):
+    ka.write_mesh(tmp_path / "m.msh", inset(8))
+    (tmp_path / "case.toml").write_text(case_text(""))
+    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    said = "potential must name a boundary, and the mesh file names no part of its rim: for a name of the whole rim"
+    assert f'case.toml: {said} write rim = "outer"' in capsys.readouterr().err
+
+
+def test_keys_of_a_pattern_can_be_swept(tmp_path):
+    ka.write_mesh(tmp_path / "m.msh", drawn())
+    (tmp_path / "case.toml").write_text(case_text(CASES["parallel"].toml).replace("30.0", "0.0"))
+    swept = CaseOutputs.of(tmp_path / "case.toml")(**{"materials.core.remanence.degrees": 30.0})
+    (tmp_path / "case.toml").write_text(case_text(CASES["parallel"].toml))
+    it = read_case(tmp_path / "case.toml")
+    assert swept == ka.adapt(fitting_mesh(it), it.problem, outputs=it.labelled_outputs, passes=2).best.outputs
 
 
 # What `init` writes.
