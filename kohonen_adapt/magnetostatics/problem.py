@@ -307,8 +307,8 @@ class Magnetostatics(Arguments):
         Returns
         -------
         Ritz
-            In J/m, one number per material; its flux is a function where a magnet turns. Nodes of periodic and
-            antiperiodic sides count as given, for the polish looks at one side at a time.
+            In J/m, one number per material; its flux is a function where a magnet turns; its signs say which
+            sides are periodic and which antiperiodic.
 
         Raises
         ------

@@ -167,8 +167,15 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     flux: Flux = _flux_of(present) if turns else given.flux[:, first]
     laws = tuple(material.bh for material in present.values()) if given.pieces else ()
     tables = given.reluctivity[first], given.current_density[first], flux
-    robin = robin_of(field, boundaries)
-    return Ritz(field.unknown, conditions.held, *tables, place, laws, field.elements.order, robin=robin)
+    order, robin, signs = field.elements.order, robin_of(field, boundaries), signs_of(boundaries)
+    return Ritz(field.unknown, conditions.fixed, *tables, place, laws, order, robin=robin, signs=signs)
+
+
+def signs_of(given: Boundaries) -> dict[tuple[str, str], int]:
+    """The pairs of boundaries as `Ritz` states them."""
+    return {
+        (pair[0], pair[1]): sign for sign, pairs in ((1, given.periodic), (-1, given.antiperiodic)) for pair in pairs
+    }
 
 
 def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:

@@ -32,7 +32,6 @@ def recycle_by_energy(
     nodes may not slide on, for the functional is not known there or would be another one, keep theirs.
     """
     n = movable.nnodes
-    trial = trial._replace(fixed=trial.fixed | (movable.constraints.twins.partner >= 0))
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
     mesh, offers = surgery.mesh, offers_of(movable, functional, trial.fixed, surgery.mesh)
     judging = judge_of(movable, functional, trial, mesh, offers)
@@ -51,7 +50,7 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     """Room for what splits and collapses are worth, with those ruled out that would change what is given."""
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
     is_open = ~(functional.held | functional.given | movable.constraints.chains.paired)
-    removable = functional.kinds(movable.outline, fixed) != HELD
+    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.twins.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 

@@ -9,7 +9,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import CENTRE_X, CONSTANTS, HALF_FLUX_X, RATES_X, RATES_Y, VARYING
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
-from kohonen_adapt.problem.ritz import flux_at
+from kohonen_adapt.problem.tables import flux_at
 
 __all__ = ["expanded"]
 

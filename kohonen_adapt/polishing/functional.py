@@ -56,6 +56,9 @@ class Functional:
         Chains whose values are given, (c,) bool.
     linear
         Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
+    sign
+        Of paired chains whose pair the functional states: 1 or -1, what values on one side are times those on the
+        other, (c,); 0 on all other chains.
     boundary
         What Robin conditions add: nodes there stay, for the functional is known on the facets that there are.
     held
@@ -83,6 +86,7 @@ class Functional:
     constants: Floats
     given: Mask
     linear: Mask
+    sign: Floats
     boundary: BoundaryTerms
     held: Mask
     on_chain: Floats
@@ -121,6 +125,7 @@ class Functional:
         if callable(ritz.flux) and ritz.order > 1:
             raise VariesInside("flux of Ritz can be a function with elements of order 1 only.")
         solution = solution_on(ritz, triangulation, mesh)
+        hold_unpaired(solution, ritz, triangulation, outline)
         values, fixed, modes, _ = solution
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
@@ -137,14 +142,15 @@ class Functional:
         linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         alike = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
+        sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
         held = ~straight | (given & ~linear) | (whole & bare) | boundary.on
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
         constants, comparable = constants_of(ritz, number), ritz.comparable and alike
         if modes is not None:
-            modes.given[on_chains(triangulation.elements.chain, boundary.on)] = True
-        chains = given, linear, boundary, held, on_chain
+            modes.given[on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)] = True
+        chains = given, linear, sign, boundary, held, on_chain
         return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables)
 
     @property
@@ -195,9 +201,27 @@ class Functional:
         """What each node may do, (n,), when those are held whose given values no formula would carry along."""
         kind, chain = outline.constraints.kind, outline.constraints.own_chain
         sliding = kind == SLIDING
-        held = ((kind == FREE) & fixed) | (outline.constraints.twins.partner >= 0)
+        held = (kind == FREE) & fixed
         held[sliding] |= self.held[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
+
+
+def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> None:
+    """Let values on the boundaries of pairs be given where the mesh does not have them as pairs."""
+    for name in (name for names in ritz.signs for name in names):
+        sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
+        solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True
+        if solution.modes is not None:
+            solution.modes.given[sides] = True
+
+
+def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
+    """What `Functional` calls sign."""
+    sign, chains = np.zeros(len(outline.constraints.chains.length)), outline.constraints.chains
+    for names, times in ritz.signs.items():
+        for name in names:
+            sign[(outline.names[name] != 0) & chains.paired] = times
+    return sign
 
 
 def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
@@ -225,7 +249,7 @@ def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> Tria
     values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
     if ritz.order > 1:
         modes = modes_of(mesh, triangulation.elements.node, values, ritz.order, fixed)
-    return TrialFunction(values[:n], fixed[:n], modes)
+    return TrialFunction(values[:n], fixed[:n].copy(), modes)
 
 
 def constants_of(ritz: Ritz, number: NDArray[np.int64]) -> Floats:

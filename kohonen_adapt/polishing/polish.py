@@ -59,7 +59,7 @@ def polish(
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
     min_quality, pinned, curves, periodic, layers
-        What nodes may do: see `Rules`. Nodes on arcs and splines, and on periodic boundaries, stay where they are.
+        What nodes may do: see `Rules`. Nodes on arcs and splines stay where they are.
     seed
         An integer >= 0, as everywhere; nothing here is random.
 

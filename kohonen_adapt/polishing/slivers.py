@@ -8,7 +8,8 @@ from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import constants_of
-from kohonen_adapt.problem.ritz import Ritz, flux_at
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.tables import flux_at
 
 __all__ = ["longest_on_arcs"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.kernels.arrays import Block, Constraints, Descent, Modes
+from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes, Trials
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainf
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.paired_stars import Freedom, Patch, descend_pairs, tie
 
 __all__ = ["SWEEPS", "loops_of", "sweep"]
 
@@ -36,6 +37,14 @@ SWEEPS = 8
 class Downhill(Protocol):
     """What a sweep is made of, at one order of elements; `thread` is the one that calls."""
 
+    @property
+    def trials(self) -> Trials:
+        """The function, and what it is judged by."""
+
+    @property
+    def modes(self) -> Modes | None:
+        """The other unknowns of the function, of order 2 and 3."""
+
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in this order; returns the gain."""
 
@@ -45,6 +54,9 @@ class Downhill(Protocol):
     def descend_flips(self, gainful: Mask) -> tuple[float, int]:
         """Flip edges of marked elements; returns the gain and how many."""
 
+    def descend_patch(self, patch: Patch) -> float:
+        """Move the nodes of some stars; returns the gain."""
+
 
 def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:
     """Sweep nodes and edges of a mesh downhill from a function, which changes with them.
@@ -53,16 +65,19 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     Returns what moves and flips took off the functional; what better values alone gained is not in it.
     """
     outline, gain = movable.outline, 0.0
-    constraints = outline.constraints._replace(kind=functional.kinds(outline, trial.fixed))
-    # values that a star cannot judge: of nodes on two sides at once, and where more than elements add to the functional
-    beyond = (constraints.twins.partner >= 0) | functional.boundary.nodes(movable.triangulation)
-    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
+    freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
+    # what a star cannot judge: values on two sides at once, and where more than elements add to the functional
+    pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
+    constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
+    tie(movable, trial, functional.sign)
+    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | pairs | on_robin), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
     if eager:
         gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
         gain += descend_in_parts(movable, downhill, order, part)
+        gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
         functional.improve_on_boundary(movable.triangulation, trial)
     return gain
@@ -80,7 +95,7 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
-        self.trials = functional.trials(self.triangulation, trial)
+        self.trials, self.modes = functional.trials(self.triangulation, trial), trial.modes
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         position, star = self.triangulation.position, self.triangulation.star
@@ -93,6 +108,11 @@ class _Linear:
         position, elements = self.triangulation.position, self.triangulation.elements
         gain, flips = descend_flips(position, elements, self.trials, self.floor, gainful)
         return float(gain), int(flips)
+
+    def descend_patch(self, patch: Patch) -> float:
+        return float(
+            descend_nodes(patch.position, patch.star, patch.constraints, patch.trials, patch.nodes, self.floor)
+        )
 
 
 class _Higher:
@@ -109,8 +129,8 @@ class _Higher:
         triangulation = movable.triangulation
         self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descent]()
         arrays = triangulation.position, triangulation.elements, triangulation.star, constraints
-        values = functional.trial(triangulation, trial.values, trial.fixed)
-        self.arrays = (*arrays, values, modes, functional.reference)
+        self.trials, self.modes = functional.trials(triangulation, trial), modes
+        self.arrays = (*arrays, self.trials.one, modes, functional.reference)
 
     def _room(self, thread: int) -> Descent:
         most = int(np.diff(self.triangulation.star.start).max())
@@ -127,6 +147,14 @@ class _Higher:
     def descend_flips(self, gainful: Mask) -> tuple[float, int]:
         gain, flips = descend_flips_higher(self._room(0), self.floor, gainful)
         return float(gain), int(flips)
+
+    def descend_patch(self, patch: Patch) -> float:
+        if patch.modes is None:
+            raise TypeError("a patch of order 2 or 3 needs modes")
+        reference, most = self.arrays[-1], int(np.diff(patch.star.start).max())
+        arrays = patch.position, patch.elements, patch.star, patch.constraints, patch.trials.one, patch.modes, reference
+        block = Block.of(most, reference.slope.shape[1])
+        return float(descend_nodes_higher(Descent(*arrays, block), patch.nodes, self.floor))
 
 
 def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:

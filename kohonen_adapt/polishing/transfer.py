@@ -1,6 +1,8 @@
 """Interpolate a solution onto the moved mesh, with what of it is given."""
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
@@ -66,8 +68,17 @@ class Old:
             )
 
     def located(self, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
-        """The element that holds each point, (n,), and its barycentric coordinates there, (n, 3), none < 0."""
+        """The element that holds each point, (n,), and its barycentric coordinates there, (n, 3), none < 0.
+
+        It is of the connected part of the mesh that the hint is of: another part, as a rotor that is drawn in its
+        stator, may lie where this one ends by the chords of its rim.
+        """
         found = holding(self.triangulation, points, hint, across_outlines=False)
+        part = parts_of_regions(self.triangulation)[self.triangulation.elements.region]
+        astray = np.flatnonzero(part[found] != part[hint])
+        for number in np.unique(part[hint[astray]]):
+            rows = astray[part[hint[astray]] == number]
+            found[rows] = nearest_on_rim(self.triangulation, points[rows], part == number)
         share = np.empty((len(points), 3))
         barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, share)
         if self.curved is not None:
@@ -145,3 +156,20 @@ def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Int
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
     return np.where(fits.any(axis=1), chosen, first_of_regions(old)[new.elements.region])
+
+
+def parts_of_regions(triangulation: Triangulation) -> Ints:
+    """The connected part of the mesh that every region is of, (nregions,)."""
+    neighbour, region = triangulation.elements.neighbour, triangulation.elements.region
+    e, k = np.nonzero(neighbour >= 0)
+    beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
+    return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
+
+
+def nearest_on_rim(triangulation: Triangulation, points: Floats, inside: Mask) -> Ints:
+    """The elements at the outer edges, of those inside (m,), that are nearest to points (n, 2)."""
+    e, k = np.nonzero(inside[:, None] & (triangulation.elements.neighbour < 0))
+    start, end = (triangulation.position[nodes] for nodes in triangulation.elements.ends(e, k))
+    way, to = end - start, points[:, None] - start
+    share = np.clip(np.sum(to * way, axis=2) / np.sum(way**2, axis=1), 0.0, 1.0)
+    return e[np.argmin(np.sum((to - share[..., None] * way) ** 2, axis=2), axis=1)]

@@ -1,6 +1,6 @@
 """The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.kernels.arrays import Reference
 from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
 from kohonen_adapt.mesh.polynomials import (
     axis_reference,
@@ -22,13 +23,12 @@ from kohonen_adapt.mesh.polynomials import (
     reference,
 )
 from kohonen_adapt.problem.robin import Robin, added_on_sides, checked_conditions, sides_of_boundary
-from kohonen_adapt.problem.tables import EnergyLaw, checked_laws, constants, floats, numbers
+from kohonen_adapt.problem.tables import EnergyLaw, checked_laws, checked_signs, constants, floats, flux_at, numbers
 
 __all__ = [
     "Flux",
     "Ritz",
     "check_fits",
-    "flux_at",
     "flux_on",
     "functional_value",
     "integrated",
@@ -97,12 +97,17 @@ class Ritz:
         The functional of the dual solution z of a goal J, where the mesh is to be adapted for that: with the
         coefficient of this one, J as its load, and zeros given where values are. What is lowered then is ``share Pi(u)
         + Pi_dual(z) / share``, which lies above its minimum by ``(share |e|^2 + |d|^2 / share) / 2``, and that is no
-        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Order 1, no laws.
+        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Order 1, no laws;
+        its signs are those of this one.
     share
         > 0: best ``|d| / |e|``, as estimated. `adapt` keeps that of the first mesh, so that passes compare.
     comparable
         Whether values of the functional on different meshes may be compared; not where it was linearised at a solution,
         as the dual of a goal that is not linear.
+    signs
+        Pairs of names of boundaries, as of `Rules.periodic`, to 1 where the function is the same on both (periodic), or
+        -1 where it is the other's negative (antiperiodic). What is `fixed` has no part in that. Values on boundaries
+        that are pairs of the mesh, but of which nothing is said here, stay as they are, and so do their nodes.
 
     Raises
     ------
@@ -134,6 +139,7 @@ class Ritz:
     dual: "Ritz | None" = None
     share: float = 1.0
     comparable: bool = True
+    signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if isinstance(self.order, bool) or self.order not in (1, 2, 3):
@@ -160,6 +166,7 @@ class Ritz:
         for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws), strict=True):
             object.__setattr__(self, name, own)
         object.__setattr__(self, "robin", checked_conditions(self.robin))
+        object.__setattr__(self, "signs", checked_signs(self.signs))
         if self.robin and self.axisymmetric:
             raise ValueError("robin of an axisymmetric Ritz must be left out; it has none around an axis.")
         _check_dual(self)
@@ -190,7 +197,7 @@ def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
     """The functionals that are added up, with the share of each in its constants."""
     if ritz.dual is None:
         return (ritz,)
-    return _times(ritz.share, replace(ritz, dual=None)), _times(1.0 / ritz.share, ritz.dual)
+    return _times(ritz.share, replace(ritz, dual=None)), _times(1.0 / ritz.share, replace(ritz.dual, signs=ritz.signs))
 
 
 def _times(factor: float, ritz: Ritz) -> Ritz:
@@ -216,6 +223,8 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
         _check_axis(ritz, mesh)
     for name in ritz.robin:
         sides_of_boundary(mesh, name)
+    for name in (name for names in ritz.signs for name in names):
+        named(mesh.boundaries, name, "boundary")
 
 
 def _check_axis(ritz: Ritz, mesh: MeshTri) -> None:
@@ -296,21 +305,3 @@ def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
 def looked_up(table: Floats, number: Ints) -> Floats:
     """A constant as it is, of a table what it has for every number."""
     return table if table.ndim == 0 else table[number]
-
-
-def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """A varying flux at k points of every element, x (2, k, m), (2, k, m).
-
-    Raises
-    ------
-    ValueError
-        If the function returns another shape, or what is not finite.
-    """
-    flat = x.reshape(2, -1)
-    values = np.asarray(flux(flat, np.tile(number, x.shape[1])), dtype=float)
-    if values.shape != flat.shape:
-        raise ValueError(f"flux of Ritz must return the shape of x, (2, n) = {flat.shape}; got {values.shape}.")
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
-    if bad.size:
-        raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
-    return values.reshape(x.shape)

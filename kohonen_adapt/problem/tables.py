@@ -1,14 +1,14 @@
-"""Check what a Ritz functional is stated by: values, region numbers, tables of constants, laws."""
+"""Check what a Ritz functional is stated by: values, region numbers, tables of constants, laws, a varying flux."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["EnergyLaw", "checked_laws", "constants", "floats", "numbers"]
+__all__ = ["EnergyLaw", "checked_laws", "checked_signs", "constants", "floats", "flux_at", "numbers"]
 
 
 class EnergyLaw(Protocol):
@@ -82,3 +82,32 @@ def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | 
                 f"laws[{number}] of Ritz must be None or have the methods field_strength(b) and energy(b); got {law!r}."
             )
     return tuple(given)
+
+
+def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str], int]:
+    """Pairs of names to 1 or -1, as a copy."""
+    expected = "signs of Ritz must map pairs of names of boundaries to 1 or -1"
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{expected}; got {given!r}.")
+    for names, sign in given.items():
+        if not (isinstance(names, tuple) and len(names) == 2 and isinstance(sign, int | float) and sign in (1, -1)):
+            raise ValueError(f"{expected}; got {names!r}: {sign!r}.")
+    return dict(given)
+
+
+def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """A varying flux at k points of every element, x (2, k, m), (2, k, m).
+
+    Raises
+    ------
+    ValueError
+        If the function returns another shape, or what is not finite.
+    """
+    flat = x.reshape(2, -1)
+    values = np.asarray(flux(flat, np.tile(number, x.shape[1])), dtype=float)
+    if values.shape != flat.shape:
+        raise ValueError(f"flux of Ritz must return the shape of x, (2, n) = {flat.shape}; got {values.shape}.")
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
+    if bad.size:
+        raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
+    return values.reshape(x.shape)

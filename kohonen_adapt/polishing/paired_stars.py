@@ -1,0 +1,304 @@
+"""Descend nodes of periodic pairs: the stars of both, one carried to the other, are the star of one node.
+
+Where the function is the same on both boundaries or the other's negative, u(R x + t) = s u(x), the elements beyond the
+partner of a node are moved back onto it, their values multiplied by s. The loops over stars then see a whole star; the
+node slides along its chain, and its partner goes along.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import (
+    CENTRE_X,
+    CONSTANTS,
+    HALF_FLUX_X,
+    HELD,
+    RATES_X,
+    RATES_Y,
+    SIXTH_SOURCE,
+    SLIDING,
+    Constraints,
+    Elements,
+    Modes,
+    Star,
+    Trial,
+    Trials,
+)
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.outline.movable import MovableMesh
+
+__all__ = ["Patch", "descend_pairs", "tie"]
+
+
+class Patch(NamedTuple):
+    """Whole stars of some nodes, each apart from the others, as the loops over stars take them."""
+
+    position: Floats
+    elements: Elements
+    star: Star
+    constraints: Constraints
+    trials: Trials
+    modes: Modes | None
+    nodes: NDArray[np.int32]  # the first of the rows of nodes: those that move
+
+
+class Freedom(NamedTuple):
+    """What may change on chains: of every node what it may do there, and whether its value is given; and of pairs."""
+
+    kind: NDArray[np.int8]  # (n,)
+    fixed: Mask  # (n,)
+    sign: Floats  # (c,): see `Functional`
+
+
+class Descending(Protocol):
+    """What is known of the function on the whole mesh, and what descends it on a patch."""
+
+    @property
+    def trials(self) -> Trials:
+        """The function and its functional, of a goal two."""
+
+    @property
+    def modes(self) -> Modes | None:
+        """Its other unknowns, of order 2 and 3."""
+
+    def descend_patch(self, patch: Patch) -> float:
+        """Move the nodes of a patch; returns the gain."""
+
+
+class Couples(NamedTuple):
+    """Nodes inside paired chains, each with its partner, (k,); the motion x -> A x + b carries the first there."""
+
+    node: Ints
+    partner: Ints
+    turn: Floats  # (k, 2, 2)
+    shift: Floats  # (k, 2)
+    sign: Floats  # (k,)
+
+    @classmethod
+    def of(cls, movable: MovableMesh, sign: Floats) -> "Couples":
+        """All whose chain has a sign, 1 or -1, (c,); 0 where nothing is known of the function there."""
+        constraints = movable.constraints
+        twins, slides = constraints.twins, constraints.kind == SLIDING
+        chosen = slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner]
+        node = np.flatnonzero(chosen & (np.append(sign, 0.0)[constraints.own_chain] != 0.0))
+        motion = twins.motions[twins.motion[node]]
+        return cls(node, twins.partner[node], motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
+
+    def some(self, rows: Ints) -> "Couples":
+        """Those in some rows."""
+        return Couples(self.node[rows], self.partner[rows], self.turn[rows], self.shift[rows], self.sign[rows])
+
+
+def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
+    """Give the partners the values of their nodes, and the sides beyond the coefficients of those on this side.
+
+    Interpolated on either side, as after a move of the mesh, they are the same but for rounding, and on arcs no more
+    than near to one another.
+    """
+    couples = Couples.of(movable, sign)
+    for one in filter(None, (trial, trial.dual)):
+        one.values[couples.partner] = couples.sign * one.values[couples.node]
+    if trial.modes is None or not len(couples.node):
+        return
+    stars, side = Gathered.of(movable, couples), trial.modes.side
+    (own, a), (beyond, b) = stars.joints(movable, couples)
+    # odd ones run counter-clockwise in both elements, and beside one another in turn unless the pair folds the mesh
+    against = np.where((a == b)[:, None], 1.0, [1.0, -1.0])[:, : side.shape[2]]
+    times = against * stars.turns(side.shape[2], stars.signs(couples))[beyond, 0]
+    side[stars.element[beyond], stars.corner[beyond, 3 - b]] = (
+        times * side[stars.element[own], stars.corner[own, 3 - a]]
+    )
+
+
+def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
+    """Move nodes of pairs, whose chains have a sign, to where the functional around both is lower; returns the gain.
+
+    Values that are not given follow, also of nodes that are held.
+    """
+    couples, gain = Couples.of(movable, freedom.sign), 0.0
+    for rows in independent(movable, couples):
+        some = couples.some(rows)
+        stars = Gathered.of(movable, some)
+        patch = stars.patch(movable, downhill, some, freedom)
+        gain += downhill.descend_patch(patch)
+        stars.put_back(movable, downhill, some, patch)
+    return gain
+
+
+def independent(movable: MovableMesh, couples: Couples) -> list[Ints]:
+    """Couples in groups such that no element has nodes of two of a group; those of which one has both nodes are out."""
+    number = np.full(movable.nnodes, -1)
+    number[couples.node] = number[couples.partner] = np.arange(len(couples.node))
+    of_corners = number[movable.triangulation.elements.node]
+    beside: list[set[int]] = [set() for _ in couples.node]
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        both = (of_corners[:, a] >= 0) & (of_corners[:, b] >= 0)
+        for i, j in zip(of_corners[both, a].tolist(), of_corners[both, b].tolist(), strict=True):
+            beside[i].add(j)
+            beside[j].add(i)
+    groups: list[list[int]] = []
+    group = [-1] * len(beside)
+    for i, others in enumerate(beside):
+        if i in others:
+            continue
+        taken = {group[j] for j in others}
+        group[i] = next(g for g in range(len(groups) + 1) if g not in taken)
+        groups += [[]] if group[i] == len(groups) else []
+        groups[group[i]].append(i)
+    return [np.array(rows) for rows in groups]
+
+
+class Gathered(NamedTuple):
+    """The elements around couples, a row each, ordered by couple; first corners are the couples' nodes."""
+
+    owner: Ints  # (r,): the couple
+    element: Ints  # (r,)
+    corner: Ints  # (r, 3): of the element, in the order of the patch
+    beyond: Mask  # (r,): whether it is around the partner
+    mirrored: Mask  # (r,): whether its corners are in the other order
+
+    @classmethod
+    def of(cls, movable: MovableMesh, couples: Couples) -> "Gathered":
+        """The stars of both nodes of every couple."""
+        tri, centres = movable.triangulation, np.concatenate([couples.node, couples.partner])
+        start, end = tri.star.start[centres], tri.star.start[centres + 1]
+        which = np.repeat(np.arange(len(centres)), end - start)
+        row = np.arange(len(which)) - np.repeat(np.cumsum(end - start) - (end - start), end - start) + start[which]
+        element, owner, beyond = tri.star.element[row], which % len(couples.node), which >= len(couples.node)
+        order = np.argsort(owner, kind="stable")
+        element, owner, beyond = element[order], owner[order], beyond[order]
+        mirrored = beyond & (np.linalg.det(couples.turn) < 0.0)[owner]
+        k = np.argmax(tri.elements.node[element] == centres[which[order]][:, None], axis=1)
+        step = np.where(mirrored[:, None], [0, 2, 1], [0, 1, 2])
+        return cls(owner, element, (k[:, None] + step) % 3, beyond, mirrored)
+
+    def nodes(self, movable: MovableMesh) -> Ints:
+        """The nodes at the corners, (r, 3)."""
+        return movable.triangulation.elements.node[self.element[:, None], self.corner]
+
+    def places(self, movable: MovableMesh, couples: Couples) -> Floats:
+        """Where the corners are, (r, 3, 2), those beyond moved back."""
+        position = movable.triangulation.position[self.nodes(movable)]
+        turn, shift = couples.turn[self.owner], couples.shift[self.owner]
+        back = np.einsum("rkj,rji->rki", position - shift[:, None], turn)
+        return np.where(self.beyond[:, None, None], back, position)
+
+    def joints(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+        """The corners, as rows and columns (2 k,), at the ends of the couples' chains here, and what they are beyond.
+
+        Around a node they are the first and the last. The first here is the last beyond, where the mesh goes on; where
+        the pair folds it, as of Kelvin discs, it is the first.
+        """
+        node, star = self.nodes(movable), (2 * self.owner + self.beyond) * movable.nnodes
+        ahead, behind = star + node[:, 1], star + node[:, 2]
+        first, last = np.flatnonzero(~np.isin(ahead, behind)), np.flatnonzero(~np.isin(behind, ahead))
+        (first, first_beyond), (last, last_beyond) = (
+            (rows[~self.beyond[rows]], rows[self.beyond[rows]]) for rows in (first, last)
+        )
+        x = self.places(movable, couples)
+        way = [np.sum((x[first_beyond, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
+        folds = way[0] < way[1]
+        to_first, to_last = np.where(folds, 1, 2), np.where(folds, 2, 1)
+        beyond = np.where(folds, first_beyond, last_beyond), np.where(folds, last_beyond, first_beyond)
+        here = np.concatenate([first, last]), np.repeat([1, 2], len(first))
+        return here, (np.concatenate(beyond), np.concatenate([to_first, to_last]))
+
+    def numbers(self, movable: MovableMesh, couples: Couples) -> tuple[Ints, Ints]:
+        """The row in the patch of every corner, (r, 3), and for every row a corner, as 3 r + k, that it is.
+
+        The couples are the first rows.
+        """
+        node, count = self.nodes(movable), len(couples.node)
+        key = (self.owner[:, None] * 2 + self.beyond[:, None]) * movable.nnodes + node
+        here, beyond = self.joints(movable, couples)
+        key[beyond] = key[here]
+        key[:, 0] = self.owner - count  # before all others
+        _, found, number = np.unique(key, return_index=True, return_inverse=True)
+        return number.reshape(key.shape), found
+
+    def patch(self, movable: MovableMesh, downhill: Descending, couples: Couples, freedom: Freedom) -> Patch:
+        """The stars as if all elements were on the side of the first nodes."""
+        tri, constraints, count = movable.triangulation, movable.constraints, len(couples.node)
+        number, found = self.numbers(movable, couples)
+        node, times = self.nodes(movable), self.signs(couples)
+        position = self.places(movable, couples).reshape(-1, 2)[found]
+        rows = np.ravel(node)[found]
+        start = np.full(len(rows) + 1, len(node), dtype=np.int32)
+        start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
+        ends = number.astype(np.int32)
+        star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
+        one, other = downhill.trials
+        trials = Trials(*(self.trial(each, couples, freedom, ends, found, node) for each in (one, other)))
+        kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
+        of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
+        modes = downhill.modes and self.modes(movable, downhill.modes, times, freedom.sign)
+        elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
+        return Patch(position, elements, star, constraints._replace(kind=kind, **of_nodes), trials, modes, nodes)
+
+    def trial(self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints) -> Trial:
+        """A function and its functional on the patch; without values if there is none."""
+        laws, bent = trial.laws._replace(number=trial.laws.number[self.element]), np.zeros(len(found), dtype=np.bool_)
+        bent[ends[laws.number >= 0]] = True
+        values = trial.value
+        if len(values):
+            values = (self.signs(couples)[:, None] * values[node]).ravel()[found]
+        fixed, data = freedom.fixed[np.ravel(node)[found]], self.data(trial.data, couples)
+        return trial._replace(value=values, fixed=fixed, data=data, bent=bent, laws=laws)
+
+    def signs(self, couples: Couples) -> Floats:
+        """What values are multiplied by, (r,)."""
+        return np.where(self.beyond, couples.sign[self.owner], 1.0)
+
+    def data(self, data: Floats, couples: Couples) -> Floats:
+        """What `Trial` calls its data, carried along."""
+        moved, beyond = data[self.element].copy(), self.beyond
+        turn, shift, sign = (array[self.owner[beyond]] for array in (couples.turn, couples.shift, couples.sign))
+        rows = moved[beyond]
+        rows[:, SIXTH_SOURCE] *= sign
+        half_flux = slice(HALF_FLUX_X, HALF_FLUX_X + 2)
+        rows[:, half_flux] = sign[:, None] * np.einsum("rp,rpq->rq", rows[:, half_flux], turn)
+        if data.shape[1] > CONSTANTS:
+            centre = slice(CENTRE_X, CENTRE_X + 2)
+            rows[:, centre] = np.einsum("rj,rji->ri", rows[:, centre] - shift, turn)
+            rates = np.stack([rows[:, at : at + 5] for at in (RATES_X, RATES_Y)], axis=1)  # by x, y, xx, xy and yy
+            slope = np.einsum("r,rpq,rpj,rji->rqi", sign, turn, rates[:, :, :2], turn)
+            bend = rates[:, :, [[2, 3], [3, 4]]]
+            bend = np.einsum("r,rpq,rpij,rik,rjl->rqkl", sign, turn, bend, turn, turn)
+            parts = np.concatenate([slope, bend[:, :, [0, 0, 1], [0, 1, 1]]], axis=2)
+            for part, at in enumerate((RATES_X, RATES_Y)):
+                rows[:, at : at + 5] = parts[:, part]
+        moved[beyond] = rows
+        return moved
+
+    def turns(self, degrees: int, times: Floats) -> Floats:
+        """What the coefficients of sides are multiplied by, (r, 1, degrees): odd ones change sign in a mirror."""
+        odd = np.where(self.mirrored, -1.0, 1.0)
+        return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
+
+    def modes(self, movable: MovableMesh, modes: Modes, times: Floats, sign: Floats) -> Modes:
+        """The coefficients of sides and bubbles, with the sides of pairs no longer given."""
+        at = self.element[:, None], self.corner
+        chain = movable.triangulation.elements.chain[at]
+        given = modes.given[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
+        side = modes.side[at] * self.turns(modes.side.shape[2], times)
+        return Modes(side, modes.bubble[self.element] * times, given)
+
+    def put_back(self, movable: MovableMesh, downhill: Descending, couples: Couples, patch: Patch) -> None:
+        """Take over where the nodes have gone, and the function there, on both sides."""
+        constraints, count = movable.constraints, len(couples.node)
+        parameter = patch.constraints.parameter[:count]
+        for nodes, times in ((couples.node, np.ones(count)), (couples.partner, couples.sign)):
+            moved = parameter != constraints.parameter[nodes]
+            constraints.parameter[nodes] = parameter
+            points = movable.outline.points_on(constraints.own_chain[nodes[moved]], parameter[moved])
+            movable.triangulation.position[nodes[moved]] = points
+            for function, now in zip(downhill.trials, patch.trials, strict=True):
+                if len(function.value):
+                    function.value[nodes] = times * now.value[:count]
+        if downhill.modes is not None and patch.modes is not None:
+            times, modes = self.signs(couples), downhill.modes
+            modes.side[self.element[:, None], self.corner] = patch.modes.side * self.turns(modes.side.shape[2], times)
+            modes.bubble[self.element] = patch.modes.bubble * times

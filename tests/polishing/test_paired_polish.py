@@ -1,0 +1,226 @@
+"""The polish of periodic pairs: both stars of a node are judged together, values are one, partners match."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.devices import machine
+from helpers.meshes import apart, disk, perturbed, ring, square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.kernels.arrays import HELD, SLIDING
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
+from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, tie
+from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.sweeps import _downhill
+from kohonen_adapt.problem.ritz import functional_value
+
+LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}
+SIDES = {name: lambda x, i=i, at=at: x[i] == at for name, (i, at) in LINES.items()}
+each_order = pytest.mark.parametrize("order", (1, 2, 3))
+
+
+def cell():
+    mesh = perturbed(square(5), 3).with_boundaries(SIDES)
+    return mesh, {("left", "right"): -1, ("low", "top"): 1}, [("left", "right"), ("low", "top")]
+
+
+def sector():
+    """A sixth of a ring; its sides are uneven in radius."""
+    unit = square(5)
+    radius, turn = 0.4 + 0.6 * unit.p[0] ** 1.3, unit.p[1] * np.pi / 3 + 0.2
+    mesh = MeshTri(np.stack([2.0 + radius * np.cos(turn), 1.0 + radius * np.sin(turn)]), unit.t)
+    sides = {name: unit.facets_satisfying(lambda x, y=y: x[1] == y) for name, y in (("first", 0), ("last", 1))}
+    return mesh.with_boundaries(sides), {("first", "last"): -1}, [("first", "last")]
+
+
+def folded():
+    """A square whose left side is one with its lower one, mirrored in the diagonal: the mesh folds there."""
+    mesh = perturbed(square(5), 3).with_boundaries(SIDES)
+    mirror = ka.Reflection((0.0, 0.0), (1.0, -1.0))
+    return mesh, {("left", "low"): 1}, [("left", "low", mirror)]
+
+
+def circles():
+    """A disc turned in a ring: nodes on arcs stay, their values do not."""
+    disc = disk(4, 0.02)
+    mesh = apart(disc.with_boundaries({"rim": disc.boundary_facets()}), ring(24, 4, inner=0.02, outer=0.06))
+    return mesh, {("0 rim", "1 inner"): 1}, [("0 rim", "1 inner", ka.Rotation(np.pi / 12))]
+
+
+WORLDS = {"cell": cell, "sector": sector, "folded": folded, "circles": circles}
+each_world = pytest.mark.parametrize("world", WORLDS)
+
+
+def bent_flux(x, number):
+    """A quadratic polynomial of the place, of which elements know all."""
+    table = np.random.default_rng(5).normal(size=(2, 6))
+    return table @ np.stack([np.ones(x.shape[1]), *x, x[0] ** 2, x[0] * x[1], x[1] ** 2])
+
+
+class Setting:
+    """A random function on a mesh with pairs."""
+
+    def __init__(self, world, order, flux=(0.3, -0.2)):
+        mesh, signs, periodic = WORLDS[world]()
+        self.movable = MovableMesh.of(mesh, Rules("flip", periodic=periodic).guarded())
+        count = count_unknowns(mesh, order)
+        values = np.random.default_rng(2).normal(size=count)
+        fixed = np.zeros(count, dtype=bool)
+        ritz = ka.Ritz(values, fixed, 1.3, 0.7, flux, order=order, signs=signs)
+        self.functional = Functional.of(ritz, self.movable, mesh)
+        self.trial = self.functional.solution.copy()
+        self.trial.values[self.movable.constraints.kind == HELD] = 0.0  # corners are one, too
+        tie(self.movable, self.trial, self.functional.sign)
+        kind = self.functional.kinds(self.movable.outline, self.trial.fixed)
+        self.freedom = Freedom(kind, self.trial.fixed, self.functional.sign)
+
+    def value(self):
+        return self.functional.value(self.movable.triangulation, self.trial)
+
+    def step(self):
+        downhill = _downhill(self.movable, self.functional, self.trial, self.movable.constraints)
+        return descend_pairs(self.movable, downhill, self.freedom)
+
+    def couples(self):
+        """Both nodes and the sign of every pair of sliding nodes."""
+        constraints = self.movable.constraints
+        twins, sliding = constraints.twins, constraints.kind == SLIDING
+        v = np.flatnonzero(sliding & (twins.partner >= 0) & (twins.motion % 2 == 0))
+        return v, twins.partner[v], self.functional.sign[constraints.own_chain[v]]
+
+
+def off(movable):
+    """How far partners are from where their motions carry the nodes."""
+    twins, x = movable.constraints.twins, movable.triangulation.position
+    v = np.flatnonzero(twins.partner >= 0)
+    motion = twins.motions[twins.motion[v]]
+    there = np.einsum("kij,kj->ki", motion[:, :, :2], x[v]) + motion[:, :, 2]
+    return np.abs(there - x[twins.partner[v]]).max()
+
+
+def slope(setting, change):
+    """The derivative of the functional by a change, a function that makes so much of it."""
+    ends = []
+    for h in (1e-5, -1e-5):
+        change(h)
+        ends.append(setting.value())
+        change(-h)
+    return (ends[0] - ends[1]) / 2e-5
+
+
+@each_order
+@each_world
+def test_pairs_come_to_rest_where_the_functional_of_both_sides_does(world, order):
+    setting = Setting(world, order)
+    x, chains, before = setting.movable.triangulation.position, setting.movable.constraints, setting.value()
+    start = x.copy()
+    for _ in range(40):
+        gain = setting.step()
+        after = setting.value()
+        assert 0.0 <= gain <= (before - after) * (1.0 + 1e-9) + 1e-12
+        before = after
+    moved = np.hypot(*(x - start).T)[setting.couples()[0]]
+    assert np.all(moved == 0.0) if world == "circles" else np.any(moved > 1e-3)
+    assert off(setting.movable) < 1e-14
+    values, scale, worst = setting.trial.values, np.abs(before), np.ones(len(x))
+    mesh = setting.movable.triangulation.to_mesh()
+    np.minimum.at(worst, mesh.t, ka.quality(mesh))
+    for v, w, sign in zip(*setting.couples(), strict=True):
+        assert values[w] == sign * values[v]
+
+        def change_value(h, v=v, w=w, sign=sign):
+            values[v] += h
+            values[w] += sign * h
+
+        def change_place(h, v=v, w=w):
+            for node in (v, w):
+                x[node] += h * chains.chains.direction[chains.own_chain[node]]
+
+        assert abs(slope(setting, change_value)) < 1e-6 * scale
+        free = min(worst[v], worst[w]) > 0.31  # of the quality rule
+        if world != "circles" and order == 1 and free:
+            assert abs(slope(setting, change_place)) < 1e-3 * scale
+
+
+@each_world
+def test_a_flux_that_varies_is_carried_along(world):
+    setting = Setting(world, 1, bent_flux)
+    for _ in range(3):
+        before, gain = setting.value(), setting.step()
+        assert 0.0 <= gain <= (before - setting.value()) * (1.0 + 1e-9) + 1e-12
+
+
+@each_order
+def test_sweeps_and_recycling_take_off_what_they_say(order):
+    mesh, given = machine()
+    materials = given.materials | dict.fromkeys(("hub", "tooth"), Material(500.0))
+    problem = replace(given, materials=materials, order=order)
+    movable = MovableMesh.of(mesh, Rules("recycle", periodic=problem.pairs).guarded())
+    functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), movable, mesh)
+    trial, recycled = functional.solution.copy(), unchanged(movable.triangulation)
+    before = functional.value(movable.triangulation, trial)
+    for _ in range(2):
+        gain = descend(movable, functional, trial, 2)
+        after = functional.value(movable.triangulation, trial)
+        assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
+        trial, recycled, lowered = recycle_by_energy(movable, functional, trial, recycled)
+        before = functional.value(movable.triangulation, trial)
+        assert after - before == pytest.approx(lowered, rel=1e-6)
+        now = movable.mesh()
+        solved = functional_value(now, problem.ritz(now, problem.solve(now)))
+        assert solved <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still
+    assert off(movable) < 1e-15
+    slides = movable.constraints.kind == SLIDING
+    assert not np.any(trial.fixed[(movable.constraints.twins.partner >= 0) & slides])
+
+
+def test_values_on_sides_that_are_no_pairs_of_the_mesh_are_given():
+    mesh, problem = machine()
+    ritz = problem.ritz(mesh, problem.solve(mesh))
+    functional = Functional.of(ritz, MovableMesh.of(mesh, Rules()), mesh)
+    nodes = np.unique(mesh.facets[:, np.concatenate([mesh.boundaries["left"], mesh.boundaries["right"]])])
+    assert functional.solution.fixed[nodes].all() and not functional.sign.any()
+    assert not np.asarray(ritz.fixed)[nodes].all()
+    tight = ka.polish(mesh, problem)  # not told of the pairs: these stay where they are
+    assert np.abs(tight.p[:, nodes] - mesh.p[:, nodes]).max() < 1e-15
+
+
+class Unsaid(Magnetostatics):
+    """A problem that does not say how values on its pairs are related."""
+
+    def ritz(self, mesh, field):
+        return replace(super().ritz(mesh, field), signs={})
+
+
+def test_polished_pairs_have_less_error_than_held_ones():
+    mesh, problem = machine()
+    unsaid = Unsaid(problem.materials, problem.potential, antiperiodic=problem.antiperiodic)
+    meshes = [ka.polish(mesh, each, periodic=problem.pairs, sweeps=16) for each in (problem, unsaid)]
+    polished, held = (functional_value(each, problem.ritz(each, problem.solve(each))) for each in meshes)
+    assert polished < held
+
+
+@pytest.mark.parametrize(
+    ("signs", "message"),
+    [
+        ([("left", "right", 1)], r"signs of Ritz must map pairs of names of boundaries to 1 or -1; got \["),
+        ({"left": 1}, r"signs of Ritz must map pairs of names of boundaries to 1 or -1; got 'left': 1\."),
+        (
+            {("left", "right"): 0.5},
+            r"to 1 or -1; got \('left', 'right'\): 0\.5\.",
+        ),
+        ({("left", "nowhere"): 1}, "nowhere"),
+    ],
+)
+def test_signs_that_are_none_are_refused(signs, message):
+    mesh = cell()[0]
+    with pytest.raises(ValueError, match=message):
+        functional_value(mesh, ka.Ritz(np.zeros(36), np.zeros(36, bool), 1.0, signs=signs))
