@@ -69,7 +69,7 @@ def adapt(
     Parameters
     ----------
     mesh
-        A triangular mesh of straight elements; it is not modified.
+        A triangular mesh; it is not modified. The corners of a `skfem.MeshTri2` are moved, as `relocate` says.
     problem
         Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
         of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
@@ -78,7 +78,8 @@ def adapt(
         ``calibrated`` (False: whether the indicators are near the error itself, so that the table may say so), and
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
         it), ``pairs`` (its periodic and antiperiodic boundaries), ``points`` (names to places of nodes that stay), and
-        ``curves(mesh)`` (what it knows to be round).
+        ``curves(mesh)`` (what it knows to be round). ``curved`` (None): True asks for a `skfem.MeshTri2` where an
+        outline is curved, the input included, False for straight elements; None takes what `mesh` is.
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol

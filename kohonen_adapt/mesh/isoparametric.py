@@ -16,8 +16,9 @@ __all__ = ["CurvedElements", "Isoparametric"]
 STRAIGHT = 1e-10  # of its chord: a side whose middle is nearer to the chord's is straight
 INSIDE = 1e-9  # how far barycentric coordinates of a point inside may be below 0
 MOST_STEPS = 20  # of Newton's method; four to six are what it takes
-SETTLED = 1e-14  # its last step
-NEAR = 4  # steps from element to element, and sides between whose arc and chord a point is looked for
+SETTLED = 1e-8  # a step after which the next one is rounding
+NEAR = 4  # sides between whose arc and chord a point is looked for
+WALK = 12  # steps from element to element
 
 
 class CurvedElements:
@@ -47,20 +48,32 @@ class CurvedElements:
         return x
 
     def shares(self, element: Ints, x: Floats) -> Floats:
-        """The barycentric coordinates of points, of curved elements by Newton's method from those of straight ones."""
+        """The barycentric coordinates of points, of curved elements by Newton's method from those of straight ones.
+
+        Where that does not settle, as for points outside, they are those of straight ones.
+        """
+        return self._settled(element, x)[0]
+
+    def _settled(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
+        """The same, and where Newton's method has settled, (n,)."""
         corner = self.p[:, self.t[:, element]]
         (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         x0, y0 = x - corner[:, 0]
         second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
         share = np.stack((1.0 - second - third, second, third))
         rows = np.flatnonzero(self.curved[element])
-        for _ in range(MOST_STEPS if rows.size else 0):
-            off = x[:, rows] - self.points(element[rows], share[:, rows])
-            step = np.einsum("cn,cin->in", off, self.hats(element[rows], share[:, rows]))
-            share[:, rows] += step
-            if np.abs(step).max() < SETTLED:
-                break
-        return share
+        now, settled = share[:, rows], ~self.curved[element]
+        done = settled[rows]
+        with np.errstate(all="ignore"):  # of points far away it may go anywhere
+            for _ in range(MOST_STEPS):
+                if done.all():
+                    break
+                off = x[:, rows] - self.points(element[rows], now)
+                step = np.einsum("cn,cin->in", off, self.hats(element[rows], now))
+                now = np.where(done, now, now + step)
+                done |= np.abs(step).max(axis=0) < SETTLED
+        share[:, rows], settled[rows] = np.where(done, now, share[:, rows]), done
+        return share, settled
 
     def hats(self, element: Ints, share: Floats) -> Floats:
         """Gradients of the barycentric coordinates there, (2, 3, n)."""
@@ -74,11 +87,17 @@ class CurvedElements:
 
         Where there is nothing beyond, it is the last element before that.
         """
-        own = np.arange(element.size)
-        for _ in range(NEAR):
-            share = np.where(self.beyond[:, element] >= 0, self.shares(element, x), 0.0)
+        element, going = element.copy(), np.arange(element.size)
+        for _ in range(WALK):
+            if not going.size:
+                break
+            at, own = element[going], np.arange(going.size)
+            share, settled = self._settled(at, x[:, going])
+            share[self.beyond[:, at] < 0] = np.inf
             side = np.argmin(share, axis=0)
-            element = np.where(share[side, own] < -INSIDE, self.beyond[side, element], element)
+            goes = (self.beyond[side, at] >= 0) & ~(settled & (share[side, own] >= -INSIDE))
+            going = going[goes]
+            element[going] = self.beyond[side, at][goes]
         return element
 
 
@@ -95,7 +114,7 @@ class Isoparametric(CurvedElements):
         super().__init__(corners.p, corners.t, self.off[:, sides], beyond)
 
     def located(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
-        """The element of every point, -1 outside the mesh, and the barycentric coordinates there.
+        """The element of every point, -1 outside the mesh, and the barycentric coordinates there, nan outside.
 
         Given are the straight elements between the corners that hold the points, -1 for none.
         """
@@ -106,10 +125,13 @@ class Isoparametric(CurvedElements):
             element[rows] = np.where(self._holds(found, x[:, rows]), found, -1)
             rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
             element[rows] = self._behind_arcs(x[:, rows])
-        return element, self.shares(np.maximum(element, 0), x)
+        share, rows = np.full((3, element.size), np.nan), np.flatnonzero(element >= 0)
+        share[:, rows] = self.shares(element[rows], x[:, rows])
+        return element, share
 
     def _holds(self, element: Ints, x: Floats) -> Mask:
-        return self.shares(element, x).min(axis=0) >= -INSIDE
+        share, settled = self._settled(element, x)
+        return settled & (share.min(axis=0) >= -INSIDE)
 
     def _behind_arcs(self, x: Floats) -> Ints:
         """The elements that hold points beyond the chords of the outer boundary, -1 for those that none does."""
@@ -118,7 +140,8 @@ class Isoparametric(CurvedElements):
         if own.size and element.size:
             middle = self.points(own, np.where(side == np.arange(3)[:, None], 0.0, 0.5))
             near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
-            with np.errstate(all="ignore"):  # far away Newton's method may go anywhere
-                for tried in own[near.T]:
-                    element = np.where((element < 0) & self._holds(tried, x), tried, element)
+            for start in own[near.T]:
+                rows = np.flatnonzero(element < 0)
+                tried = self.walked(start[rows], x[:, rows])
+                element[rows] = np.where(self._holds(tried, x[:, rows]), tried, -1)
         return element

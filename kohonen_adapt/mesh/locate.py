@@ -8,6 +8,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as kernels
+from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Locator", "find_elements", "holding", "interpolate"]
@@ -87,14 +89,15 @@ def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:
     Parameters
     ----------
     mesh
-        A triangular mesh.
+        A triangular mesh, straight or with bent sides.
     x
         Points, (2, n), in mesh units.
 
     Returns
     -------
     ndarray (n,)
-        Element numbers; -1 outside the mesh. A point on an edge gets one of its two elements.
+        Element numbers; -1 outside the mesh. A point on an edge gets one of its two elements, one between a bent side
+        and its chord the element that the bent side is of.
 
     Raises
     ------
@@ -109,7 +112,9 @@ def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:
     >>> (found >= 0).tolist()  # the second point is outside: -1
     [True, False]
     """
-    return Locator(Triangulation.of(mesh)).find(as_rows(x))
+    points = as_rows(x)
+    found = Locator(Triangulation.of(mesh)).find(points)
+    return Isoparametric(mesh).located(points.T, found)[0].astype(np.int32) if is_second_order(mesh) else found
 
 
 def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
@@ -118,17 +123,17 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
     Parameters
     ----------
     mesh
-        A triangular mesh.
+        A triangular mesh, straight or with bent sides.
     values
-        (n_nodes,): nodal values.
+        (n_nodes,): values at the nodes, of a `skfem.MeshTri2` at its corners.
     x
         Points, (2, n), in mesh units.
 
     Returns
     -------
     ndarray (n,)
-        ``sum_k lambda_k(x) values[k]`` with the barycentric coordinates lambda of the element that holds x; nan
-        outside the mesh.
+        ``sum_k lambda_k(x) values[k]`` with the barycentric coordinates lambda of the element that holds x, with bent
+        sides those of the reference element; nan outside the mesh.
 
     Raises
     ------
@@ -151,6 +156,9 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
     expect("locating", "carrying")
     locator, points = Locator(triangulation), as_rows(x)
     found = locator.find(points)
+    if is_second_order(mesh):
+        element, share = Isoparametric(mesh).located(points.T, found)
+        return np.sum(share * values[mesh.t[:, element]], axis=0)
     weights = np.empty((len(points), 3))
     kernels.barycentric(locator.position, locator.elements.node, points, found, weights)
     return np.sum(weights * values[locator.elements.node[found]], axis=1)

@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.mesh.locate import Locator, as_rows
+from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
@@ -27,7 +27,7 @@ class KohonenMap:
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`; it is not modified.
+        A `skfem.MeshTri`, or a `skfem.MeshTri2` of which the corners are neurons; it is not modified.
     topology
         ``"flip"`` keeps every region constrained Delaunay by flips between epochs, and where three outlines meet an
         element may change sides for a neuron to leave; ``"fixed"`` keeps the elements.
@@ -39,13 +39,13 @@ class KohonenMap:
     Attributes
     ----------
     mesh
-        The mesh as it is now, with all its names.
+        The mesh as it is now, with all its names; of a `skfem.MeshTri2` one again where an outline is curved.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
-        to be kept.
+        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTri2`, an argument is out of range, or there are fewer
+        layers than are to be kept.
 
     References
     ----------
@@ -176,7 +176,7 @@ class KohonenMap:
         bad = np.flatnonzero(~(np.isfinite(weight) & (weight >= 0)))
         if len(bad):
             raise ValueError(f"weights must be finite and >= 0; that of point {bad[0]} is {weight[bad[0]]}.")
-        element = locator.find(rows)
+        element = find_elements(self.mesh, rows.T) if self._movable.curved else locator.find(rows)
         outside = np.flatnonzero(element < 0)
         if len(outside):
             where = tuple(rows[outside[0]].tolist())

@@ -93,7 +93,7 @@ def relocate(
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`; it is not modified.
+        A `skfem.MeshTri`, or a `skfem.MeshTri2` of which the corners are moved; it is not modified.
     density
         Wanted nodes per area up to a factor, >= 0 and not zero everywhere: (nelements,), or a callable of points x
         (2, n) that returns (n,). Zeros are raised to 1e-6 of the largest value.
@@ -109,13 +109,17 @@ def relocate(
     Returns
     -------
     MeshTri
-        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape.
+        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. Of
+        a `skfem.MeshTri2` one again where an outline is curved: its bent outlines are curves that nodes slide on (arcs
+        where corners and mid-side nodes lie on a circle, otherwise splines through both), and mid-side nodes are put
+        back on them, or towards the chord where an element would be folded over. Sides inside that were bent become
+        straight.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, or there are fewer layers than are
-        to be kept; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTri2`, an argument is out of range, or there are fewer
+        layers than are to be kept; nothing is changed then.
 
     Notes
     -----
@@ -233,7 +237,9 @@ def node_masses(triangulation: Triangulation, masses: Floats) -> Floats:
 
 
 def report_curves(before: MovableMesh, now: MovableMesh) -> None:
-    """Say how much of curves their facets leave out, before and now."""
+    """Say how much of curves their facets leave out, before and now; of those that are bent to them it is nothing."""
+    if now.curved:
+        return
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
         which = now.outline.farthest_curve(now.triangulation)

@@ -1,0 +1,93 @@
+"""Points between bent sides and their chords are found in the element that the sides are of, and values there."""
+
+import numpy as np
+import pytest
+from helpers.meshes import disk, square
+from skfem import Basis, ElementTriP1
+
+import kohonen_adapt as ka
+from kohonen_adapt.kernels.triangle.locate import TOLERANCE
+from kohonen_adapt.mesh.curved import corner_places, corners_of, displacements, with_displacements
+from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+
+
+def wavy(n, size, seed=0):
+    """A square with every side bent, those of the rim too."""
+    mesh = square(n)
+    off = size / n * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, mesh.facets.shape[1]))
+    return with_displacements(mesh, off)
+
+
+def hexagon():
+    mesh = disk(1, 2.0)
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+MESHES = {
+    "disk": lambda: MovableMesh.of(disk(3, 1.0), Rules(), curved=True).mesh(),
+    "six sides": lambda: MovableMesh.of(hexagon(), Rules(curves={"rim": ka.Arc((0.0, 0.0), 2.0)}), curved=True).mesh(),
+    "wavy": lambda: wavy(6, 0.08),
+}
+
+
+def at_shares(mesh, element, shares):
+    """Where the shares (k, 3) of elements (k,) are, (2, k)."""
+    i, j = [1, 2, 0], [2, 0, 1]
+    bows = 4.0 * np.einsum("ki,kid->kd", shares[:, i] * shares[:, j], displacements(mesh)[element])
+    return (np.einsum("ki,kid->kd", shares, corner_places(mesh)[element]) + bows).T
+
+
+def drawn(mesh, count=4000, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.integers(0, mesh.nelements, count), rng.dirichlet(np.full(3, 0.6), count)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_every_point_is_found_where_it_was_mapped_to(name):
+    mesh = MESHES[name]()
+    check_mesh(mesh, bent=True)
+    element, shares = drawn(mesh)
+    inside = shares.min(axis=1) > 1e-7
+    x = at_shares(mesh, element, shares)
+    found = ka.find_elements(mesh, x)
+    assert found.dtype == np.int32
+    np.testing.assert_array_equal(found[inside], element[inside])
+    assert np.any(ka.find_elements(corners_of(mesh), x) != found)
+    values = np.random.default_rng(1).random(mesh.nvertices)
+    expected = np.sum(shares * values[mesh.t[:, element]].T, axis=1)
+    np.testing.assert_allclose(ka.interpolate(mesh, values, x)[inside], expected[inside], atol=1e-9)
+
+
+def test_values_are_those_of_scikit_fem():
+    mesh = wavy(4, 0.08)
+    basis, values = Basis(mesh, ElementTriP1(), intorder=5), np.random.default_rng(2).random(mesh.nvertices)
+    x = np.asarray(basis.global_coordinates()).reshape(2, -1)
+    np.testing.assert_allclose(ka.interpolate(mesh, values, x), basis.interpolate(values).ravel(), atol=1e-12)
+
+
+def test_what_lies_beyond_a_bent_rim_is_outside():
+    """Between chord and arc is inside where the rim bulges, outside where it is bent inwards."""
+    mesh = MESHES["disk"]()
+    angle = np.linspace(0.0, 2.0 * np.pi, 500)
+    for radius, inside in ((1.0 - 1e-3, True), (1.0 + 1e-3, False), (1.2, False)):
+        x = radius * np.stack([np.cos(angle), np.sin(angle)])
+        assert np.all((ka.find_elements(mesh, x) >= 0) == inside)
+        assert np.all(np.isfinite(ka.interpolate(mesh, np.ones(mesh.nvertices), x)) == inside)
+    straight = square(2)
+    off = np.zeros((2, straight.facets.shape[1]))
+    low = np.flatnonzero(np.all(straight.p[1, straight.facets] == 0.0, axis=0))
+    off[1, low] = 0.1
+    bent = with_displacements(straight, off)
+    assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[0] == -1
+    assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[1] >= 0
+
+
+def test_nodes_and_points_that_are_none():
+    mesh = MESHES["disk"]()
+    assert np.all(ka.find_elements(mesh, mesh.p) >= 0)
+    x = np.array([[np.nan, np.inf, 0.0], [0.0, 0.0, 0.0]])
+    assert (ka.find_elements(mesh, x) >= 0).tolist() == [False, False, True]
+    assert ka.find_elements(mesh, np.empty((2, 0))).shape == (0,)
+    assert TOLERANCE < 1e-9
