@@ -61,6 +61,16 @@ def sweep(
     KeyboardInterrupt
         At Ctrl-C: processes of this machine are ended at once, and what is finished is in the folder.
 
+    Notes
+    -----
+    Processes of this machine import the script that began them: it begins a sweep below ``if __name__ == "__main__":``.
+    They share the threads that ``NUMBA_NUM_THREADS`` allows, and end with this process, however that ends. One that
+    dies, as for want of memory, is the error of its case, and another takes its place. Where this process was killed,
+    the same call with the same folder computes what is missing, and gives the table that it would have given.
+
+    On a cluster every machine needs this package and the module of the function, and compiles for itself, once. Without
+    a shared disk the function must bring its meshes along. Cases that Dask loses with a worker it gives to another one.
+
     Examples
     --------
     >>> from concurrent.futures import ThreadPoolExecutor
@@ -71,6 +81,12 @@ def sweep(
     ...     result = ka.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, executor=threads)
     >>> result.table["product"]
     array([0.5, 1.5, 1. , 3. ])
+
+    On a cluster, by Dask (``pip install "kohonen-adapt[sweep]"``):
+
+    >>> from distributed import Client  # doctest: +SKIP
+    >>> with Client("tcp://scheduler:8786") as client:  # doctest: +SKIP
+    ...     result = ka.sweep(product, {"x": range(100), "y": [0.5]}, executor=client.get_executor(), folder="cases")
     """
     listed = list_cases(cases)
     _check(function, executor, progress)
