@@ -30,15 +30,26 @@ def known(condition, what):
         raise SystemExit(f"{what} is nothing that this recipe knows: write that part of the case by hand")
 
 
-def material(block, direction):
+def coercivity(strength, row):
+    """The key of a magnet in A/m, which points as its label says: in one direction, or by a multiple of theta."""
+    formula = "".join(row[9:]).strip('"')
+    turning = re.fullmatch(r"(?:(\d+)\*)?theta(\+180)?", formula)
+    known(turning or not formula, f"the direction of magnetisation {formula!r}")
+    if turning:
+        size, pairs = -strength if turning[2] else strength, int(turning[1] or 1) - 1
+        return f'coercivity = {{pattern = "halbach", magnitude = {size!r}, pole_pairs = {pairs}}}  # along {formula}'
+    angle = radians(float(row[5]))
+    return f"coercivity = [{strength * cos(angle)!r}, {strength * sin(angle)!r}]  # A/m, at {row[5]} degrees"
+
+
+def material(block, row):
     """Keys of a material of the case: H in A/m, J in A/m^2 (FEMM has MA/m^2)."""
     known(block["Mu_x"] == block["Mu_y"], f"{block['BlockName']}: different permeabilities in x and y")
     known(float(block["LamFill"]) == 1.0 or int(block["LamType"]) > 2, f"{block['BlockName']}: a lamination")
     points = [[float(b), float(h)] for b, h in block["BH"] if float(b) > 0.0]
     yield f"bh = {points}" if points else f"permeability = {float(block['Mu_x'])!r}"
-    strength, angle = float(block["H_c"]), radians(float(direction))
-    if strength:
-        yield f"coercivity = [{strength * cos(angle)!r}, {strength * sin(angle)!r}]  # A/m, at {direction} degrees"
+    if float(block["H_c"]):
+        yield coercivity(float(block["H_c"]), row)
     if float(block["J_re"]):
         yield f"current_density = {1e6 * float(block['J_re'])!r}"
 
@@ -51,18 +62,17 @@ def case(path):
     known(setting.get("pointprops", "0") == "0", "a point property")
     yield f"mesh = {json.dumps(path.name)}"
     axisymmetric = setting["problemtype"] == "axisymmetric"
-    depth = UNITS[setting["lengthunits"].lower()] * float(setting["depth"])
-    yield "axisymmetric = true" if axisymmetric else f"depth = {depth!r}  # m"
+    unit = UNITS[setting["lengthunits"].lower()]
+    yield "axisymmetric = true" if axisymmetric else f"depth = {unit * float(setting['depth'])!r}  # m"
     blocks, circuits = properties(head, "Block"), properties(head, "Circuit")
     rows = labels(head)
     of_block = [row[2] for row in rows]
     coils = []
     for k, row in enumerate(rows):
         known(int(row[2]) > 0, "a label without a material")
-        known(len(row) < 10, "a direction of magnetisation by a formula")
         block = blocks[int(row[2]) - 1]
         name = block["BlockName"] + (f" {1 + of_block[:k].count(row[2])}" if of_block.count(row[2]) > 1 else "")
-        yield from ("", f"[materials.{json.dumps(name)}]", *material(block, row[5]))
+        yield from ("", f"[materials.{json.dumps(name)}]", *material(block, row))
         if int(row[4]) > 0:
             circuit = circuits[int(row[4]) - 1]
             known(circuit["CircuitType"] == "1", f"{circuit['CircuitName']}: a circuit in parallel")
@@ -70,10 +80,16 @@ def case(path):
     yield from ("", "[ampere_turns]", *coils) if coils else ()
     yield from ("", "[potential]")
     for boundary in properties(head, "Bdry"):
-        value = [float(boundary[key]) for key in ("A_0", "A_1", "A_2")]
-        fixed = boundary["BdryType"] == "0" and not any(value[1:])
-        known(fixed, f"the boundary {boundary['BdryName']}, which is not A = constant,")
-        yield f"{json.dumps(boundary['BdryName'])} = {value[0]!r}"
+        known(boundary["BdryType"] == "0", f"the boundary {boundary['BdryName']}, on which A is not given,")
+        known(not float(boundary.get("phi", 0)), f"the boundary {boundary['BdryName']}, whose A has a phase,")
+        value, *slopes = (float(boundary[key]) for key in ("A_0", "A_1", "A_2"))
+        known(
+            not (any(slopes) and axisymmetric), f"the boundary {boundary['BdryName']}, whose A varies around an axis,"
+        )
+        x, y = (slope / unit for slope in slopes)  # FEMM counts x and y in the unit of the drawing
+        yield f"{json.dumps(boundary['BdryName'])} = " + (
+            f'"{value!r} + {x!r}*x + {y!r}*y"' if any(slopes) else repr(value)
+        )
 
 
 def main(path, out):

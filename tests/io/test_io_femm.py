@@ -15,6 +15,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.magnetostatics import halbach
 from kohonen_adapt.mesh.measures import area
 
 RECIPE = Path(__file__).parents[2] / "examples" / "femm.py"
@@ -160,18 +161,37 @@ def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
     assert problem.solve(mesh).flux_linkage("air 1", turns=100) != 0.0
 
 
+@pytest.mark.parametrize(("formula", "pole_pairs", "sign"), [("theta", 0, 1), ("theta+180", 0, -1), ("3*theta", 2, 1)])
+def test_magnets_that_turn_and_a_potential_that_varies(formula, pole_pairs, sign, tmp_path, capsys):
+    """By theta in degrees about the origin; and A = A_0 + A_1 x + A_2 y, with x and y in the unit of the drawing."""
+    text = disc("millimeters")[2].replace("<H_c> = 0", "<H_c> = 9e5", 1).replace("<A_1> = 0", "<A_1> = 3", 1)
+    text = text.replace("<A_2> = 0", "<A_2> = -0.25", 1).replace("100\t0\n", f'100\t0\t"{formula}"\n')
+    (tmp_path / "m.ans").write_text(text)
+    runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+    problem, x = read_case(tmp_path / "case.toml").problem, np.array([[2e-3, 1e-3, -4e-4], [0.0, 3e-3, 1e-4]])
+    assert_allclose(problem.potential["rim"](x), 0.5 + 3e3 * x[0] - 250.0 * x[1], rtol=1e-12)
+    assert_allclose(problem.materials["air 1"].coercivity(x), sign * halbach(9e5, pole_pairs)(x), rtol=1e-12)
+    assert problem.materials["air 2"].coercivity == (9e5, 0.0)
+    fitting_mesh(read_case(tmp_path / "case.toml"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("[Frequency]   =  0", "[Frequency]   =  50", "a frequency is nothing that this recipe knows"),
-        ("<BdryType> = 0", "<BdryType> = 4", "the boundary rim, which is not A = constant, is nothing"),
+        ("<BdryType> = 0", "<BdryType> = 4", "the boundary rim, on which A is not given, is nothing"),
+        ("<A_0> = 0.5", "<A_0> = 0.5\n    <phi> = 90", "the boundary rim, whose A has a phase, is nothing"),
         ("<Mu_y> = 1", "<Mu_y> = 2", "air: different permeabilities in x and y is nothing"),
         ("<CircuitType> = 1", "<CircuitType> = 0", "coil: a circuit in parallel is nothing"),
-        ("0\t1\t0\n[Solution]", '0\t1\t0\t"theta"\n[Solution]', "a direction of magnetisation by a formula is nothing"),
+        (
+            "0\t1\t0\n[Solution]",
+            '0\t1\t0\t"R*theta"\n[Solution]',
+            "the direction of magnetisation 'R.theta' is nothing",
+        ),
     ],
 )
 def test_what_the_recipe_does_not_know(old, new, said, tmp_path):
-    text = disc()[2]
+    text = disc()[2].replace("<H_c> = 0", "<H_c> = 1000")
     assert old in text
     (tmp_path / "m.ans").write_text(text.replace(old, new, 1))
     with pytest.raises(SystemExit, match=said):
