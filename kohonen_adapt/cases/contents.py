@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.cases.tables import Quantity
+from kohonen_adapt.cases.tables import GOAL_UNITS, Quantity
 from kohonen_adapt.cases.turning import turned_materials
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
@@ -110,10 +110,18 @@ class Case:
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:
         """The outputs by name and unit, as ``pull (N/m)``: totals are per metre unless there is a depth or an axis."""
-        whole = self.problem.axisymmetric or self.problem.depth is not None
         return {
-            f"{name} ({each.unit}{'' if whole or each.local else '/m'})": each for name, each in self.outputs.items()
+            f"{name} ({each.unit if each.local else self._as_total(each.unit)})": each
+            for name, each in self.outputs.items()
         }
+
+    @property
+    def goal_unit(self) -> str:
+        """The unit of the goal, as ``N/m``; empty where there is none."""
+        return "" if self.problem.goal is None else self._as_total(GOAL_UNITS[type(self.problem.goal)])
+
+    def _as_total(self, unit: str) -> str:
+        return unit if self.problem.axisymmetric or self.problem.depth is not None else f"{unit}/m"
 
     @property
     def pinned(self) -> list[int | str]:

@@ -138,7 +138,10 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
     if case.problem.goal is not None:
         value, missing = case.problem.goal(result.solution), case.problem.goal_error(result.solution)
-        terminal.say(f"The goal is {value:.6g}, and by the estimate of its error {missing:+.2g} is missing.")
+        exact, unit = value + missing, case.goal_unit
+        terminal.say(
+            f"The goal is {value:.6g} {unit}; by an estimate of its error the exact one is {exact:.6g} {unit}."
+        )
     if result.status is Status.FAILED:
         terminal.complain(result.message)
         return FAILED

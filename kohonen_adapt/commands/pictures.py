@@ -136,7 +136,7 @@ def _write_report(
         asked=_asked(case, before),
         point_data=_potentials(case),
         cell_data={"flux density |B| (T)": _magnitude},
-        indicator_label=f"error indicator of an element (√({_energy_unit(case)}))",
+        indicator_label=f"error indicator of an element (√({case.goal_unit or _energy_unit(case)}))",
         unit=_length_unit(after),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
@@ -151,9 +151,10 @@ def _asked(case: Case, before: AdaptResult) -> str:
     until = f", until {' or '.join(limits)}" if limits else ""
     passes = options.get("passes", PASSES)
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
+    by = f"by the {problem.estimator}" if problem.goal is None else f"for the goal {problem.goal}, by the dual-weighted"
     return (
         f"Asked for: adapt {case.mesh.name} ({before.mesh.p.shape[1]} nodes, {before.mesh.t.shape[1]} elements)"
-        f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, by the {problem.estimator} estimate of "
+        f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, {by} estimate of "
         f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
     )
 

@@ -19,7 +19,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.cases.settings import ADAPT, PROBLEM
-from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
+from kohonen_adapt.cases.tables import GOAL_UNITS, GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.sweep import CaseOutputs
 from kohonen_adapt.magnetostatics import (
@@ -161,11 +161,28 @@ def test_a_case_gives_what_python_gives(name, run, tmp_path, capsys):
             assert float(row[f"output {output}"]) == pytest.approx(
                 value, rel=1e-9, abs=1e-9 * abs(result.solution.energy)
             )
-    told = re.search(r"The goal is (\S+), and by the estimate of its error (\S+) is missing", capsys.readouterr().out)
+    told = re.search(
+        r"The goal is (\S+) (.*); by an estimate of its error the exact one is (\S+)", capsys.readouterr().out
+    )
     assert bool(told) == (problem.goal is not None)
     if told:
-        assert float(told[1]) == pytest.approx(problem.goal(result.solution), rel=1e-5)
-        assert float(told[2]) == pytest.approx(problem.goal_error(result.solution), rel=0.1)
+        value, better = (
+            problem.goal(result.solution),
+            problem.goal(result.solution) + problem.goal_error(result.solution),
+        )
+        assert (float(told[1]), float(told[3])) == pytest.approx((value, better), rel=1e-5)
+        assert told[2] == {"force": "N/m", "torque": "N m/m", "flux linkage": "Wb/m", "energy": "J/m"}[name[5:]]
+
+
+def test_the_report_says_what_the_mesh_was_adapted_for(tmp_path, monkeypatch):
+    without_matplotlib(monkeypatch)
+    ka.write_mesh(tmp_path / "m.msh", drawn())
+    text = f"{CASES['goal energy'].toml}\ndepth = 0.1\n{case_text('')}".replace("passes = 2", "passes = 0")
+    (tmp_path / "case.toml").write_text(text)
+    assert cli.main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "for the goal StoredEnergy(part=&#x27;core&#x27;), by the dual-weighted estimate of the magnetic" in report
+    assert "error indicator of an element (\\u221a(J))" in report
 
 
 def test_a_magnet_by_coercivity_has_the_same_patterns():
@@ -377,4 +394,4 @@ def test_the_keys_of_a_material_are_its_arguments():
 def test_every_goal_is_one_of_cases():
     public = {getattr(magnetostatics, name) for name in magnetostatics.__all__}
     goals = {kind for kind in public if inspect.isclass(kind) and kind is not Goal and hasattr(kind, "derivative")}
-    assert goals == set(GOALS.values())
+    assert goals == set(GOALS.values()) == set(GOAL_UNITS)
