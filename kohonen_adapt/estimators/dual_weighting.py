@@ -44,11 +44,11 @@ def goal_oriented(
     (For a linear J and data that are constant per element, the error of J differs from half the sum of these integrals
     by at most half the product of the `equilibrated` estimates of both problems; but mostly by far less than that.)
     The product is taken before the absolute value: elements in which the two errors stand at right angles do no harm,
-    and products of the two norms would put nodes there. For `adapt`, a problem with these indicators should offer no
-    `ritz`: the polish lowers the energy of u alone. Measured at equal nodes against the default for the energy, the
-    error of a force is 3 times smaller and that of the energy in a part of a yoke 29 times; the mean field in a spot
-    of air far from all corners is up to 5 times worse, since on the other mesh errors of both signs cancel there, but
-    here `goal_error` tells the error.
+    and products of the two norms would put nodes there. For `adapt`, a problem with these indicators should offer a
+    `ritz` with a dual, or none: else the polish lowers the energy of u alone. Measured at equal nodes against the
+    default for the energy, the error of a force is 3 times smaller and that of the energy in a part of a yoke 29 times;
+    the mean field in a spot of air far from all corners is up to 5 times worse, since on the other mesh errors of both
+    signs cancel there, but here `goal_error` tells the error.
 
     Parameters
     ----------

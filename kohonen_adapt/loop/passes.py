@@ -64,7 +64,7 @@ class Pass(Work):
     comparable
         Whether its functional may be compared with that of other passes.
     share
-        Of the solution in a functional with a dual, that of the first pass; see `Ritz`.
+        Of the solution in a functional with a dual, that of the first pass, see `Ritz`; None without a dual.
     unpolished
         Why there is no polish, or empty.
     outputs
@@ -98,7 +98,7 @@ class Pass(Work):
     seconds: dict[str, float] = field(default_factory=dict)
     functional: float | None = None
     comparable: bool = False
-    share: float = 1.0
+    share: float | None = None
     unpolished: str = ""
     outputs: dict[str, float] = field(default_factory=dict)
 

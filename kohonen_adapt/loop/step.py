@@ -118,7 +118,7 @@ class Adaptation:
             mean_quality=float(qualities.mean()),
             functional=value,
             comparable=functional is not None and functional.comparable,
-            share=functional.share if functional else 1.0,
+            share=functional.share if functional else None,
             unpolished=unpolished,
             outputs=self._outputs(solution),
             seconds=self.steps.seconds,  # last, for outputs take their time, too

@@ -148,8 +148,13 @@ def _cells(figure: Callable[[Pass], float | None], form: str, history: tuple[Pas
 
 
 def _energy(step: Pass) -> float | None:
-    """What stands for the energy of a solution: the square of its energy norm, else the functional it minimises."""
-    return step.functional if step.energy_norm is None else step.energy_norm**2
+    """What stands for the energy of a solution: the square of its energy norm, else the functional it minimises.
+
+    That of a goal is none.
+    """
+    if step.energy_norm is None:
+        return step.functional if step.share is None else None
+    return step.energy_norm**2
 
 
 def _changes(values: Sequence[float | None], form: str) -> list[str]:

@@ -14,9 +14,10 @@ from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, error_of_goal, estimated, goal_indicators
+from kohonen_adapt.magnetostatics.goal_functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.solution import functional_of, linkage_slope, solution_of
+from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.outputs import Output
 from kohonen_adapt.problem.protocol import NotOffered
@@ -82,7 +83,8 @@ class Magnetostatics(Arguments):
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
         an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the
         square of an `estimate` is what the elements add to the goal's error at most, in its unit (and `atol` the root
-        of what is allowed). There is neither `ritz` nor `energy_norm`. `goal_error` estimates the error. Order 1 only.
+        of what is allowed). There is no `energy_norm`, and `ritz` for a `FluxLinkage` and others whose derivative is
+        constant in regions of linear material. `goal_error` estimates the error. Order 1 only.
 
     Raises
     ------
@@ -308,13 +310,11 @@ class Magnetostatics(Arguments):
         -------
         Ritz
             In J/m, one number per material; its flux is a function where a magnet turns; its signs say which
-            sides are periodic and which antiperiodic.
+            sides are periodic and which antiperiodic. With a goal it has the dual one.
 
         Raises
         ------
         NotOffered
-            If the functional is of another form, for an axis; and with a goal, which wants another mesh.
+            If the functional is of another form, for an axis; for a goal of which there is none.
         """
-        if self.goal is not None:
-            raise NotOffered("it is adapted for a goal, and the polish lowers the energy")
-        return functional_of(field, self.boundaries, self.materials)
+        return functional_for(field, self.goal, self.boundaries, self.materials, self.method)

@@ -76,7 +76,7 @@ class Functional:
     dual
         The functional of the dual solution of a goal, which is added to this; or None.
     share
-        That of the first, as `Ritz` has it, with which the constants of both are multiplied.
+        That of the first, as `Ritz` has it, which is in the constants of both; None without a dual.
     """
 
     solution: TrialFunction
@@ -94,7 +94,7 @@ class Functional:
     law: NDArray[np.int32]
     tables: Tables
     dual: "Functional | None" = None
-    share: float = 1.0
+    share: float | None = None
 
     @classmethod
     def of(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None = None) -> "Functional":

@@ -1,0 +1,86 @@
+"""State the functional of a field, with that of the dual solution where the mesh is for a goal."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.estimators import residual
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.solution import functional_of, tangent_solution
+from kohonen_adapt.mesh.measures import area, gradient
+from kohonen_adapt.problem.protocol import NotOffered
+from kohonen_adapt.problem.ritz import Ritz
+
+__all__ = ["functional_for"]
+
+SAME = 1e-9  # of the largest derivative, or of what adds up to the goal: as near are numbers that are the same
+
+
+def functional_for(
+    field: Field, goal: Goal | None, boundaries: Boundaries, materials: Mapping[str, Material], newton: Newton
+) -> Ritz:
+    """The functional of a field, with that of the dual one where there is a goal.
+
+    Raises
+    ------
+    NotOffered
+        If it is of another form; with a goal for nonlinear material, an axis, and a derivative that changes inside
+        regions.
+    """
+    ritz = functional_of(field, boundaries, materials)
+    if goal is None:
+        return ritz
+    if field.axisymmetric:
+        raise NotOffered("it has a goal around an axis, where only the energy is lowered")
+    if field.coefficients.pieces:
+        raise NotOffered("it has a goal and nonlinear material, whose dual problem differs from element to element")
+    source, load = goal.derivative(field)
+    dual = dual_functional(ritz, source, load)
+    values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
+    one, other = estimate_of(field, field.unknown, *given_in(field)), estimate_of(field, values, source, load)
+    share = other / one if one * other > 0.0 else 1.0
+    return replace(
+        ritz, dual=replace(dual, values=values), share=share, comparable=is_linear(field, goal, source, load)
+    )
+
+
+def dual_functional(ritz: Ritz, source: Floats, load: Floats) -> Ritz:
+    """The functional of the dual solution, whose load is the derivative of the goal, (nelements,) and (2, nelements).
+
+    The derivative must be constant in every region. Forces, torques and energies have another one in every element:
+    with their flux as a function of the place, averaged at the nodes, lowering both functionals was tried on two
+    magnets and the actuator of the tests, 441 and 1353 nodes, against the map alone. The bound of a force's error, the
+    product of both estimates, was 2 to 9 % larger, that of an energy 0.8 to 1.4 times what it was; the sum of what
+    elements add to the error, which the map's density makes small, was 3 to 70 % larger.
+    """
+    own = np.asarray(ritz.region)
+    region = np.unique(np.stack([own, source]), axis=1, return_inverse=True)[1].ravel()
+    first = np.unique(region, return_index=True)[1]
+    if np.any(np.abs(load - load[:, first][:, region]) > SAME * np.abs(load).max()):
+        raise NotOffered("the derivative of its goal changes inside regions, where lowering two energies gains nothing")
+    robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
+    tables = np.asarray(ritz.coefficient)[own[first]], source[first], load[:, first]
+    return Ritz(np.zeros(np.size(ritz.values)), ritz.fixed, *tables, region, robin=robin, signs=ritz.signs)
+
+
+def given_in(field: Field) -> tuple[Floats, Floats]:
+    """Source and flux of the field itself, in every element."""
+    return field.coefficients.current_density, field.coefficients.flux
+
+
+def estimate_of(field: Field, values: Floats, source: Floats, flux: Floats) -> float:
+    """A multiple of the error in the energy norm: of two solutions on one mesh their ratio counts."""
+    return float(np.linalg.norm(residual(field.mesh, values, field.reluctivity, source=source, flux=flux)))
+
+
+def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
+    """Whether a goal is what its derivative makes of the field itself, as of linear ones (Euler's theorem)."""
+    mean = field.unknown[field.mesh.t].mean(axis=0)
+    parts = area(field.mesh) * (source * mean + np.sum(load * gradient(field.mesh, field.unknown), axis=0))
+    return bool(abs(parts.sum() - goal(field)) <= SAME * np.abs(parts).sum())
