@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
 from itertools import combinations
 from string import Template
@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.names import named_sets
 __all__ = ["case_text"]
 
 
-def case_text(mesh: MeshTri, file: str, scale: float) -> str:
+def case_text(mesh: MeshTri, file: str, scale: float, *, points: Iterable[str] = ()) -> str:
     """The text of a case.
 
     Parameters
@@ -28,6 +28,8 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
         Its file, as the case is to name it.
     scale
         Metres per unit of the file.
+    points
+        Names of the groups of points in the file.
 
     Returns
     -------
@@ -50,7 +52,7 @@ def case_text(mesh: MeshTri, file: str, scale: float) -> str:
         more=2 * mesh.p.shape[1],
         rim=_rim(mesh),
         materials="\n".join(_materials(mesh)),
-        potential="\n".join(_potential(mesh)),
+        potential="\n".join([*_potential(mesh), *(f"# {_key(name)} = 0.0  # a point" for name in sorted(points))]),
     )
 
 

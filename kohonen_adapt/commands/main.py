@@ -175,11 +175,11 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     path = arguments.out or arguments.mesh.with_suffix(".toml")
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
-    mesh = read_mesh(arguments.mesh, scale=arguments.scale)
+    mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
     _doubt(mesh, terminal)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
-        draft.write_text(case_text(mesh, file, arguments.scale), encoding="utf-8")
+        draft.write_text(case_text(mesh, file, arguments.scale, points=groups.places), encoding="utf-8")
     terminal.say(f"Wrote {path}. Fill in its materials and potential, then: kohonen-adapt run {path} --dry-run")
     return DONE
 

@@ -94,6 +94,17 @@ def test_cases_have_points(tmp_path, extra, capsys):
     assert "point 'gauge': (0.5, 0.5) m" in capsys.readouterr().out
 
 
+def test_init_names_the_points_of_the_file(tmp_path):
+    written(tmp_path, "")
+    assert cli.main(["init", str(tmp_path / "m.msh"), "--scale", "1e-3", "-o", str(tmp_path / "new.toml")]) == 0
+    text = (tmp_path / "new.toml").read_text()
+    assert "# gauge = 0.0  # a point\n" in text
+    new = text.replace("# gauge = ", "gauge = ").replace("\nrim = 0.0", "\n# rim = 0.0")
+    (tmp_path / "new.toml").write_text(new)
+    assert cli.main(["run", str(tmp_path / "new.toml"), "--dry-run"]) == 0
+    assert read_case(tmp_path / "new.toml").problem.potential == {"gauge": 0.0}
+
+
 def test_points_that_are_not_there_are_named(tmp_path, capsys):
     mesh = conductors()
     for points, message in (
