@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 import pytest
-from helpers.meshes import inset, square
+from helpers.meshes import disk, inset, square
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
@@ -33,6 +33,7 @@ from kohonen_adapt.magnetostatics import (
     halbach,
     radial,
 )
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -214,6 +215,17 @@ def test_the_whole_rim_of_a_mesh_without_named_lines(run, tmp_path):
     again = tmp_path / "again.toml"
     again.write_text(text.replace("m.msh", "out/adapted.msh"))
     assert cli.main(["run", str(again), "--dry-run"]) == 0
+
+
+def test_the_whole_rim_may_be_open(run, tmp_path):
+    """Nothing but air in a uniform field: that is the field, up to the chords of the circle."""
+    mesh = disk(8, 0.1)
+    ka.write_mesh(tmp_path / "m.msh", mesh.with_subdomains({"air": np.arange(mesh.t.shape[1])}))
+    rows = run(
+        'mesh = "m.msh"\nrim = "far"\nopen_boundary = "far"\napplied_field = [0.0, 8e5]\nmaterials.air = {}\n'
+        'adapt.passes = 0\noutputs.b = {quantity = "flux_density", at = [0.01, 0.02], component = "y"}\n'
+    )
+    assert float(rows[0]["output b (T)"]) == pytest.approx(VACUUM_PERMEABILITY * 8e5, rel=2e-3)
 
 
 @pytest.mark.parametrize("name", ["left", "core"])
