@@ -139,12 +139,10 @@ def cross(u: Floats, w: Floats) -> Floats:
 def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
     """Knots of a cubic spline along a curve, from the projections of more and more points of the facets, (k, 5)."""
     samples, most = SAMPLES
+    found = along(curve, nodes, np.arange(samples) / samples, name)
+    end = found[0, :1] if closed else projected(curve, nodes[-1:], name)
     while True:
-        share = np.arange(samples)[:, None] / samples
-        points = (nodes[:-1, None] + share * np.diff(nodes, axis=0)[:, None]).reshape(-1, 2)
-        points = projected(curve, np.concatenate([points, nodes[-1:]]), name)
-        if closed:
-            points[-1] = points[0]
+        points = np.concatenate([found.reshape(-1, 2), end])
         steps = np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1))
         if not np.all(steps > 0.0):
             raise ValueError(
@@ -158,6 +156,14 @@ def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
         if off <= FINE * size_of(nodes) or 2 * samples > most:
             return np.column_stack([parameter, points, spline(parameter, 1)])
         samples *= 2
+        between = along(curve, nodes, np.arange(1, samples, 2) / samples, name)
+        found = np.stack([found, between], axis=2).reshape(len(found), samples, 2)
+
+
+def along(curve: Curve, nodes: Floats, share: Floats, name: str) -> Floats:
+    """Projections of points that far, of their length, along the facets between nodes, (f, shares, 2)."""
+    points = nodes[:-1, None] + share[:, None] * np.diff(nodes, axis=0)[:, None]
+    return projected(curve, points.reshape(-1, 2), name).reshape(points.shape)
 
 
 def least_radius(knots: Floats) -> float:

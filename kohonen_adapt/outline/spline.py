@@ -1,6 +1,7 @@
 """Interpolate points by a cubic spline, and project others on it."""
 
 from collections.abc import Sequence
+from itertools import chain
 from math import factorial
 from typing import NamedTuple
 
@@ -240,7 +241,7 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
     near, _ = samples.tree.query(x)
     within = samples.tree.query_ball_point(x, near + samples.reach)
     row = np.repeat(np.arange(len(x)), [len(found) for found in within])
-    at = np.concatenate(within).astype(np.int64)
+    at = np.fromiter(chain.from_iterable(within), np.int64, len(row))
     here, *beside = (_squared(samples.point[i] - x[row]) for i in (at, samples.before[at], samples.after[at]))
     least = here <= np.minimum(*beside)
     row, at = row[least], at[least]
