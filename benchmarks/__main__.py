@@ -5,6 +5,7 @@ from pathlib import Path
 
 from benchmarks.checks import (
     budget,
+    curves,
     drift,
     effectivity,
     engineer,
@@ -42,6 +43,7 @@ CHECKS = {
     "limit": limit.report,
     "round": one_round.report,
     "orders": orders.report,
+    "curves": curves.report,
     "passes": passes.report,
     "magnification": magnification.report,
     "outlines": outlines.report,

@@ -166,7 +166,7 @@ class _Passes:
             self.before = result
         error = energy_error(step)
         share = "" if error is None else f" ({error:.2f} %)"
-        self.known = f"{step.mesh.p.shape[1]} nodes, {word_for_estimate([step])} {step.estimate:.4g}{share}"
+        self.known = f"{step.mesh.nvertices} nodes, {word_for_estimate([step])} {step.estimate:.4g}{share}"
         self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
 
 

@@ -153,7 +153,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if problem.goal is None else f"for the goal {problem.goal}, by the dual-weighted"
     return (
-        f"Asked for: adapt {case.mesh.name} ({before.mesh.p.shape[1]} nodes, {before.mesh.t.shape[1]} elements)"
+        f"Asked for: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
         f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, {by} estimate of "
         f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
     )

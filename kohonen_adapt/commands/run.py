@@ -175,7 +175,7 @@ def _write_history(history: tuple[Pass, ...], folder: Path) -> None:
     rows = []
     for step in history:
         figures = pass_figures(step)
-        shape = {"pass": figures.pop("number"), "nodes": step.mesh.p.shape[1], "elements": step.mesh.t.shape[1]}
+        shape = {"pass": figures.pop("number"), "nodes": step.mesh.nvertices, "elements": step.mesh.t.shape[1]}
         rows.append(shape | figures)
     with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))

@@ -79,7 +79,7 @@ def adapt(
         ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
         it), ``pairs`` (its periodic and antiperiodic boundaries), ``points`` (names to places of nodes that stay), and
         ``curves(mesh)`` (what it knows to be round). ``curved`` (None): True asks for a `skfem.MeshTri2` where an
-        outline is curved, the input included, False for straight elements; None takes what `mesh` is.
+        outline is curved, from order 2 on, the input included, False for straight elements; None takes what `mesh` is.
     passes
         Number of relocations, at most; 0 solves and estimates the input.
     rtol, atol

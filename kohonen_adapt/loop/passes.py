@@ -103,5 +103,5 @@ class Pass(Work):
     outputs: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        nodes, least = self.mesh.p.shape[1], self.min_quality
+        nodes, least = self.mesh.nvertices, self.min_quality
         return f"<Pass {self.number}: estimate {self.estimate:.4g}, {nodes} nodes, min quality {least:.2f}>"

@@ -140,7 +140,7 @@ def final(ending: Ending, passes: Passes, settings: Settings) -> Ending:
     """The ending with what else there is to say: why there was no polish, and how many nodes are missing."""
     remarks = [_polish_remark(passes, settings)]
     if ending.status in AT_ITS_END:
-        remarks.append(settings.growth.shortfall(passes[-1].mesh.p.shape[1]))
+        remarks.append(settings.growth.shortfall(passes[-1].mesh.nvertices))
     message = "; ".join([ending.message.removesuffix("."), *filter(None, remarks)])
     return replace(ending, message=f"{message}.")
 

@@ -91,8 +91,8 @@ def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
 
 
 def _solved(history: tuple[Pass, ...]) -> Columns:
-    columns = [("nodes", [str(step.mesh.p.shape[1]) for step in history])]
-    if any(step.unknowns != step.mesh.p.shape[1] for step in history):
+    columns = [("nodes", [str(step.mesh.nvertices) for step in history])]
+    if any(step.unknowns != step.mesh.nvertices for step in history):
         columns.append(("unknowns", [str(step.unknowns) for step in history]))
     columns += [
         (word_for_estimate(history), [f"{step.estimate:.4g}" for step in history]),

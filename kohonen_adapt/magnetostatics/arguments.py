@@ -39,6 +39,7 @@ class Arguments:
     goal: Goal | None = None
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
+    curved: bool = True
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -124,6 +125,8 @@ class Arguments:
     def _check_order(self) -> None:
         if self.order not in (1, 2, 3) or isinstance(self.order, bool):
             raise ValueError(f"order of the elements must be 1, 2 or 3; got {self.order!r}.")
+        if not isinstance(self.curved, bool):
+            raise ValueError(f"curved must be True or False; got {self.curved!r}.")
         if self.order > 1 and self.axisymmetric:
             raise ValueError(f"axisymmetric problems have elements of order 1 only; got order {self.order}.")
         if self.order > 1 and self.estimator != "residual":

@@ -156,7 +156,7 @@ def modes_of(
     `fixed` (nunknowns,) says which of these are given: a side is where all of its own are. Around an axis there is the
     `kind` of every element, (m,).
     """
-    facet, nodes, facets = facets_of_sides(mesh, node), mesh.p.shape[1], mesh.facets.shape[1]
+    facet, nodes, facets = facets_of_sides(mesh, node), mesh.nvertices, mesh.facets.shape[1]
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node
     given = np.zeros(node.shape, dtype=np.bool_)
     if fixed is not None:

@@ -19,9 +19,10 @@ SHARE = 0.01  # of the squared estimate, a tenth of it in the energy norm: what 
 def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats:
     """The longest facets that may be made at the nodes that slide on arcs, (n,); 0 at all others.
 
-    Between an arc of radius r and its chord of length l there is ``l^3 / (12 r)`` of the wrong material. Twice what
-    that does to the functional is to be no more than an equal share of a hundredth of the squared estimate, nor than
-    one node's share in all of that: what fewer facets save would be lost again elsewhere.
+    Between an arc of radius r and its chord of length l there is ``l^3 / (12 r)`` of the wrong material, between it and
+    a curved side, the parabola through its ends and its middle, ``l^5 / (960 r^3)``. Twice what that does to the
+    functional is to be no more than an equal share of a hundredth of the squared estimate, nor than one node's share in
+    all of that: what fewer facets save would be lost again elsewhere.
     """
     triangulation, constraints = movable.triangulation, movable.constraints
     elements, chains = triangulation.elements, constraints.chains
@@ -30,7 +31,10 @@ def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats
     shift = shift_per_area(ritz, triangulation, e, k)
     allowed = 0.5 * estimate**2 / max(movable.nnodes, len(e) / SHARE)
     with np.errstate(divide="ignore"):  # where nothing changes at an arc it may be cut off
-        length = np.cbrt(12.0 * allowed / (shift * np.abs(chains.curvature[elements.chain[e, k]])))
+        curvature = np.abs(chains.curvature[elements.chain[e, k]])
+        length = np.cbrt(12.0 * allowed / (shift * curvature))
+        if movable.curved:
+            length = (960.0 * allowed / (shift * curvature**3)) ** 0.2
     longest = np.full(movable.nnodes, np.inf)
     for node in elements.ends(e, k):
         np.minimum.at(longest, node, length)

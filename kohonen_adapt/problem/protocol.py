@@ -72,7 +72,7 @@ class Problem(Protocol):
 
     ``curved`` says whether the problem is solved on elements with bent sides: True asks for a ``skfem.MeshTri2`` where
     an outline is curved, with mid-side nodes on the curve (`MeshTri` where none is), False for a ``skfem.MeshTri``.
-    Without it the problem gets what `adapt` was given.
+    Without it the problem gets what `adapt` was given; of order 1 a ``skfem.MeshTri`` in any case where it says one.
 
     ``improved(mesh, solution, outputs)`` has better values of these functions of a solution, by name: from elements of
     a higher degree on the same mesh, for instance. Where a run has stalled, it is asked once, and `message` says which
@@ -110,8 +110,11 @@ def is_calibrated(problem: Problem) -> bool:
 
 
 def is_curved(problem: Problem) -> bool | None:
-    """Whether the problem wants bent sides on curved outlines, None where it does not say."""
-    return getattr(problem, "curved", None)
+    """Whether the problem wants bent sides on curved outlines, not with elements of order 1; None where it does not
+    say.
+    """
+    wanted = getattr(problem, "curved", None)
+    return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
 
 
 def improved(problem: Problem, mesh: MeshTri, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:

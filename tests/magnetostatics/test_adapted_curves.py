@@ -1,0 +1,88 @@
+"""A round magnet adapted on elements with curved sides: error, estimate, meshes of passes, solutions carried on."""
+
+import numpy as np
+import pytest
+from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
+
+import kohonen_adapt as ka
+from benchmarks.problems.round_magnet import RoundMagnet
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.problem.ritz import functional_value
+
+MAGNET = RoundMagnet(shift=0.3)
+
+
+def adapted(order=2, curved=True, rings=10, passes=2, **options):
+    return ka.adapt(MAGNET.mesh(rings, curved=False), MAGNET.problem(order, curved), passes=passes, **options)
+
+
+def on_circles(mesh):
+    """How far the middles of sides on both circles are off them."""
+    off = []
+    for name, arc in MAGNET.curves.items():
+        middles = mesh.doflocs[:, mesh.nvertices + mesh.boundaries[name]] - np.reshape(arc.centre, (2, 1))
+        off.append(np.abs(np.hypot(*middles) - arc.radius).max())
+    return max(off)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_every_pass_is_solved_on_the_circles(order):
+    """The input's, too: its nodes stay, its sides are bent. The exact field is met five times as well as on chords."""
+    result, chords = adapted(order, passes=3), adapted(order, curved=False, passes=3)
+    for step in result.history:
+        assert type(step.mesh) is MeshTri2 and on_circles(step.mesh) < 1e-9
+        assert step.unknowns == Basis(step.mesh, ElementTriP2()).N or order == 3
+    start = MAGNET.mesh(10, curved=True)
+    np.testing.assert_allclose(result.history[0].mesh.doflocs, start.doflocs, atol=1e-12)
+    first, last = (MAGNET.error(field, order) for field in (MAGNET.problem(order).solve(start), result.solution))
+    assert last < 0.75 * first
+    assert last < 0.2 * MAGNET.error(chords.solution, order)
+    assert all(type(step.mesh) is MeshTri for step in chords.history)
+    assert area(result.mesh).sum() == pytest.approx(np.pi, rel=1e-4)
+
+
+def test_the_estimate_is_near_the_error_of_adapted_curved_elements():
+    result = adapted(passes=3)
+    share = 100 * result.estimate / result.history[-1].energy_norm
+    assert 0.85 < share / MAGNET.error(result.solution, 2) < 1.15
+
+
+def test_elements_of_order_one_and_meshes_without_curves_stay_straight():
+    assert type(ka.adapt(MAGNET.mesh(5, False), MAGNET.problem(1), passes=0).mesh) is MeshTri
+    square = MeshTri().refined(2).with_boundaries({"rim": lambda x: x[0] > -1.0}, boundaries_only=True)
+    square = square.with_subdomains({"coil": np.arange(square.t.shape[1])})
+    problem = Magnetostatics({"coil": Material(current_density=1.0)}, {"rim": 0.0}, order=2)
+    assert type(ka.adapt(square, problem, passes=1).mesh) is MeshTri
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_solutions_are_carried_from_curved_to_curved_meshes(order):
+    """What is carried onto the mesh itself is the solution; onto a moved one it is off by what interpolation is."""
+    problem, start = MAGNET.problem(order), MAGNET.mesh(10, curved=False)
+    movable = MovableMesh.of(start, Rules("flip", curves=MAGNET.curves), curved=True)
+    mesh, before = movable.mesh(), movable.copy()
+    field = problem.solve(mesh)
+    ritz = problem.ritz(mesh, field)
+    functional = Functional.of(ritz, movable, mesh)
+    same = carried(functional, before, movable, unchanged(movable.triangulation).hint)
+    np.testing.assert_allclose(same.values, functional.solution.values, atol=1e-12)
+    np.testing.assert_allclose(same.modes.side, functional.solution.modes.side, atol=1e-12)
+    np.testing.assert_allclose(same.modes.bubble, functional.solution.modes.bubble, atol=1e-11)
+
+    density = ka.density_from_indicators(mesh, problem.indicators(mesh, field), order=order)
+    moved = ka.relocate(mesh, density, topology="flip", curves=MAGNET.curves)
+    assert np.abs(moved.p - mesh.p)[:, : mesh.nvertices].max() > 0.01
+    guess = field.potential_at(0.999 * moved.p)
+    assert np.isfinite(guess).all()
+    other = problem.solve(moved)
+    x = 0.99 * moved.p
+    assert np.abs(other.potential_at(x) - field.potential_at(x)).max() < 0.003 * np.ptp(field.potential)
+    assert functional_value(moved, problem.ritz(moved, other)) < functional_value(mesh, ritz)
+    assert np.all(find_elements(moved, 0.99 * mesh.p) >= 0)
