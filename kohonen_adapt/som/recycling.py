@@ -10,12 +10,14 @@ from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery, unchanged
+from kohonen_adapt.som.paired_recycling import recycle_pairs
 
 __all__ = ["recycle_nodes", "starts_of"]
 
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
 ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
 SETTLED = 0.01  # share of the nodes: a round with fewer splits is the last
+SPARE = 8  # nodes that there is room for, for every facet of a pair
 SPLITS = 100_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 
@@ -30,16 +32,42 @@ def recycle_nodes(
     facets on curves leave out must not grow, but where they are no longer than `longest` (nnodes,) they may be joined.
     """
     movable.settle()
+    done = unchanged(movable.triangulation)
+    if movable.constraints.chains.paired.any():
+        row, density, done = recycled_pairs(movable, density, target, pairs, done)
+        longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
     missing = target - movable.nnodes
-    spacious = Surgery.on(movable, density, max(target, movable.nnodes), unchanged(movable.triangulation))
+    spacious = Surgery.on(movable, density, max(target, movable.nnodes), done)
     if longest is not None:
         known = spacious.mesh.origins.longest[: movable.nnodes]
         np.maximum(known, longest, out=known)
     splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     if not splits and not collapses:
-        return unchanged(movable.triangulation)
+        return done
     kept, _ = spacious.hand_back(movable, renumbered=pairs)
-    return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], splits, collapses)
+    counts = done.splits + splits, done.collapses + collapses
+    return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], *counts)
+
+
+def recycled_pairs(
+    movable: MovableMesh, density: Floats, target: int, both: bool, done: Recycled
+) -> tuple[Ints, Floats, Recycled]:
+    """Recycle the nodes of pairs, as `recycle_pairs` says.
+
+    Returns the row before of every node, (n,), -1 for a new one, its density, and what was recycled in all.
+    """
+    on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
+    spacious = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
+    spacious.mesh.origins.young[:] = False
+    splits, collapses = recycle_pairs(spacious.mesh, target, both, RATIO, movable.floor)
+    origins = spacious.mesh.origins
+    if not splits and not collapses:
+        return np.arange(movable.nnodes), density, done
+    kept, _ = spacious.hand_back(movable)
+    movable.flip()
+    counts = done.splits + splits, done.collapses + collapses
+    row = np.where(origins.young[kept], -1, kept)
+    return row, origins.density[kept], Recycled(origins.old[kept], origins.hint[kept], *counts)
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:

@@ -1,0 +1,176 @@
+"""Recycle the nodes of periodic pairs: both facets of a pair are split, or both of its nodes taken away, or neither.
+
+Facets of pairs are few, so the loops are not compiled here. How long edges should be follows from the density and the
+number of nodes: N equilateral triangles per node pair have edges of squared length 2 / sqrt(3) in its metric.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import SLIDING, OpenMesh
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.triangle.surgery import (
+    collapse,
+    collapsed_quality,
+    find_edge,
+    gather_around,
+    may_split,
+    midpoint,
+    split,
+)
+from kohonen_adapt.outline.parameters import parameters_of, ways_along
+
+__all__ = ["recycle_pairs"]
+
+EQUILATERAL = 2.0 / np.sqrt(3.0)  # squared edge length times nodes per area
+ROUNDS = 6  # of collapses, and of splits: neighbours of what has changed have to wait
+SAME = 1e-9  # of the size of the mesh: chains this near to where a motion carries one are its image
+
+
+class Facets(NamedTuple):
+    """Facets of pairs, each with its image, in the direction of their chains."""
+
+    element: Ints  # (f, 2): here and there
+    start: Ints  # (f, 2)
+    end: Ints  # (f, 2)
+    chain: Ints  # (f, 2)
+    motion: Ints  # (f,) that carries the first to the second
+
+
+def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
+    """Make and take away nodes of pairs until their edges are as long as those of a mesh of `target` nodes should be.
+
+    Within the root of a `ratio`, in the metric. Without `both` nothing is taken away, and nodes are made as long as
+    there are fewer than wanted; with it there may be too many or too few in the end, which others make up for. Returns
+    how many nodes were made, and how many taken away.
+    """
+    images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
+    room = int(mesh.pool.height[0]) // 2 - 1
+    if not both:
+        room = min(room, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
+    for _ in range(ROUNDS if both else 0):
+        collapses += collapse_short(mesh, facets_of_pairs(mesh, images), wanted / ratio, wanted * ratio, floor)
+    for _ in range(ROUNDS):
+        splits += split_long(mesh, facets_of_pairs(mesh, images), wanted * ratio, floor, room - splits)
+    return 2 * splits, 2 * collapses
+
+
+def desired_length(mesh: OpenMesh, target: int) -> float:
+    """The squared length in the metric of the edges of so many triangles, were all equilateral."""
+    node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
+    (ax, ay), (bx, by) = (mesh.position[node[:, k]].T - mesh.position[node[:, 0]].T for k in (1, 2))
+    areas = 0.5 * (ax * by - ay * bx)
+    return float(EQUILATERAL * np.sum(areas * mesh.origins.density[node].mean(axis=1)) / target)
+
+
+def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
+    """Paired chains, each with its image and the motion that carries it there, one of every two."""
+    chains, motions = mesh.constraints.chains, mesh.constraints.twins.motions
+    paired, found = np.flatnonzero(chains.paired), []
+    near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
+    for m in range(0, len(motions), 2):
+        turn, shift = motions[m, :, :2], motions[m, :, 2]
+        for c in paired:
+            off = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
+            turned = np.abs(turn @ chains.direction[c] - chains.direction[paired]).max(axis=1)
+            same = (off < near) & (turned < SAME) & (paired != c)
+            found += [(int(c), int(paired[k]), m) for k in np.flatnonzero(same)]
+    return found
+
+
+def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facets:
+    """All facets of pairs as the mesh is now."""
+    parts = []
+    for c, d, m in images:
+        here, there = facets_along(mesh, c), facets_along(mesh, d)
+        element, start, end = (np.stack(pair, axis=1) for pair in zip(here, there, strict=True))
+        parts.append(Facets(element, start, end, np.broadcast_to([c, d], start.shape), np.full(len(start), m)))
+    element, start, end, chain, motion = (np.concatenate(array) for array in zip(*parts, strict=True))
+    return Facets(element, start, end, chain, motion)
+
+
+def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
+    """Elements, first and last nodes of the facets of a chain, in its order."""
+    e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
+    chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
+    at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
+    along = ways_along(mesh.constraints.chains, chain, *at) > 0.0
+    first = np.where(along, 0, 1)
+    order = np.argsort(at[first, np.arange(len(e))], kind="stable")
+    first = first[order]
+    return e[order], ends[first, order], ends[1 - first, order]
+
+
+def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
+    """The longer one of every facet and its image, squared, in the metric."""
+    way = mesh.position[facets.start] - mesh.position[facets.end]
+    density = mesh.origins.density
+    squared = np.sum(way**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
+    return squared.max(axis=1)
+
+
+def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:
+    """Take away a node of facets, and its partner, that are shorter than the least; returns how many.
+
+    The shortest come first, and beside one that is gone the others wait for another round. No edge may become as long
+    as the longest.
+    """
+    length, changed, count = lengths(mesh, facets), set[int](), 0
+    for i in np.argsort(length, kind="stable"):
+        ends = facets.start[i], facets.end[i]
+        if length[i] >= least or changed & {int(v) for pair in ends for v in pair}:
+            continue
+        ways = [(v, w, merged_quality(mesh, v, w, facets.chain[i], longest, floor)) for v, w in (ends, ends[::-1])]
+        v, w, quality = max(ways, key=lambda way: way[2])
+        if quality < 0.0:
+            continue
+        merge, around = interpreted(collapse), interpreted(gather_around)
+        for gone, left in zip(v.tolist(), w.tolist(), strict=True):
+            rows = mesh.scratch.around[: around(mesh, gone, mesh.scratch.around)]
+            changed |= set(mesh.elements.node[rows].ravel().tolist())
+            mesh.constraints.twins.partner[gone] = mesh.constraints.twins.motion[gone] = -1
+            merge(mesh, gone, left)
+        count += 1
+    return count
+
+
+def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
+    """The worst quality where a node and its partner, v (2,), have gone into w (2,); below 0 if they may not go."""
+    constraints, twins = mesh.constraints, mesh.constraints.twins
+    slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
+    if not slides.all() or twins.partner[v[0]] != v[1] or twins.partner[v[1]] != v[0]:
+        return -1.0
+    around, stars = interpreted(gather_around), []
+    for node in v.tolist():
+        rows = mesh.scratch.around[: around(mesh, node, mesh.scratch.around)]
+        stars.append(set(mesh.elements.node[rows].ravel().tolist()))
+    if stars[0] & stars[1]:
+        return -1.0  # one would be judged by what the other leaves
+    quality, partner = interpreted(collapsed_quality), twins.partner[v].copy()
+    twins.partner[v] = -1  # alone neither may go
+    worst = min(quality(mesh, one, other, longest, floor) for one, other in zip(v.tolist(), w.tolist(), strict=True))
+    twins.partner[v] = partner
+    return float(worst)
+
+
+def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, room: int) -> int:
+    """Split facets, and their images, that are longer than the longest, while there is room; returns how many."""
+    length, count = lengths(mesh, facets), 0
+    find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
+    twins = mesh.constraints.twins
+    for i in np.argsort(-length, kind="stable"):
+        chain = facets.chain[i]
+        if length[i] <= longest or count >= room or facets.element[i, 0] == facets.element[i, 1]:
+            continue
+        ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
+        sides = [find(mesh, a, b) for a, b in ends]  # a split beside it may have left its facet to another element
+        places = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
+        if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, places, strict=True)):
+            continue
+        made = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, places, strict=True)]
+        mesh.constraints.parameter[made] = places[0][2]
+        twins.partner[made], twins.motion[made] = made[::-1], [facets.motion[i], facets.motion[i] + 1]
+        count += 1
+    return count
