@@ -127,8 +127,6 @@ class Arguments:
             raise ValueError(f"order of the elements must be 1, 2 or 3; got {self.order!r}.")
         if not isinstance(self.curved, bool):
             raise ValueError(f"curved must be True or False; got {self.curved!r}.")
-        if self.order > 1 and self.axisymmetric:
-            raise ValueError(f"axisymmetric problems have elements of order 1 only; got order {self.order}.")
         if self.order > 1 and self.estimator != "residual":
             raise ValueError(
                 f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}."

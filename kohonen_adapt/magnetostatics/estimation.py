@@ -24,7 +24,6 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
 )
 from kohonen_adapt.magnetostatics.equations.higher import facet_products
 from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -53,6 +52,9 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %. A round magnet on curved
 # elements: of order 2 5.9 - 6.0, of order 3 10.2 - 10.6 (`benchmarks curves`).
 HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
+# Around an axis a coil alone and around an iron core, squares, and adapted with and without the polish (`benchmarks
+# axis`): of order 1 3.4 - 4.8, of order 2 4.3 - 8.9, of order 3 6.6 - 13.9, most where the polish stretches elements.
+AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 
 # Corners and middles of sides by barycentric coordinates.
 LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in ENDS]))
@@ -67,15 +69,17 @@ def estimated(
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
         joined = ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
-    if field.elements.order > 1:
-        return HIGHER_SCALES[field.elements.order] * higher_residual(field, joined)
+    turns = any(material.turns for material in materials.values())
+    beyond, order = beyond_mean(field, materials) if turns and field.order == 1 else None, field.order
+    if estimator == "residual" and (order > 1 or field.axisymmetric):
+        scale = (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[order]
+        return scale * residual_by_points(field, joined, beyond)
     if estimator == "equilibrated":
         return bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
     plain = not given.pieces and not field.axisymmetric
     scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
-    turns = any(material.turns for material in materials.values())
-    flux = scalar.flux[:, None] + beyond_mean(field, materials) if turns else scalar.flux
+    flux = scalar.flux if beyond is None else scalar.flux.reshape(2, -1, mesh.t.shape[1]) + beyond
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
         return RESIDUAL_SCALE * bare
@@ -127,12 +131,18 @@ def linearised(field: Field, estimator: str) -> Scalar:
     weight = field.differential_reluctivity
     if estimator == "residual":
         weight = np.sqrt(field.reluctivity * weight)
-    reluctivity = field.symmetry.reluctivity(field.elements.points, weight)
-    flux = reluctivity * gradient(field.mesh, field.unknown) - field.symmetry.flux(field.field_strength)
+    reluctivity, slope = (
+        field.symmetry.reluctivity(field.elements.middles, weight),
+        gradient(field.mesh, field.unknown),
+    )
+    strength = field.field_strength
+    if field.axisymmetric:
+        slope, strength = slope[:, None], field.at_corners.field_strength.reshape(2, 3, -1)
+    flux = reluctivity * slope - field.symmetry.flux(strength.reshape(2, -1)).reshape(strength.shape)
     return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
 
 
-def higher_residual(field: Field, joined: Facets | None) -> Floats:
+def residual_by_points(field: Field, joined: Facets | None, beyond: Floats | None = None) -> Floats:
     """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
 
     q is ``nu grad u - flux``, the field strength turned by a right angle: of a degree less than the potential in every
@@ -143,11 +153,17 @@ def higher_residual(field: Field, joined: Facets | None) -> Floats:
     shape, size = elements.shape, area(field.mesh)
     points = LATTICE if elements.order == 3 or shape.curved.any() else LATTICE[:3]
     at = field.at_each(points.T)
-    flux = PLANAR.flux(at.field_strength).reshape(2, len(points), -1)
+    symmetry, count = field.symmetry, size.size
+    flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.turn
+    if beyond is not None:
+        flux = flux - beyond / symmetry.turn
     secant, differential = at.reluctivities
     weight = np.sqrt(secant * differential).reshape(len(points), -1).mean(axis=0)
     squared = np.mean((given.current_density + divergences(flux, shape)) ** 2, axis=0)
-    return np.sqrt(size**2 * squared / weight + _jumps(shape, flux, weight, joined))
+    around = symmetry.volume(elements.middles, np.ones(count))
+    middle = shape.corners.p[:, shape.corners.facets].mean(axis=1)
+    jumps = _jumps(shape, flux, weight, joined, symmetry.volume(middle, np.ones(middle.shape[1])))
+    return np.sqrt(size**2 * around * squared / weight + jumps)
 
 
 def divergences(flux: Floats, shape: Isoparametric) -> Floats:
@@ -171,8 +187,11 @@ def _slopes(share: Floats) -> Floats:
     return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
 
 
-def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None) -> Floats:
-    """The facet part: a jump that is a polynomial on a facet, from its values at both ends and in the middle."""
+def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None, around: Floats) -> Floats:
+    """The facet part: a jump that is a polynomial on a facet, from its values at both ends and in the middle.
+
+    Around an axis that is integrated over the way around it of every facet, (nfacets,).
+    """
     mesh, degree = shape.corners, flux.shape[1] // 3  # 1 or 2
     nfacets, normals = mesh.facets.shape[1], outward(shape)
     outflow, largest = np.zeros((degree + 1, nfacets)), np.zeros(nfacets)
@@ -198,7 +217,7 @@ def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | 
         jump[:, other] = sign * np.where(same, jump[:, one], jump[turned][:, one])
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
     squared = np.einsum("if,ij,jf->f", jump, facet_products(degree), jump)
-    return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
+    return 0.5 * np.sum((around * squared / largest)[mesh.t2f], axis=0)
 
 
 def outward(shape: Isoparametric) -> Floats:
@@ -251,20 +270,24 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
     fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
     """
     source, load = goal.derivative(field)
-    elements, symmetry, u = field.elements, field.symmetry, field.unknown
+    elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
+    load = load if load.shape == at.x.shape else load[:, at.element]
     dual = tangent_solution(field, boundaries, elements.loads(source, load), newton)
-    weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
-    nu, density = symmetry.reluctivity(elements.points, weight), symmetry.flux_density
-    change = symmetry.flux(field.change_of_strength(density(elements.points, elements.gradient(dual))))
-    strength, change = map(elements.balanced, (symmetry.flux(field.field_strength), change))
+    weight, current = (
+        np.sqrt(field.reluctivity * field.differential_reluctivity),
+        symmetry.source(field.current_density),
+    )
+    nu = symmetry.reluctivity(elements.middles, weight)
+    change = symmetry.flux(at.change_of_strength(symmetry.flux_density(at.x, elements.gradient(dual))))
+    strength, change = elements.balanced(symmetry.flux(at.field_strength), current), elements.balanced(change, source)
     return {
         "potential": u,
         "dual": dual,
         "reluctivity": nu,
-        "source": symmetry.source(field.current_density),
+        "source": current,
         "flux": nu * gradient(field.mesh, u) - strength,
         "dual_source": source,
-        "dual_flux": nu * gradient(field.mesh, dual) - change + load,
+        "dual_flux": nu * gradient(field.mesh, dual) - change + elements.balanced(load, np.zeros_like(source)),
         "fixed": _given(conditions_of(elements, boundaries, symmetry)),
     }
 

@@ -58,7 +58,8 @@ class Magnetostatics(Arguments):
     depth
         In m: then the energies of a `Field` are totals. Planar problems only.
     axisymmetric
-        Whether the mesh is the half-plane of an axis.
+        Whether the mesh is the half-plane of an axis. There u = r A falls like r^2, as of `kohonen_adapt.Ritz`, so B is
+        right on the axis, too.
     open_boundary
         Name of a boundary on a circle beyond which there is nothing but air, around an axis on a half circle about a
         point of it: there ``nu dA/dn + nu A / R0 = 0``, axisymmetric the same for u = r A, which is exact for the field
@@ -78,7 +79,7 @@ class Magnetostatics(Arguments):
         and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
         ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
-        Of the elements, planar ones above 1: the field of order 2 is a `QuadraticField`, of order 3 a `CubicField`.
+        Of the elements, 1, 2 or 3: the field of order 2 is a `QuadraticField`, of order 3 a `CubicField`.
     curved
         Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, so
         that it is a `MeshTri2` that is solved on; those of order 1 are straight. On chords a round magnet costs
@@ -314,12 +315,13 @@ class Magnetostatics(Arguments):
         Returns
         -------
         Ritz
-            In J/m, one number per material; its flux is a function where a magnet turns; its signs say which
-            sides are periodic and which antiperiodic. With a goal it has the dual one.
+            In J/m, around an axis of u = r A and in J, one number per material; its flux is a function where a magnet
+            turns; its signs say which sides are periodic and which antiperiodic. With a goal it has the dual one.
 
         Raises
         ------
         NotOffered
-            If the functional is of another form, for an axis; for a goal of which there is none.
+            If the functional is of another form, for an open boundary around an axis; for a goal of which there is
+            none.
         """
         return functional_for(field, self.goal, self.boundaries, self.materials, self.method)

@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.higher import Higher
 from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
-from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR
+from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
@@ -20,6 +19,7 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
+from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = [
     "CubicField",
@@ -35,7 +35,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
-    """A planar field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
+    """A field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
 
     In elements with curved sides both are so in the coordinates of the triangle that these are images of.
 
@@ -61,22 +61,13 @@ class QuadraticField(Field):
     values: Floats
     order: ClassVar[int] = 2
 
-    @cached_property
-    def elements(self) -> Higher:
-        """The elements whose functions the potential is one of."""
-        return Higher(self.mesh, self.order)
-
     @property
     def _values(self) -> Floats:
         return self.values
 
-    def _interpolated(self, x: Floats) -> Floats:
-        element, share = self._located(x)
-        return np.where(element >= 0, self.elements.at(self.values, element, share), np.nan)
-
 
 class CubicField(QuadraticField):
-    """A planar field of a P3 potential: B is quadratic in every element.
+    """A field of a P3 potential: B is quadratic in every element.
 
     Parameters
     ----------
@@ -151,24 +142,31 @@ def carried(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    """State the functional of a planar field: one number per material, and a function where magnets turn.
+    """State the functional of a field: one number per material, and a function where magnets turn.
 
     Raises
     ------
     NotOffered
         If it is of another form.
     """
-    if field.axisymmetric:
-        raise NotOffered("it is axisymmetric, so its coefficients vary inside a region of the mesh")
+    if field.axisymmetric and boundaries.open_boundary is not None:
+        raise NotOffered("its open boundary is around an axis")
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
     present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
     turns = any(material.turns for material in present.values())
-    flux: Flux = _flux_of(present) if turns else given.flux[:, first]
-    laws = tuple(material.bh for material in present.values()) if given.pieces else ()
-    tables = given.reluctivity[first], given.current_density[first], flux
-    order, robin, signs = field.elements.order, robin_of(field, boundaries), signs_of(boundaries)
-    return Ritz(field.unknown, conditions.fixed, *tables, place, laws, order, robin=robin, signs=signs)
+    symmetry, turn = field.symmetry, field.symmetry.turn
+    flux: Flux = _flux_of(present, symmetry) if turns else symmetry.flux(given.coercivity[:, first])
+    laws: tuple[EnergyLaw | None, ...] = ()
+    if given.pieces:
+        laws = tuple(material.bh for material in present.values())
+    if field.axisymmetric:
+        around = {id(law): Turned(law, turn) for law in laws if law is not None}  # one law stays one
+        laws = tuple(around.get(id(law)) for law in laws)
+    tables = turn * given.reluctivity[first], symmetry.source(given.current_density[first]), flux
+    order, around_axis = field.elements.order, field.axisymmetric
+    robin, signs = robin_of(field, boundaries), signs_of(boundaries)
+    return Ritz(field.unknown, conditions.fixed, *tables, place, laws, order, around_axis, robin, signs=signs)
 
 
 def signs_of(given: Boundaries) -> dict[tuple[str, str], int]:
@@ -192,9 +190,25 @@ def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
     return {name: (1.0 / (VACUUM_PERMEABILITY * size), load)}
 
 
-def _flux_of(materials: Mapping[str, Material]) -> Callable[[Floats, Ints], Floats]:
+@dataclass(frozen=True)
+class Turned:
+    """A law integrated over an angle around an axis."""
+
+    law: EnergyLaw
+    turn: float
+
+    def field_strength(self, b: Floats) -> Floats:
+        """H(b) times that."""
+        return self.turn * self.law.field_strength(b)
+
+    def energy(self, b: Floats) -> Floats:
+        """Its integral."""
+        return self.turn * self.law.energy(b)
+
+
+def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
     """The flux of magnets as a function of x (2, n) and the places of the materials there in the mapping, (n,)."""
-    return lambda x, number: PLANAR.flux(coercivity_at(materials, x, number))
+    return lambda x, number: symmetry.flux(coercivity_at(materials, x, number))
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:
@@ -210,7 +224,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
 
 def quadratic_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
     """The solution by quadratic elements of the problem that a field of order 1 solves, on its mesh."""
-    elements = Higher(field.mesh, 2)
+    elements = elements_on(field.mesh, 2, field.symmetry)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
         EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton

@@ -32,13 +32,14 @@ def graded(step, growth, end, *knots):
     return np.concatenate([*near, knots[-1] + np.array(far) * (end - knots[-1]) / far[-1]])
 
 
-def coil(estimator="residual"):
+def coil(estimator="residual", order=1):
     return Magnetostatics(
         {"coil": Material(), "air": Material()},
         potential={"far": 0.0},
         ampere_turns={"coil": 1000.0},  # 1 A
         axisymmetric=True,
         estimator=estimator,
+        order=order,
     )
 
 

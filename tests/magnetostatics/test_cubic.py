@@ -106,7 +106,6 @@ def test_saturated_iron_is_polished():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"axisymmetric": True}, "axisymmetric problems have elements of order 1 only; got order 3"),
         ({"estimator": "recovery"}, "elements of order 3 have the estimator 'residual' only; got 'recovery'"),
     ],
 )

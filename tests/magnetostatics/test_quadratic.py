@@ -146,7 +146,6 @@ def test_antiperiodic_sides():
     [
         ({"order": 4}, r"order of the elements must be 1, 2 or 3; got 4\."),
         ({"order": True}, r"order of the elements must be 1, 2 or 3; got True\."),
-        ({"order": 2, "axisymmetric": True}, r"axisymmetric problems have elements of order 1 only; got order 2\."),
         (
             {"order": 2, "estimator": "recovery"},
             r"elements of order 2 have the estimator 'residual' only; got 'recovery'",

@@ -151,10 +151,9 @@ def open_boundary_of(
             f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
             f"{inside} of its {facets.size} facets are inside."
         )
-    start, end = mesh.facets[:, facets]
-    (a, b), (centre, size) = (mesh.p[:, ends] for ends in (start, end)), circle_of(mesh, name)
+    centre, size = circle_of(mesh, name)
     applied, dimension = symmetry.uniform(elements.places, centre, applied_field)
-    weight = symmetry.weight(0.5 * (a + b)) / (VACUUM_PERMEABILITY * size)
+    weight = np.full(facets.size, symmetry.turn / (VACUUM_PERMEABILITY * size))
     unknowns, count = elements.on_facets(facets), elements.places.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
     values = elements.products_on(facets, weight)

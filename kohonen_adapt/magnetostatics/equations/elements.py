@@ -50,10 +50,12 @@ class Polynomials:
         """
         return gradient(self.corners, values)[:, self.element]
 
-    def balanced(self, flux: Floats) -> Floats:
-        """The flux at the quadrature points whose `loads` are what `against_gradients` makes of this one: itself, but
-        where something else stands for the gradients.
-        """
+    def inside(self, element: Ints, share: Floats) -> Floats:
+        """The points of these elements and barycentric coordinates (3, n) at which B is asked for to have it there."""
+        return share
+
+    def balanced(self, flux: Floats, source: Floats) -> Floats:
+        """Means of a flux over the elements, (2, nelements), with the loads by hat functions that it has by these."""
         return flux
 
     def added(self, terms: Floats) -> Floats:

@@ -1,12 +1,13 @@
 """Integrate functions of order 2 and 3 over elements with straight and with curved sides, by quadrature."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import Basis, ElementLineP1, ElementTriP2, ElementTriP3, MeshTri
+from skfem import Basis, ElementLineP1, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -15,35 +16,49 @@ from kohonen_adapt.mesh.curved import with_displacements
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 
-__all__ = ["Elements", "Higher", "facet_products"]
+__all__ = ["KINDS", "Elements", "Higher", "Part", "facet_functions", "facet_products"]
 
-HIGHER = {2: ElementTriP2, 3: ElementTriP3}
+KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 CURVED = 2  # degrees more by which elements with curved sides are integrated, whose gradients are no polynomials
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(ABC):
     """Elements that are integrated by one rule."""
 
     rows: Ints | slice  # their numbers
     points: slice  # of all quadrature points theirs
-    basis: Basis
 
-    @cached_property
+    @property
+    @abstractmethod
+    def share(self) -> Floats:
+        """The points of the rule, (3, q) by barycentric coordinates."""
+
+    @property
+    @abstractmethod
+    def x(self) -> Floats:
+        """The quadrature points of every element, (2, nelements, q)."""
+
+    @property
+    @abstractmethod
+    def weights(self) -> Floats:
+        """Their areas, (nelements, q)."""
+
+    @property
+    @abstractmethod
+    def values(self) -> Floats:
+        """Of the functions of every element there, (k, nelements, q), or (k, 1, q) where they are the same."""
+
+    @property
+    @abstractmethod
     def gradients(self) -> Floats:
-        """Of the functions of every element, (k, 2, nelements, q)."""
-        return np.stack([np.asarray(function[0].grad) for function in self.basis.basis])
+        """Of the functions of every element there, (k, 2, nelements, q)."""
 
     @cached_property
     def integrals(self) -> Floats:
         """Of the functions of every element, (k, nelements)."""
-        values = np.stack([np.broadcast_to(np.asarray(each[0]), self.weights.shape) for each in self.basis.basis])
+        values = np.broadcast_to(self.values, (len(self.values), *self.weights.shape))
         return np.einsum("ikq,kq->ik", values, self.weights)
-
-    @property
-    def weights(self) -> Floats:
-        """Of the quadrature points of every element, (nelements, q)."""
-        return self.basis.dx
 
     def apart(self, values: Floats) -> Floats:
         """What is at all quadrature points, (..., npoints), at those of these elements, (..., nelements, q)."""
@@ -51,20 +66,32 @@ class Part:
         return own.reshape(*own.shape[:-1], *self.weights.shape)
 
 
-def parts_of(shape: Isoparametric, order: int) -> list[Part]:
-    """The straight elements, and by more points those with a curved side."""
-    kind = HIGHER[order]()
-    if not shape.curved.any():
-        # nu |grad u|^2 needs a degree less by 2 where nu is constant
-        return [Part(slice(None), slice(None), Basis(shape.corners, kind, intorder=2 * order))]
-    mesh, parts, first = with_displacements(shape.corners, shape.off), list[Part](), 0
-    for on, chosen, more in ((shape.corners, ~shape.curved, 0), (mesh, shape.curved, CURVED)):
-        if chosen.any():
-            rows = np.flatnonzero(chosen)
-            basis = Basis(on, kind, intorder=2 * order + more, elements=rows)
-            parts.append(Part(rows, slice(first, first + basis.dx.size), basis))
-            first += basis.dx.size
-    return parts
+@dataclass(frozen=True, eq=False)
+class PartOfBasis(Part):
+    """Elements of scikit-fem."""
+
+    basis: Basis
+
+    @property
+    def share(self) -> Floats:
+        x, y = self.basis.X
+        return np.stack((1.0 - x - y, x, y))
+
+    @property
+    def x(self) -> Floats:
+        return np.asarray(self.basis.global_coordinates())
+
+    @property
+    def weights(self) -> Floats:
+        return self.basis.dx
+
+    @property
+    def values(self) -> Floats:
+        return np.stack([np.broadcast_to(np.asarray(each[0]), self.weights.shape) for each in self.basis.basis])
+
+    @cached_property
+    def gradients(self) -> Floats:
+        return np.stack([np.asarray(function[0].grad) for function in self.basis.basis])
 
 
 class Higher(Polynomials):
@@ -80,17 +107,32 @@ class Higher(Polynomials):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products = order, facet_products(order)
-        self._parts = parts_of(shape, order)
-        last = self._parts[-1].basis
-        super().__init__(mesh, shape, last.dofs.element_dofs, last.doflocs)
+        bent = with_displacements(shape.corners, shape.off) if shape.curved.any() else shape.corners
+        numbered = Basis(bent, KINDS[order](), intorder=1)
+        super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
+        self._parts = self._parts_of(bent)
         count = np.arange(mesh.t.shape[1])
-        self.element = np.concatenate([np.repeat(count[part.rows], part.weights.shape[1]) for part in self._parts])
+        self.element = np.concatenate([np.repeat(count[part.rows], part.share.shape[1]) for part in self._parts])
+
+    def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
+        """The straight elements, and by more points those with a curved side, of the mesh that has these bent."""
+        kind, order, curved = KINDS[self.order](), 2 * self.order, self.shape.curved
+        if not curved.any():
+            # nu |grad u|^2 needs a degree less by 2 where nu is constant
+            return [PartOfBasis(slice(None), slice(None), Basis(bent, kind, intorder=order))]
+        parts, first = list[Part](), 0
+        for on, chosen, more in ((self.corners, ~curved, 0), (bent, curved, CURVED)):
+            if chosen.any():
+                rows = np.flatnonzero(chosen)
+                basis = Basis(on, kind, intorder=order + more, elements=rows)
+                parts.append(PartOfBasis(rows, slice(first, first + basis.dx.size), basis))
+                first += basis.dx.size
+        return parts
 
     @cached_property
     def points(self) -> Floats:
         """The quadrature points, (2, npoints)."""
-        found = [np.asarray(part.basis.global_coordinates()).reshape(2, -1) for part in self._parts]
-        return np.concatenate(found, axis=1)
+        return np.concatenate([part.x.reshape(2, -1) for part in self._parts], axis=1)
 
     @cached_property
     def weights(self) -> Floats:
@@ -138,8 +180,7 @@ class Higher(Polynomials):
         """Elements (n,) and barycentric coordinates (3, n) of points, and their areas (n,): they integrate the product
         of two gradients and two coordinates. These are the quadrature points.
         """
-        shares = [np.stack((1.0 - x - y, x, y)) for x, y in (part.basis.X for part in self._parts)]
-        each = [np.tile(share, len(part.weights)) for share, part in zip(shares, self._parts, strict=True)]
+        each = [np.tile(part.share, len(part.weights)) for part in self._parts]
         return self.element, np.concatenate(each, axis=1), self.weights
 
     def slope_of_corners(self, values: Floats) -> Floats:
@@ -165,19 +206,17 @@ class Higher(Polynomials):
 
     def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
         """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
-        values = np.stack([each[0] for each in self._functions(share)])
-        return np.sum(values * u[self.unknowns[:, element]], axis=0)
+        return np.sum(self._functions(element, share)[0] * u[self.unknowns[:, element]], axis=0)
 
     def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
         """Its gradient there, (2, n)."""
-        slopes = np.stack([each[1] for each in self._functions(share)])
-        slope = np.einsum("icn,in->cn", slopes, u[self.unknowns[:, element]])
+        slope = np.einsum("icn,in->cn", self._functions(element, share)[1], u[self.unknowns[:, element]])
         return np.einsum("in,cin->cn", slope, self._hats_at(element, share)[:, 1:])
 
-    def _functions(self, share: Floats) -> list[tuple[Floats, Floats]]:
-        """Values (n,) of every function at barycentric coordinates, and slopes (2, n) by the last two of these."""
-        kind = self._parts[0].basis.elem
-        return [kind.lbasis(share[1:], i) for i in range(len(self.unknowns))]
+    def _functions(self, element: Ints, share: Floats) -> tuple[Floats, Floats]:
+        """Values (k, n) of the functions there, and slopes (k, 2, n) by the last two barycentric coordinates."""
+        found = [KINDS[self.order]().lbasis(share[1:], i) for i in range(len(self.unknowns))]
+        return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
 
     def against_functions(self, source: Floats) -> Floats:
         """``int source phi`` for a source (nelements,): (k, nelements)."""

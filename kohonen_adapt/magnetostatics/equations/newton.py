@@ -94,7 +94,7 @@ class EnergyFunctional:
         scalar = scalar_problem(self.elements, self.symmetry, self._at_points)
         with np.errstate(over="ignore", invalid="ignore"):
             flux = scalar.flux - scalar.reluctivity * self.elements.gradient(u)
-            return self._at_free(-self.elements.loads(self._source, self.elements.balanced(flux)), u)
+            return self._at_free(-self.elements.loads(self._source, flux), u)
 
     def hessian(self, u: Floats) -> csc_array:
         """Second derivatives at the free unknowns: ``nu_d`` along grad u and ``nu`` across it."""

@@ -18,12 +18,14 @@ ROUND = (
 class Planar:
     """u is A_z, ``B = (dA/dy, -dA/dx)``; everything is per metre of depth."""
 
+    turn = 1.0  # what the plane is integrated over across it: a metre, or an angle
+
     def unknown(self, x: Floats, potential: Floats) -> Floats:
         """u of the potential at points."""
         return potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        """The potential of u at all places of unknowns; 0 on an axis."""
+        """The potential of u at points; on an axis it is 0, and tends to that."""
         return unknown
 
     def on_axis(self, x: Floats) -> Mask:
@@ -37,10 +39,6 @@ class Planar:
     def flux(self, field_strength: Floats) -> Floats:
         """``nu' grad u - flux'`` of the field strength, (2, n); of -Hc it is -flux'."""
         return np.stack((-field_strength[1], field_strength[0]))
-
-    def weight(self, x: Floats) -> Floats:
-        """nu' / nu at points."""
-        return np.ones(x.shape[1])
 
     def reluctivity(self, x: Floats, reluctivity: Floats) -> Floats:
         """nu' of the reluctivity at points."""
@@ -63,16 +61,17 @@ class Planar:
 class Axisymmetric:
     """u is r A_phi in the half-plane x = r >= 0, y = z; ``B_r = -(du/dz) / r``, ``B_z = (du/dr) / r``; totals.
 
-    1 / r is taken at the middle of every element of order 1: exactly integrated it has no bound at the axis. Methods
-    are as of `Planar`.
+    Methods are as of `Planar`.
     """
+
+    turn = 2.0 * np.pi
 
     def unknown(self, x: Floats, potential: Floats) -> Floats:
         return x[0] * potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        axis = self.on_axis(x)
-        return np.where(axis, 0.0, unknown / np.where(axis, 1.0, x[0]))
+        off = x[0] > 0.0
+        return np.where(off, unknown / np.where(off, x[0], 1.0), 0.0)
 
     def on_axis(self, x: Floats) -> Mask:
         near = AXIS * np.max(np.ptp(x, axis=1))
@@ -88,19 +87,16 @@ class Axisymmetric:
         return np.stack((-gradient[1], gradient[0])) / x[0]
 
     def flux(self, field_strength: Floats) -> Floats:
-        return 2.0 * np.pi * np.stack((field_strength[1], -field_strength[0]))
-
-    def weight(self, x: Floats) -> Floats:
-        return 2.0 * np.pi / x[0]
+        return self.turn * np.stack((field_strength[1], -field_strength[0]))
 
     def reluctivity(self, x: Floats, reluctivity: Floats) -> Floats:
-        return reluctivity * self.weight(x)
+        return reluctivity * (self.turn / x[0])
 
     def source(self, current_density: Floats) -> Floats:
-        return 2.0 * np.pi * current_density
+        return self.turn * current_density
 
     def volume(self, x: Floats, area: Floats) -> Floats:
-        return 2.0 * np.pi * x[0] * area
+        return self.turn * x[0] * area
 
     def uniform(self, x: Floats, centre: Floats, field: tuple[float, float]) -> tuple[Floats, int]:
         size = np.max(np.ptp(x, axis=1))

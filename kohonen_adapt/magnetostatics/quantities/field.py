@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.explicit import corner_averages
+from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
@@ -168,7 +169,10 @@ class Field(LocalField):
         return self._interpolated(np.asarray(x, dtype=float))
 
     def _interpolated(self, x: Floats) -> Floats:
-        return interpolate(self.mesh, self.potential, x)
+        if isinstance(self.elements, Linear):
+            return interpolate(self.mesh, self.potential, x)
+        element, share = self._located(x)
+        return np.where(element >= 0, self._potential_at(element, share), np.nan)
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.

@@ -34,7 +34,10 @@ class Goal(Protocol):
         """J of a field; `Magnetostatics.goal_error` asks for that of a `QuadraticField`, too."""
 
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element."""
+        """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element.
+
+        Around an axis, where B is not, the flux may be at the quadrature points, (2, npoints) as `Field.at_quadrature`.
+        """
 
 
 class _ComponentGoal:
@@ -164,7 +167,7 @@ class FluxLinkage:
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
         """See `Goal`."""
         source = turn_length(field) * turns_density(field, self.circuit)
-        return source, np.zeros((2, source.size))
+        return source, np.zeros_like(field.elements.points)
 
 
 @dataclass(frozen=True)
@@ -202,10 +205,11 @@ class StoredEnergy:
                 f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the energy of all leave the "
                 "goal out: what a problem has then are indicators of that."
             )
-        return _of_flux_density(field, np.where(inside, field.field_strength, 0.0))
+        at = field.at_quadrature
+        return _of_flux_density(field, np.where(inside[at.element], at.field_strength, 0.0))
 
 
 def _of_flux_density(field: Field, weight: Floats) -> tuple[Floats, Floats]:
-    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, nelements) in A/m."""
+    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, npoints) in A/m."""
     total = weight * (1.0 if field.depth is None else field.depth)
-    return np.zeros(weight.shape[1]), field.elements.balanced(field.symmetry.flux(total))
+    return np.zeros(field.mesh.t.shape[1]), field.symmetry.flux(total)

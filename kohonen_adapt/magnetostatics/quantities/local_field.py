@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from skfem import MeshTri
@@ -46,6 +47,13 @@ class PointField:
         """The secant one, ``|H + Hc| / |B|``, and the differential one along B, (n,) in m/H each."""
         return self.coefficients.reluctivities(self.flux_density)
 
+    def change_of_strength(self, change: Floats) -> Floats:
+        """How H changes, (2, n) in A/m, with a small change of B (2, n) in T: differential along B, secant across."""
+        size = np.hypot(*self.flux_density)
+        along = self.flux_density / np.where(size > 0.0, size, 1.0)
+        secant, differential = self.reluctivities
+        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalField:
@@ -60,6 +68,7 @@ class LocalField:
     coefficients: Coefficients
     symmetry: Symmetry = PLANAR
     depth: float | None = None
+    order: ClassVar[int] = 1
 
     @property
     def axisymmetric(self) -> bool:
@@ -69,9 +78,9 @@ class LocalField:
     @cached_property
     def elements(self) -> Elements:
         """The elements whose functions the potential is one of."""
-        return elements_on(self.mesh, 1, self.symmetry)
+        return elements_on(self.mesh, self.order, self.symmetry)
 
-    @property
+    @cached_property
     def unknown(self) -> Floats:
         """A, axisymmetric r A, at all places of unknowns, (nunknowns,): a polynomial in every element."""
         return self.symmetry.unknown(self.elements.places, self._values)
@@ -103,13 +112,16 @@ class LocalField:
     def at_shares(self, element: Ints, share: Floats) -> PointField:
         """The field at points of these elements (n,) that have these barycentric coordinates (3, n).
 
-        B is that of the elements there are: constant in those of order 1, a polynomial in others.
+        B is that of the elements there are: in the plane constant in those of order 1, a polynomial in others; on an
+        axis what it tends to in the element.
         """
         x = self.elements.shape.points(element, share)
         if isinstance(self.elements, Linear):
             density = self.at_quadrature.flux_density[:, element]
         else:
-            density = self.symmetry.flux_density(x, self.elements.gradient_at(self.unknown, element, share))
+            there = self.elements.inside(element, share)
+            off_axis = x if there is share else self.elements.shape.points(element, there)
+            density = self.symmetry.flux_density(off_axis, self.elements.gradient_at(self.unknown, element, there))
         return PointField(element, x, density, self.coefficients.at_points(element))
 
     def at_each(self, share: Floats) -> PointField:
@@ -121,7 +133,12 @@ class LocalField:
 
     def potential_at_each(self, share: Floats) -> Floats:
         """The potential at such points, (k, nelements)."""
-        return self.elements.at(self._values, *self._in_each(share)).reshape(share.shape[1], -1)
+        return self._potential_at(*self._in_each(share)).reshape(share.shape[1], -1)
+
+    def _potential_at(self, element: Ints, share: Floats) -> Floats:
+        """The potential at points of these elements, (n,): of the unknown, which is a polynomial there."""
+        x = self.elements.shape.points(element, share)
+        return self.symmetry.potential(x, self.elements.at(self.unknown, element, share))
 
     def _in_each(self, share: Floats) -> tuple[Ints, Floats]:
         count = self.mesh.t.shape[1]
@@ -155,24 +172,6 @@ class LocalField:
     def differential_reluctivity(self) -> Floats:
         """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
         return self._reluctivities[1]
-
-    def change_of_strength(self, change: Floats) -> Floats:
-        """How H changes with a small change of B: differential along B, secant across it.
-
-        Parameters
-        ----------
-        change : (2, nelements)
-            Of B, in T.
-
-        Returns
-        -------
-        ndarray (2, nelements)
-            Of H, in A/m.
-        """
-        size = np.hypot(*self.flux_density)
-        along = self.flux_density / np.where(size > 0.0, size, 1.0)
-        secant, differential = self._reluctivities
-        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
 
     @property
     def remanence(self) -> Floats:
