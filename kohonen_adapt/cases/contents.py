@@ -14,6 +14,7 @@ from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
+from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
 
@@ -95,7 +96,7 @@ class Case:
 
     @cached_property
     def drawn(self) -> MeshTri:
-        """The mesh as the file has it, in metres, its rim named.
+        """The mesh as the file has it, in metres, its rim named; its corners where sides are straight or parts turn.
 
         Raises
         ------
@@ -105,6 +106,7 @@ class Case:
             If it cannot be read.
         """
         mesh = read_mesh(self.mesh, scale=self.scale)
+        mesh = corners_of(mesh) if self.turn or self.stated.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
@@ -166,7 +168,7 @@ class Case:
         for each in self.outputs.values():
             told |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
         paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
-        shown = {} if self.turn else shown_curves(self.mesh, mesh, self.scale)
+        shown = {} if self.turn or is_second_order(mesh) else shown_curves(self.mesh, mesh, self.scale)
         for name, curve in (shown | told).items():
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():

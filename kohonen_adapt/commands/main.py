@@ -37,6 +37,7 @@ from kohonen_adapt.loop.adapt import PASSES, adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -187,10 +188,11 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
+    corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
-    terminal.say("\n".join([*described(mesh), *points_described(groups)]))
-    found = list(faults(mesh))
+    terminal.say("\n".join([*described(corners), *points_described(groups)]))
+    found = list(faults(corners))
     movable = MovableMesh.of(mesh, Rules())
     terminal.say("\n".join(outlines_described(movable)))
     for hint in hints(movable):

@@ -59,7 +59,7 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.show("write")
     write_mesh(out, after, groups=groups)
     worst = [f"{quality(each).min():.2f}" for each in (mesh, after)]
-    terminal.say(f"Wrote {out}: {after.p.shape[1]} nodes, worst quality {worst[1]}; before {worst[0]}.")
+    terminal.say(f"Wrote {out}: {after.nvertices} nodes, worst quality {worst[1]}; before {worst[0]}.")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Make of what a file holds a mesh with names, and curves through the mid-side nodes of second-order triangles."""
+"""Make of what a file holds a mesh with names, and its curves through the mid-side nodes of second-order triangles."""
 
 import logging
 from pathlib import Path
@@ -10,6 +10,8 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, pairs_in, shape_of
 from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
+from kohonen_adapt.mesh.curved import corners_of, with_middles
+from kohonen_adapt.mesh.curved import is_second_order as has_bent_sides
 from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_left
 from kohonen_adapt.mesh.names import named_sets
@@ -42,6 +44,8 @@ DIGITS = 1e-14
 def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     """The triangles of a file as a mesh, with its groups as subdomains and boundaries.
 
+    It is a `MeshTri2` where triangles of second order have a side that is bent.
+
     Raises
     ------
     ValueError
@@ -60,8 +64,20 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     boundaries = _boundaries(bare, used, content, path)
     oriented = boundaries and {name: _oriented(bare, codes) for name, codes in boundaries.items()}
     mesh = MeshTri(bare.p, bare.t, oriented, subdomains)
+    if is_second_order(content):
+        mesh = _with_bent_sides(mesh, content, used, path, scale)
     _report(mesh, content, path)
     return mesh
+
+
+def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
+    """The `MeshTri2` with the mid-side nodes of the file, or the mesh itself where these are on their chords."""
+    middle = _middles(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
+    _check_points(content.points[np.append(used, middle)], path, "mid-side node")
+    position = scale * content.points[:, :2].T
+    segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
+    bent = _is_bent(segments, position)
+    return with_middles(mesh, np.ascontiguousarray(position[:, middle])) if bent.any() else mesh
 
 
 def _check_shapes(content: Content, path: Path) -> None:
@@ -101,8 +117,8 @@ def _listed_once(rows: Rows) -> tuple[Ints, Ints]:
     return rows.nodes[leader[by_number]], element
 
 
-def _check_points(points: Floats, path: Path) -> None:
-    check_finite(points, path, "read_mesh", "node")
+def _check_points(points: Floats, path: Path, what: str = "node") -> None:
+    check_finite(points, path, "read_mesh", what)
     extent = np.ptp(points, axis=0)
     if extent[2] > FLAT * extent.max():
         low, high = points[:, 2].min(), points[:, 2].max()
@@ -158,8 +174,9 @@ def _runs_on(lines: Ints) -> bool:
 def _report(mesh: MeshTri, content: Content, path: Path) -> None:
     sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
-    said = "read '%s': %d nodes, %d triangles, subdomains %s, boundaries %s; %d unused nodes dropped."
-    logger.info(said, path, *sizes, *names, unused)
+    kind = "triangles with bent sides" if has_bent_sides(mesh) else "triangles"
+    said = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(said, path, *sizes, kind, *names, unused)
     if mesh.subdomains:
         bare = np.ones(mesh.t.shape[1], dtype=bool)
         bare[np.concatenate(list(mesh.subdomains.values()))] = False
@@ -184,6 +201,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
         If the file, `path`, holds triangles of another order, or the mesh is not that of its corners.
     """
     _check_order(content, path)
+    mesh = corners_of(mesh)
     triangles = content.rows[TRIANGLE6].nodes
     used = np.unique(triangles[:, :3])
     _check_same(mesh.p, scale * content.points[used, :2].T, path)

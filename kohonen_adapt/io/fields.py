@@ -12,6 +12,7 @@ from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
@@ -59,7 +60,8 @@ def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: fl
     (8,)
     """
     path = Path(path)
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
+    mesh = corners_of(mesh)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")
     if not path.is_file():

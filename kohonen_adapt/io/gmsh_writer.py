@@ -17,6 +17,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
+from kohonen_adapt.mesh.curved import is_second_order, nodes_of_elements
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations
 
@@ -25,8 +26,8 @@ __all__ = ["write_msh"]
 Sets = Mapping[str, Ints]
 Fields = dict[str, Floats]
 
-ELEMENT_TYPE = {0: 15, 1: 1, 2: 2}
-"""Dimension to Gmsh's number for the type of the element."""
+ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (1, 3): 8, (2, 6): 9}
+"""Dimension and number of nodes to Gmsh's number for the type of the element."""
 
 CHUNK = 2**16
 """Lines that are formatted together."""
@@ -41,7 +42,7 @@ class Layer:
     dimension
         0 for points, 1 for lines, 2 for triangles.
     nodes
-        (m, dimension + 1).
+        (m, dimension + 1), of elements with bent sides their mid-side nodes after that, as Gmsh has them.
     number
         (m,): their numbers in a file of version 4.1.
     entity
@@ -58,6 +59,11 @@ class Layer:
     entity: Ints
     groups: Sequence[Ints]
     names: dict[int, str]
+
+    @property
+    def kind(self) -> int:
+        """Gmsh's number for the type of the elements."""
+        return ELEMENT_TYPE[self.dimension, self.nodes.shape[1]]
 
 
 def write_msh(
@@ -79,8 +85,9 @@ def write_msh(
     nodes = groups.nodes(mesh)
     names = {number: groups.names.get((0, number), UNNAMED[0].format(number)) for number in nodes}
     numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
-    surface = _layer(2, mesh.t.T, subdomains, numbers, first=1)
-    curve = _layer(1, directed(mesh, *divmod(facets, 2)), lines, numbers, first=1 + mesh.t.shape[1])
+    ends = directed(mesh, *divmod(facets, 2))
+    surface = _layer(2, nodes_of_elements(mesh), subdomains, numbers, first=1)
+    curve = _layer(1, _with_own_middles(mesh, ends, facets // 2), lines, numbers, first=1 + mesh.t.shape[1])
     point = _points(nodes, names, first=1 + mesh.t.shape[1] + len(facets))
     layers = [point, curve, surface]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
@@ -91,6 +98,11 @@ def write_msh(
             _write_field(stream, "NodeData", name, values)
         for name, values in cell_data.items():
             _write_field(stream, "ElementData", name, values)
+
+
+def _with_own_middles(mesh: MeshTri, ends: Ints, facets: Ints) -> Ints:
+    """The nodes of lines along facets, (m, 2), of a `MeshTri2` with that on the facet, (m, 3)."""
+    return np.column_stack([ends, mesh.nvertices + facets]) if is_second_order(mesh) else ends
 
 
 def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: dict[tuple[int, str], int], *, first: int) -> Layer:
@@ -136,7 +148,7 @@ def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     total = sum(len(layer.number) for layer in layers)
     stream.write(f"$Elements\n{len(parts)} {total} 1 {total}\n")
     for layer, entity, which in parts:
-        stream.write(f"{layer.dimension} {entity + 1} {ELEMENT_TYPE[layer.dimension]} {len(which)}\n")
+        stream.write(f"{layer.dimension} {entity + 1} {layer.kind} {len(which)}\n")
         table = np.column_stack([layer.number[which], layer.nodes[which] + 1])
         _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
     stream.write("$EndElements\n")
@@ -199,7 +211,7 @@ def _listing(layer: Layer, rank: int) -> Ints:
     group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
     listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
     tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
-    head = np.full((len(listed), 3), [0, ELEMENT_TYPE[layer.dimension], 2])
+    head = np.full((len(listed), 3), [0, layer.kind, 2])
     return np.column_stack([head, tags, layer.nodes[listed] + 1])
 
 

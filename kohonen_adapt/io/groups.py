@@ -65,7 +65,8 @@ class Groups:
         """
         if not self.points:
             return {}
-        tree, size = cKDTree(mesh.p.T), np.ptp(mesh.p, axis=1).max()
+        corners = mesh.p[:, : mesh.nvertices]
+        tree, size = cKDTree(corners.T), np.ptp(corners, axis=1).max()
         found = {number: tree.query(points.T) for number, points in sorted(self.points.items())}
         return {number: np.unique(node[off <= SAME * size]) for number, (off, node) in found.items()}
 

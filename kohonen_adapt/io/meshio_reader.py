@@ -29,8 +29,8 @@ logger = logging.getLogger("kohonen_adapt")
 
 WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 
-LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON = 1, 2, 3, 4
-KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9}
+LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, TRIANGLE6 = 1, 2, 3, 4, 9
+KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": TRIANGLE6}
 """meshio's name of a type to Gmsh's number; a quadrilateral or a tetrahedron stands for all that is refused anyhow."""
 
 NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "CellEntityIds")
@@ -239,12 +239,12 @@ def _sets(
             which = np.flatnonzero(numbers == tag)
             for name in _names(mesh, key, tag, mesh.cells[k].dim):
                 yield kind, name, nodes[which], first + which
-    for key, values in mesh.cell_data.items() if kind == TRIANGLE else ():
+    for key, values in mesh.cell_data.items() if kind in (TRIANGLE, TRIANGLE6) else ():
         if key.startswith(SUBDOMAIN):
             which = np.flatnonzero(_whole(values[k], key))
             yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
         elif key.startswith(BOUNDARY):
-            sides = sides_of(nodes, _whole(values[k], key), points)
+            sides = sides_of(nodes[:, :3], _whole(values[k], key), points)
             yield LINE, key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
 
 
@@ -267,9 +267,10 @@ def read_arrays(path: Path) -> Sampled:
     mesh = _meshed(path, "read_field")
     with refusing(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
+        kinds = [KINDS.get(block.type, TETRAHEDRON) for block in mesh.cells]
+        blocks = [k for k, kind in enumerate(kinds) if kind in (TRIANGLE, TRIANGLE6)]
         none = np.empty((0, 3), np.int64)
-        triangles = np.concatenate([none, *(_nodes(mesh.cells[k], TRIANGLE, len(points)) for k in blocks)])
+        triangles = np.concatenate([none, *(_nodes(mesh.cells[k], kinds[k], len(points))[:, :3] for k in blocks)])
         nodal = [Field(name, True, values) for name, values in mesh.point_data.items()]
         cellwise = [
             Field(name, False, np.concatenate([values[k] for k in blocks]))

@@ -33,8 +33,9 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
     dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``;
     `read_groups` reads the numbers of the others.
-    Second-order triangles are read as their corners (`read_curves` reads what their mid-side nodes say), an element in
-    several groups is read once, nodes that no triangle uses are dropped. Which part of the area carries a name, and
+    Second-order triangles with a bent side become a `MeshTri2`, whose curves `relocate` and `adapt` know by themselves;
+    where all sides are straight, and of higher orders, the corners are read. An element in several groups is read once,
+    nodes that no triangle uses are dropped. Which part of the area carries a name, and
     what was left out, is reported through ``logging``. A boundary inside has the orientation of its lines, with the
     element on their left in front of it, as in ``skfem.MeshTri.load``; none where the lines have no direction.
 
@@ -54,7 +55,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     Returns
     -------
     MeshTri
-        Nodes and elements in the order of their numbers in the file.
+        Nodes and elements in the order of their numbers in the file; a `MeshTri2` where a side of a triangle of second
+        order is bent.
 
     Raises
     ------
@@ -138,7 +140,7 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
     """
     path = Path(path)
     _reader(path, scale, "read_curves", CURVED)
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
     return to_curves(read_msh(path), mesh, path, float(scale))
 
 

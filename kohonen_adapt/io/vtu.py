@@ -8,6 +8,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.curved import nodes_of_elements
 from kohonen_adapt.mesh.measures import is_left
 from kohonen_adapt.mesh.names import combinations
 
@@ -18,6 +19,9 @@ Fields = dict[str, Floats]
 
 REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
+CELLS = {3: "triangle", 6: "triangle6"}
+"""Nodes of an element to what meshio calls it: VTK's types 5 and 22."""
+
 SIDES = ([0, 1], [1, 2], [2, 0])
 """Corners of the sides of an element, numbered as in `MeshTri.t2f`."""
 
@@ -45,7 +49,8 @@ def write_vtu(
     cells = {escape(name): [_components(values)] for name, values in (names | cell_data).items()}
     nodal = {escape(name): values for name, values in point_data.items()}
     points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    content = meshio.Mesh(points, [("triangle", mesh.t.T)], point_data=nodal, cell_data=cells)
+    nodes = nodes_of_elements(mesh)
+    content = meshio.Mesh(points, [(CELLS[nodes.shape[1]], nodes)], point_data=nodal, cell_data=cells)
     meshio.vtu.write(str(path), content)
 
 

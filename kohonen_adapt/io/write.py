@@ -17,6 +17,7 @@ from kohonen_adapt.io.elmer import write_elmer
 from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.vtu import write_vtu
+from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -54,9 +55,11 @@ def write_mesh(
         A name without a suffix is the folder of a mesh for Elmer, which is made if it is missing; in such a mesh
         subdomains must not overlap, nor boundaries.
     mesh
-        A `MeshTri`.
+        A `MeshTri`, or a `MeshTri2`, whose elements and lines are of second order in the file (Gmsh's types 9 and 8,
+        VTK's 22).
     point_data
-        Fields (nnodes,) by name.
+        Fields (nnodes,) by name. Of a `MeshTri2` that may be all nodes, in the order of ``mesh.p``, which is that of a
+        potential of order 2, or its corners; then mid-side nodes get the mean of both ends.
     cell_data
         Fields (nelements,) or vectors (2, nelements) by name.
     groups
@@ -68,8 +71,8 @@ def write_mesh(
     Raises
     ------
     ValueError
-        If the suffix is unknown, the mesh is empty, broken or not exactly a `MeshTri`, a name or number cannot be
-        stored, or a field has another shape or holds a value that is not finite.
+        If the suffix is unknown, the mesh is empty, broken or neither a `MeshTri` nor a `MeshTri2`, a name or number
+        cannot be stored, or a field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
 
@@ -84,15 +87,20 @@ def write_mesh(
     path = Path(path)
     for_elmer = path.is_dir() or not path.suffix
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    points = _checked_fields(point_data, mesh.p.shape[1], "point_data", vectors=False)
+    points = _checked_fields(with_means(mesh, point_data), mesh.p.shape[1], "point_data", vectors=False)
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
     groups = groups or Groups()
     if for_elmer:
         if points or cells:
             raise ValueError("a mesh of Elmer holds no fields; write them to a file.")
+        if is_second_order(mesh):
+            raise ValueError(
+                "a mesh of Elmer is written with straight sides only; got a MeshTri2. Write its corners: "
+                "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t, mesh.boundaries, mesh.subdomains)."
+            )
         write_elmer(path, mesh, subdomains, boundaries, groups)
         return
     with whole_file(path) as draft:
@@ -101,6 +109,16 @@ def write_mesh(
         else:
             version = groups.version if suffix == ".msh" and groups.version else MSH_VERSION[suffix]
             write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups)
+
+
+def with_means(mesh: MeshTri, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
+    """Fields at all nodes of a mesh: those of a `MeshTri2` at its corners with the mean of both ends on sides."""
+    given = dict(fields or {})
+    for name, values in given.items() if is_second_order(mesh) else ():
+        array = np.asarray(values)
+        if array.shape == (mesh.nvertices,) and array.dtype.kind in "biuf":
+            given[name] = np.concatenate([array, array[mesh.facets].mean(axis=0)])
+    return given
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:

@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshTri, MeshTri2
 from skfem.mesh import MeshTri1
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets, of_kind
 
 __all__ = [
@@ -19,7 +19,9 @@ __all__ = [
     "facet_displacements",
     "is_second_order",
     "jacobian_coefficients",
+    "nodes_of_elements",
     "with_displacements",
+    "with_middles",
 ]
 
 OPPOSITE = [1, 2, 0]  # rows of `t2f` by the corner opposite: scikit-fem's facets of an element are corners 01, 12, 02
@@ -40,11 +42,23 @@ def corner_places(mesh: MeshTri) -> Floats:
     return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
 
 
+def nodes_of_elements(mesh: MeshTri) -> Ints:
+    """The nodes of elements, (nelements, 3), of a `MeshTri2` and then those on sides 01, 12, 20, (nelements, 6).
+
+    So have Gmsh and VTK them.
+    """
+    return np.vstack([mesh.t, mesh.nvertices + mesh.t2f]).T if is_second_order(mesh) else mesh.t.T
+
+
+def with_middles(mesh: MeshTri, middles: Floats) -> MeshTri2:
+    """The `MeshTri2` with the corners of a mesh, every name, and these mid-side nodes of facets, (2, nfacets)."""
+    return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], middles]), mesh)
+
+
 def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
     """The `MeshTri2` with the corners of a mesh, every name, and its facets (2, nfacets) bent by so much."""
     number_facets(mesh)
-    corners = mesh.p[:, : mesh.nvertices]
-    return of_kind(MeshTri2, np.hstack([corners, corners[:, mesh.facets].mean(axis=1) + off]), mesh)
+    return with_middles(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
 
 
 def facet_displacements(mesh: MeshTri) -> Floats:

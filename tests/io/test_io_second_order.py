@@ -1,16 +1,20 @@
-"""Second-order Gmsh files: the mesh of the corners, and curves through the mid-side nodes."""
+"""Second-order files: meshes with bent sides in and out, and curves through the mid-side nodes."""
 
 import logging
 import sys
 
+import meshio
 import numpy as np
 import pytest
 from helpers.curved_meshes import RADII, annulus, on_circles, write_second_order
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshTri
+from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
+from skfem.generic_utils import OrientedBoundary
 
+import kohonen_adapt as ka
 from kohonen_adapt import Spline, read_curves, read_mesh, write_mesh
+from kohonen_adapt.mesh.curved import corners_of, with_middles
 
 COUNT = 24
 
@@ -28,9 +32,12 @@ def around(radius, count=997):
     return radius * np.stack([np.cos(angle), np.sin(angle)])
 
 
-def test_a_second_order_file_is_read_as_its_corners(hand_made):
+def test_a_second_order_file_is_read_with_its_bent_sides(hand_made):
     path, mesh = hand_made
-    read = read_mesh(path)
+    curved = read_mesh(path)
+    assert type(curved) is MeshTri2
+    assert_array_equal(curved.p[:, curved.nvertices :], on_circles(curved, slice(None)))
+    read = corners_of(curved)
     assert_array_equal(read.p, mesh.p)
     assert len(np.unique(read.t)) == read.p.shape[1]
     triangle = {tuple(nodes): k for k, nodes in enumerate(mesh.t.T.tolist())}
@@ -101,11 +108,12 @@ def test_a_file_with_straight_sides_only_has_no_curves(tmp_path):
     middles = mesh.p[:, mesh.facets].mean(axis=1)
     path = write_second_order(tmp_path / "straight.msh", mesh, middles, version="4.1")
     assert read_curves(path, read_mesh(path)) == {}
+    assert type(read_mesh(path)) is MeshTri
 
 
 def test_a_mesh_without_names_has_no_curves(hand_made):
     path, _ = hand_made
-    read = read_mesh(path)
+    read = corners_of(read_mesh(path))
     assert read_curves(path, MeshTri(read.p, read.t)) == {}
 
 
@@ -158,6 +166,7 @@ def test_a_file_of_both_orders_is_refused(tmp_path):
 
 def flipped(mesh):
     """The mesh with the one spoke facet between the first two circles turned into the other diagonal."""
+    mesh = corners_of(mesh)
     t = mesh.t.copy()
     facet = mesh.boundaries["spoke"][0]
     pair, ends = mesh.f2t[:, facet], mesh.facets[:, facet]
@@ -176,7 +185,7 @@ def flipped(mesh):
         (lambda mesh: mesh.translated((1e-9, 0.0)), r"gives at this scale; a node is 3\.33e-10 sizes of the mesh off"),
         (flipped, r"gives; 1 facets in its boundaries are no side of a triangle of the file\. Read the curves before"),
         (lambda mesh: MeshTri(), "gives, with 72 nodes; got one with 4"),
-        (lambda mesh: "mesh", r"mesh must be a skfem\.MeshTri; got str"),
+        (lambda mesh: "mesh", r"mesh must be a skfem\.MeshTri or MeshTri2; got str"),
     ],
 )
 def test_another_mesh_is_refused(hand_made, change, message):
@@ -187,7 +196,7 @@ def test_another_mesh_is_refused(hand_made, change, message):
 
 def test_rounding_is_no_other_mesh(hand_made):
     path, _ = hand_made
-    read = read_mesh(path)
+    read = corners_of(read_mesh(path))
     noise = np.random.default_rng(0).uniform(-1e-14, 1e-14, read.p.shape)
     assert set(read_curves(path, MeshTri(read.p + noise, read.t, read.boundaries))) == set(RADII)
 
@@ -213,9 +222,13 @@ def test_a_middle_that_is_not_finite_is_refused(tmp_path):
     middles[0, mesh.boundaries["outer"][3]] = np.nan
     path = write_second_order(tmp_path / "ring.msh", mesh, middles, version="2.2")
     with pytest.raises(
+        ValueError, match=r"read_mesh expected finite coordinates; '.*ring\.msh' has a mid-side node at \[ *nan"
+    ):
+        read_mesh(path)
+    with pytest.raises(
         ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a mid-side node at \[ *nan"
     ):
-        read_curves(path, read_mesh(path))
+        read_curves(path, mesh)
 
 
 def test_nodes_and_facets_pass_through_no_loop_of_python(tmp_path):
@@ -276,7 +289,10 @@ def test_a_quarter_of_a_machine_by_gmsh(tmp_path, version, binary):
             gmsh.write(str(tmp_path / "machine.msh"))
         meshes.append(read_mesh(tmp_path / "machine.msh", scale=1e-3))
     straight, mesh = meshes
-    assert_same(mesh, straight)
+    assert type(straight) is MeshTri and type(mesh) is MeshTri2
+    assert_same(corners_of(mesh), straight)
+    outer = mesh.boundaries["interface"]
+    assert_allclose(np.hypot(*mesh.p[:, mesh.nvertices :][:, outer]), 1e-3, rtol=1e-9)
     curves = read_curves(tmp_path / "machine.msh", mesh, scale=1e-3)
     assert set(curves) == {"interface", "outer"}
     angle = np.linspace(0.0, np.pi / 2, 200)
@@ -285,3 +301,72 @@ def test_a_quarter_of_a_machine_by_gmsh(tmp_path, version, binary):
     assert np.abs(curves["interface"].project(x) - x).max() < 3e-2 * 0.1**4 * 1e-3
     assert np.abs(curves["outer"].project(2.0 * x) - 2.0 * x).max() < 3e-2 * 0.1**4 * 2e-3
     assert len(curves["outer"].pieces) == 3  # the arc and two straight sides
+
+
+def curved_ring():
+    """The annulus with bent sides, and one boundary inside with a direction."""
+    mesh = annulus(COUNT)
+    inside = mesh.boundaries["interface"]
+    named = {**mesh.boundaries, "interface": OrientedBoundary(inside, mesh.f2t[1, inside] > mesh.f2t[0, inside])}
+    straight = MeshTri(mesh.p, mesh.t, named, mesh.subdomains)
+    return with_middles(straight, on_circles(straight, slice(None)))
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".msh2", ".vtu"])
+def test_what_is_written_with_bent_sides_comes_back_bit_for_bit(tmp_path, suffix):
+    mesh, path = curved_ring(), tmp_path / f"ring{suffix}"
+    write_mesh(path, mesh, point_data={"height": mesh.p[1]}, cell_data={"quality": ka.quality(mesh)})
+    read = read_mesh(path)
+    assert type(read) is MeshTri2
+    assert_array_equal(read.p, mesh.p)
+    assert_array_equal(read.t, mesh.t)
+    assert_same(corners_of(read), corners_of(mesh))
+    assert_array_equal(ka.read_field(path, read, "quality"), ka.quality(mesh))
+    assert_array_equal(ka.read_field(path, corners_of(mesh), "quality"), ka.quality(mesh))
+    halved = read_mesh(path, scale=0.5)
+    assert_array_equal(halved.p, 0.5 * mesh.p)
+
+
+def test_point_data_are_of_all_nodes_or_of_corners(tmp_path):
+    mesh = curved_ring()
+    solution = Basis(mesh, ElementTriP2()).project(lambda x: x[0] ** 2)
+    write_mesh(tmp_path / "ring.vtu", mesh, point_data={"all": solution, "corners": mesh.p[0, : mesh.nvertices]})
+    found = meshio.vtu.read(tmp_path / "ring.vtu")
+    assert [block.type for block in found.cells] == ["triangle6"]
+    assert_array_equal(found.point_data["all"], solution)
+    assert_array_equal(found.point_data["corners"][mesh.nvertices :], mesh.p[0, mesh.facets].mean(axis=0))
+    nodes = found.cells[0].data
+    for side, (a, b) in enumerate(((0, 1), (1, 2), (2, 0))):
+        chord = found.points[nodes[:, [a, b]]].mean(axis=1)
+        off = np.hypot(*(found.points[nodes[:, 3 + side]] - chord)[:, :2].T)
+        assert np.all(off < 0.02)  # no other side's
+    with pytest.raises(ValueError, match=r"point_data 'u' must have shape \(240,\); got \(71,\)"):
+        write_mesh(tmp_path / "ring.vtu", mesh, point_data={"u": np.zeros(71)})
+
+
+def test_elmer_gets_straight_sides_only(tmp_path):
+    with pytest.raises(
+        ValueError, match=r"of Elmer is written with straight sides only; got a MeshTri2\. Write its cor"
+    ):
+        write_mesh(tmp_path / "elmer", curved_ring())
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_reads_bent_sides_with_the_same_groups(tmp_path, suffix):
+    mesh = curved_ring()
+    write_mesh(tmp_path / f"ring{suffix}", mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / f"ring{suffix}"))
+        kinds = {int(kind) for kind in model.mesh.getElementTypes()}
+        assert kinds == {8, 9}
+        names = {(dim, model.getPhysicalName(dim, tag)): tag for dim, tag in model.getPhysicalGroups()}
+        assert {name for dim, name in names if dim == 1} == set(mesh.boundaries)
+        assert {name for dim, name in names if dim == 2} == set(mesh.subdomains)
+        _, coordinates = model.mesh.getNodesForPhysicalGroup(1, names[1, "outer"])
+        assert_allclose(np.hypot(*coordinates.reshape(-1, 3)[:, :2].T), RADII["outer"], rtol=1e-15)
+        assert len(coordinates) == 3 * 2 * COUNT
+        gmsh.write(str(tmp_path / "again.msh"))
+    again = read_mesh(tmp_path / "again.msh")
+    assert type(again) is MeshTri2
+    assert_allclose(np.sort(again.p[:, again.nvertices :]), np.sort(mesh.p[:, mesh.nvertices :]), atol=1e-15)
