@@ -4,10 +4,13 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.curved import displacements, facet_displacements, is_second_order
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
     "DECADES",
+    "PARTS",
+    "along_facets",
     "counted",
     "divided",
     "divisions_of",
@@ -19,6 +22,9 @@ __all__ = [
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 """Units of the axes, and the factors for metres; "" is for a mesh without a unit."""
+
+PARTS = 8
+"""Pieces of a bent side, and of a side of an element that has one, that are drawn straight."""
 
 DECADES = 3
 """How far below the largest indicator the colours reach."""
@@ -36,6 +42,16 @@ def outlined_facets(mesh: MeshTri) -> Ints:
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
+
+
+def along_facets(mesh: MeshTri, facets: Ints) -> list[Floats]:
+    """Points along facets, (2, points, facets): the ends of straight ones, and of bent ones as many as look round."""
+    off = facet_displacements(mesh)[:, facets]
+    bent = np.any(off, axis=0)
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
+    (a, b), bow = np.moveaxis(ends[:, :, bent], 1, 0)[:, :, None], off[:, None, bent]
+    return [ends[:, :, ~bent], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow]
 
 
 def counted(count: int, what: str) -> str:
@@ -79,7 +95,11 @@ def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     """Every element as a lattice with nodes of its own, numbered as (k, nelements); with the names of subdomains."""
     share, triangles = lattice(divisions)
     count = mesh.t.shape[1]
-    p = np.ascontiguousarray(np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t]).reshape(2, -1))
+    p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
+    if is_second_order(mesh):
+        between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]
+        p += np.einsum("iq,kid->dqk", between, displacements(mesh))
+    p = np.ascontiguousarray(p.reshape(2, -1))
     t = (triangles[:, :, None] * count + np.arange(count)).reshape(3, -1)
     parts = {
         name: (np.arange(divisions**2)[:, None] * count + np.asarray(rows)).ravel()

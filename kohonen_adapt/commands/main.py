@@ -188,7 +188,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, folded=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))

@@ -87,7 +87,7 @@ def write_mesh(
     path = Path(path)
     for_elmer = path.is_dir() or not path.suffix
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, folded=True)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
     points = _checked_fields(with_means(mesh, point_data), mesh.p.shape[1], "point_data", vectors=False)

@@ -157,7 +157,7 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, folded=True)
     pairs = pairs_of(problem) if periodic is None else periodic
     round_ = curves_of(problem, mesh, curves)
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()

@@ -11,6 +11,7 @@ from kohonen_adapt.kernels.triangle import locate as kernels
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.mesh.validity import check_bent
 
 __all__ = ["Locator", "find_elements", "holding", "interpolate"]
 
@@ -114,7 +115,10 @@ def find_elements(mesh: MeshTri, x: ArrayLike) -> NDArray[np.int32]:
     """
     points = as_rows(x)
     found = Locator(Triangulation.of(mesh)).find(points)
-    return Isoparametric(mesh).located(points.T, found)[0].astype(np.int32) if is_second_order(mesh) else found
+    if not is_second_order(mesh):
+        return found
+    check_bent(mesh)
+    return Isoparametric(mesh).located(points.T, found)[0].astype(np.int32)
 
 
 def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
@@ -157,6 +161,7 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
     locator, points = Locator(triangulation), as_rows(x)
     found = locator.find(points)
     if is_second_order(mesh):
+        check_bent(mesh)
         element, share = Isoparametric(mesh).located(points.T, found)
         return np.sum(share * values[mesh.t[:, element]], axis=0)
     weights = np.empty((len(points), 3))

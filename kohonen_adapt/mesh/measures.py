@@ -6,7 +6,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.curved import corner_places, displacements, is_second_order, jacobian_coefficients
-from kohonen_adapt.mesh.validity import check_bent
+from kohonen_adapt.mesh.validity import check_bent, check_middles
 
 __all__ = [
     "area",
@@ -85,6 +85,7 @@ def quality(mesh: MeshTri) -> Floats:
     [0.866, 0.866]
     """
     if is_second_order(mesh):
+        check_middles(mesh)
         check_bent(mesh)
     corners = mesh.p[:, mesh.t]
     edges = corners - np.roll(corners, 1, axis=1)

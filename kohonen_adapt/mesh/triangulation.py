@@ -51,7 +51,7 @@ class Triangulation:
 
         Of a `MeshTri2` these are the straight triangles between its corners.
         """
-        check_mesh(mesh, bent=True)
+        check_mesh(mesh, bent=True, folded=True)
         mesh = corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = counter_clockwise(position, mesh.t)

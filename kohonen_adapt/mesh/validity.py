@@ -13,8 +13,11 @@ __all__ = ["check_bent", "check_mesh"]
 LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
 
 
-def check_mesh(mesh: MeshTri, bent: bool = False) -> None:
+def check_mesh(mesh: MeshTri, bent: bool = False, folded: bool = False) -> None:
     """Refuse what is not a mesh of connected, non-degenerate triangles, straight ones unless `bent` ones will do.
+
+    With `folded`, bent sides may fold elements over, as they do in coarse meshes of second order by Gmsh: whoever moves
+    nodes takes only the curves from such sides, and bends them anew.
 
     It must be exactly a `skfem.MeshTri`, or a `skfem.MeshTri2` if it may be `bent` (the message names the remedy), not
     empty, without isolated nodes, coordinates that are not finite, elements without area or folded over by their bent
@@ -22,7 +25,9 @@ def check_mesh(mesh: MeshTri, bent: bool = False) -> None:
     """
     if bent and is_second_order(mesh):
         check_mesh(corners_of(mesh))
-        check_bent(mesh)
+        check_middles(mesh)
+        if not folded:
+            check_bent(mesh)
         return
     if type(mesh) is not MeshTri1:
         wanted = "skfem.MeshTri or MeshTri2" if bent else "skfem.MeshTri"
@@ -79,8 +84,8 @@ def check_areas(mesh: MeshTri) -> None:
         )
 
 
-def check_bent(mesh: MeshTri) -> None:
-    """Refuse a `MeshTri2` without a mid-side node for every side, or with an element that its bent sides fold over."""
+def check_middles(mesh: MeshTri) -> None:
+    """Refuse a `MeshTri2` without a mid-side node for every side."""
     number_facets(mesh)
     wanted = mesh.nvertices + mesh.facets.shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
@@ -88,12 +93,16 @@ def check_bent(mesh: MeshTri) -> None:
             f"a MeshTri2 must have a finite node for every corner and every side, {wanted} in all; got "
             f"{int(np.sum(np.isfinite(mesh.p).all(axis=0)))}. Make it with MeshTri2.from_mesh and set its doflocs."
         )
+
+
+def check_bent(mesh: MeshTri) -> None:
+    """Refuse a `MeshTri2` with an element that its bent sides fold over."""
     folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
     if len(folded):
         raise ValueError(
             f"the bent sides of a MeshTri2 must not fold its elements over; {len(folded)} are, the first is element "
-            f"{folded[0]}. Draw its mid-side nodes nearer to their chords, or keep its corners only: "
-            "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+            f"{folded[0]}. Draw its mid-side nodes nearer to their chords, as kohonen_adapt.relocate does, or keep its "
+            "corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
         )
 
 

@@ -13,6 +13,7 @@ from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
 from kohonen_adapt.outline.curves import Arc, checked_points
@@ -93,7 +94,7 @@ class Spline:
 
     @classmethod
     def through(cls, mesh: MeshTri, name: str) -> "Spline":
-        """The spline through the nodes that a named boundary has now.
+        """The spline through the nodes that a named boundary has now, of a `skfem.MeshTri2` mid-side nodes too.
 
         Made once from the first mesh, it keeps the geometry of that mesh however often nodes slide on it. The facets
         may lie on the rim or inside. They make several pieces where they are not connected, turn by 35 degrees or more,
@@ -114,15 +115,17 @@ class Spline:
         Raises
         ------
         ValueError
-            If `mesh` is no `MeshTri`, or the boundary is not there or empty.
+            If `mesh` is no `MeshTri` or `MeshTri2`, or the boundary is not there or empty.
         """
-        if type(mesh) is not MeshTri1:
-            raise ValueError(f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}.")
+        if not (type(mesh) is MeshTri1 or is_second_order(mesh)):
+            raise ValueError(f"mesh must be a skfem.MeshTri or MeshTri2; got {type(mesh).__name__}.")
         facets = np.unique(np.asarray(named(mesh.boundaries, name, "boundary"), dtype=np.int64))
         if len(facets) == 0:
             raise ValueError(f"boundary {name!r} has no facets, so there is no curve through their nodes.")
         number_facets(mesh)
-        polylines = polylines_of(mesh.facets[:, facets].T, mesh.p)
+        start, end = mesh.facets[:, facets]
+        nodes = (start, mesh.nvertices + facets, end) if is_second_order(mesh) else (start, end)
+        polylines = polylines_of(np.column_stack(nodes), mesh.p)
         return cls.of_pieces([(mesh.p[:, line.nodes], line.closed) for line in polylines])
 
     def as_arc(self) -> Arc | None:

@@ -11,7 +11,18 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import DECADES, divided, divisions_of, in_unit, level_of_share, outlined_facets
+from kohonen_adapt.display import (
+    DECADES,
+    PARTS,
+    along_facets,
+    divided,
+    divisions_of,
+    in_unit,
+    lattice,
+    level_of_share,
+    outlined_facets,
+)
+from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["COLOURS", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale", "set_axes"]
@@ -104,7 +115,7 @@ def draw_field_lines(
     axes, mesh, unit
         As for `draw_mesh`.
     potential
-        (nnodes,), linear in every element; between neighbouring lines it changes by the same amount.
+        (nnodes,), at the corners and linear in every element; between neighbouring lines it changes by the same amount.
     magnitude
         (nelements,), constant in every element; the colours end where 1 % of the area has more.
 
@@ -132,16 +143,23 @@ def draw_field_lines(
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
     norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    potential = _values("potential", potential, mesh, {"nnodes": mesh.p.shape[1]})
+    potential = _values("potential", potential, mesh, {"nnodes": mesh.nvertices})
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
+        if is_second_order(mesh):
+            potential = _on_finer_lattice(mesh, potential if potential.ndim == 2 else potential[mesh.t])
         fine = mesh if potential.ndim == 1 else divided(mesh, divisions_of(len(potential)))
         x, y = in_unit(unit) * fine.p
         style = {"colors": "black", "linewidths": 0.5, "linestyles": "solid"}
         axes.tricontour(x, y, fine.t.T, potential.ravel(), levels=levels, **style)
     _draw_outline(axes, mesh, unit, "black")
     return colours
+
+
+def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
+    """Values at the corners of elements, (3, nelements), where bent sides look round, if the mesh has any."""
+    return lattice(PARTS)[0].T @ values if is_second_order(mesh) and len(values) == 3 else values
 
 
 def _values(name: str, given: ArrayLike, mesh: MeshTri, shape: dict[str, int]) -> Floats:
@@ -182,10 +200,13 @@ def _draw_elements(
 ) -> Collection:
     """Elements in colours: constant, or where values are those of a lattice, (k, nelements), linear between them."""
     if values.ndim == 2:
+        values = _on_finer_lattice(mesh, values)
         fine = divided(mesh, divisions_of(len(values)))
         x, y = in_unit(unit) * fine.p
         look = {"shading": "gouraud", "rasterized": True}
         return axes.tripcolor(x, y, fine.t.T, values.ravel(), norm=norm, cmap=colours, **look)
+    if is_second_order(mesh):
+        mesh, values = divided(mesh, PARTS), np.tile(values, PARTS**2)
     x, y = in_unit(unit) * mesh.p
     # Edges in the colour of their element leave no light seams between elements.
     return axes.tripcolor(
@@ -196,9 +217,10 @@ def _draw_elements(
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
     """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
-        ends = in_unit(unit) * mesh.p[:, mesh.facets[:, part]]
-        x, y = np.concatenate([ends, np.full((2, 1, len(part)), np.nan)], axis=1).transpose(0, 2, 1).reshape(2, -1)
-        axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
+        for points in along_facets(mesh, part):
+            gaps = np.full((2, 1, points.shape[2]), np.nan)
+            x, y = np.concatenate([in_unit(unit) * points, gaps], axis=1).transpose(0, 2, 1).reshape(2, -1)
+            axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
 
 
 def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:

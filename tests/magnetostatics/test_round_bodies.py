@@ -29,7 +29,7 @@ def problem(**more):
 
 def grown(mesh, problem, **more):
     outputs = {"torque": lambda field: field.torque("rotor")}
-    return ka.adapt(mesh, problem, passes=3, target_nodes=6 * mesh.p.shape[1], outputs=outputs, **more)
+    return ka.adapt(mesh, problem, passes=3, target_nodes=6 * mesh.nvertices, outputs=outputs, **more)
 
 
 def off_bore(mesh, name="inner"):

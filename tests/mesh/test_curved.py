@@ -101,7 +101,14 @@ def one_bent(side):
 def test_folded_elements_are_refused_and_no_others():
     for ratio in (0.1, 0.24):
         check_mesh(one_bent(ratio), bent=True)
-    for call in (lambda mesh: check_mesh(mesh, bent=True), ka.quality):
+    calls = {
+        "check": lambda mesh: check_mesh(mesh, bent=True),
+        "quality": ka.quality,
+        "find": lambda mesh: ka.find_elements(mesh, [[0.5], [0.5]]),
+        "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(4), [[0.5], [0.5]]),
+        "density": lambda mesh: ka.density_from_indicators(mesh, np.ones(2)),
+    }
+    for call in calls.values():
         with pytest.raises(ValueError, match=r"must not fold its elements over; 1 are, the first is element [01]\."):
             call(one_bent(0.26))
 

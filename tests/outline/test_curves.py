@@ -377,5 +377,5 @@ def test_boundaries_that_have_no_curve():
         Spline.through(MeshTri(), "rim")
     with pytest.raises(ValueError, match="boundary 'none' has no facets, so there is no curve through their nodes"):
         Spline.through(MeshTri(mesh.p, mesh.t, {"none": np.array([], dtype=int)}), "none")
-    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshTri2"):
-        Spline.through(skfem.MeshTri2(), "left")
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri or MeshTri2; got MeshQuad1"):
+        Spline.through(skfem.MeshQuad(), "left")

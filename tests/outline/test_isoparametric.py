@@ -160,3 +160,15 @@ def test_second_order_comes_back_unless_straight_sides_are_asked_for(curved):
     assert type(back) is (MeshTri if curved is False else MeshTri2)
     if curved is not False:
         np.testing.assert_allclose(back.p, mesh.p, atol=1e-12)
+
+
+def test_a_mesh_that_is_folded_over_comes_back_whole():
+    """As coarse meshes of second order by Gmsh are: the curves of such sides are good, and they are bent anew."""
+    mesh = belt(np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False), 0.6, 1.1, 0.2)
+    folded = with_displacements(
+        mesh, np.where(np.isin(np.arange(mesh.facets.shape[1]), mesh.boundaries["ring"]), to_circle(mesh), 0.0)
+    )
+    with pytest.raises(ValueError, match="must not fold its elements over"):
+        ka.quality(folded)
+    moved = ka.relocate(folded, np.ones(folded.nelements))
+    assert type(moved) is MeshTri2 and shares_kept(moved).min() > LEAST - 1e-9

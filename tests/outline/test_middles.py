@@ -209,3 +209,10 @@ def test_periodic_sides_cannot_be_splines():
     named = MeshTri2(mesh.p, mesh.t, _boundaries={"right": right, "left": np.setdiff1d(rim, right)})
     with pytest.raises(ValueError, match=r"its pieces must be straight or arcs .* or draw its mid-side nodes to"):
         movable(named, periodic=[("right", "left", ka.Rotation(np.pi))])
+
+
+def test_a_spline_goes_through_middles_too():
+    mesh = along(ellipse, 12)
+    spline = ka.Spline.through(mesh, "rim")
+    assert spline.closed == (True,) and spline.pieces[0].shape == (2, 24)
+    assert off_ellipse(spline.project(1.2 * ellipse(np.linspace(0.0, 1.0, 200)))).max() < 2e-3
