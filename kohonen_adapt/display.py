@@ -10,7 +10,6 @@ from kohonen_adapt.mesh.names import codes_of_names, named_sets
 __all__ = [
     "DECADES",
     "PARTS",
-    "along_facets",
     "counted",
     "divided",
     "divisions_of",
@@ -18,6 +17,7 @@ __all__ = [
     "lattice",
     "level_of_share",
     "outlined_facets",
+    "straight_and_bent",
 ]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
@@ -44,14 +44,13 @@ def outlined_facets(mesh: MeshTri) -> Ints:
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
 
 
-def along_facets(mesh: MeshTri, facets: Ints) -> list[Floats]:
-    """Points along facets, (2, points, facets): the ends of straight ones, and of bent ones as many as look round."""
+def straight_and_bent(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
+    """The straight ones of facets, and points along the bent ones, as many as look round, (2, points, bent facets)."""
     off = facet_displacements(mesh)[:, facets]
     bent = np.any(off, axis=0)
-    ends = mesh.p[:, mesh.facets[:, facets]]
     share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
-    (a, b), bow = np.moveaxis(ends[:, :, bent], 1, 0)[:, :, None], off[:, None, bent]
-    return [ends[:, :, ~bent], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow]
+    (a, b), bow = np.moveaxis(mesh.p[:, mesh.facets[:, facets[bent]]], 1, 0)[:, :, None], off[:, None, bent]
+    return facets[~bent], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow
 
 
 def counted(count: int, what: str) -> str:

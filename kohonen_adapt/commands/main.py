@@ -123,7 +123,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         mesh = fitting_mesh(case)
     _doubt(mesh, terminal)
     if arguments.dry_run:
-        terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.p.shape[1]} nodes.")
+        terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.nvertices} nodes.")
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))

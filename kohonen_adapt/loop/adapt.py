@@ -162,7 +162,7 @@ def adapt(
     round_ = curves_of(problem, mesh, curves)
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()
     rules = holding(rules, nodes_held(problem, mesh))
-    growth, wanted = Growth.of(mesh.nvertices, target_nodes, passes), check_outputs(outputs, output_rtol)
+    growth, wanted = Growth.of(int(mesh.nvertices), target_nodes, passes), check_outputs(outputs, output_rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = MovableMesh.of(mesh, rules, is_curved(problem))
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)

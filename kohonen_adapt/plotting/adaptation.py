@@ -61,7 +61,7 @@ def adaptation_figure(
     norm = indicator_scale(before.indicators, after.indicators)
     for column, (word, result) in enumerate([("before", before), ("after", after)]):
         draw_mesh(panels[0, column], result.mesh, unit=unit)
-        panels[0, column].set_title(f"Mesh {word}: {result.mesh.p.shape[1]} nodes")
+        panels[0, column].set_title(f"Mesh {word}: {result.mesh.nvertices} nodes")
         shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, unit=unit)
         panels[1, column].set_title(f"Error indicators {word}")
     figure.colorbar(shades, ax=panels[1, 1], label=indicator_label, extend="min")

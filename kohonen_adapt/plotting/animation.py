@@ -104,7 +104,7 @@ def animate_map(
     errors: list[float] = []
     if callable(points) and not schedule.fresh:
         most = max((stage.points_per_neuron for stage in schedule.stages), default=0.0)
-        points, weights = points(ceil(most * frames[0][0].p.shape[1]), np.random.default_rng(seed))
+        points, weights = points(ceil(most * frames[0][0].nvertices), np.random.default_rng(seed))
     for number, (title, epoch) in enumerate(_epochs(schedule)):
         errors += som.train(points, epoch, weights=weights, seed=seed + number)
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
@@ -125,7 +125,7 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 def _title(step: Pass) -> str:
     error = energy_error(step)
     said = f"{word_for_estimate([step])} {step.estimate:.4g}" if error is None else f"error {error:.3g} %"
-    return f"pass {step.number}: {step.mesh.p.shape[1]} nodes, {said}"
+    return f"pass {step.number}: {step.mesh.nvertices} nodes, {said}"
 
 
 def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> None:

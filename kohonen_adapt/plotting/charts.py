@@ -64,7 +64,7 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
         exact = as_reals("errors", errors, {"passes": len(history)})
         axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
         axes.legend()
-    counts = sorted({step.mesh.p.shape[1] for step in history})
+    counts = sorted({step.mesh.nvertices for step in history})
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
     axes.set(ylabel=_label(history), ylim=(0.0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -125,7 +125,7 @@ def _number_axes(axes: Axes) -> None:
 
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
     """Nodes and estimates of passes, the estimates positive: zero has no logarithm."""
-    nodes = np.array([step.mesh.p.shape[1] for step in history], dtype=float)
+    nodes = np.array([step.mesh.nvertices for step in history], dtype=float)
     errors = [step.estimate for step in history] / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
 

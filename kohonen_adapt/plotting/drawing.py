@@ -14,13 +14,13 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import (
     DECADES,
     PARTS,
-    along_facets,
     divided,
     divisions_of,
     in_unit,
     lattice,
     level_of_share,
     outlined_facets,
+    straight_and_bent,
 )
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import area
@@ -143,7 +143,7 @@ def draw_field_lines(
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
     norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
     colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    potential = _values("potential", potential, mesh, {"nnodes": mesh.nvertices})
+    potential = _values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)})
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
@@ -217,7 +217,10 @@ def _draw_elements(
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
     """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
-        for points in along_facets(mesh, part):
+        straight, bent = straight_and_bent(mesh, part)
+        for points in (mesh.p[:, mesh.facets[:, straight]], bent):
+            if not points.size:
+                continue
             gaps = np.full((2, 1, points.shape[2]), np.nan)
             x, y = np.concatenate([in_unit(unit) * points, gaps], axis=1).transpose(0, 2, 1).reshape(2, -1)
             axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))

@@ -12,7 +12,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets, straight_and_bent
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -74,15 +74,19 @@ def view_data(
 
 
 def _mesh(mesh: MeshTri, unit: str) -> dict[str, Any]:
-    """Coordinates relative to the middle of the mesh, where float32 is finest."""
+    """Coordinates relative to the middle of the mesh, where float32 is finest; bent sides have points of their own."""
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
-    x, y = in_unit(unit) * (mesh.p - centre[:, None])
+    straight, bent = straight_and_bent(mesh, outlined_facets(mesh))
+    along = mesh.nvertices + np.arange(bent[0].size).reshape(bent.shape[1:])
+    points = np.hstack([mesh.p[:, : mesh.nvertices], bent.reshape(2, -1)])
+    lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1)])
+    x, y = in_unit(unit) * (points - centre[:, None])
     return {
         "centre": (in_unit(unit) * centre).tolist(),
         "x": packed(x, "f4"),
         "y": packed(y, "f4"),
         "t": packed(mesh.t, "u4"),
-        "outline": packed(mesh.facets[:, outlined_facets(mesh)].T, "u4"),
+        "outline": packed(lines, "u4"),
     }
 
 
@@ -107,7 +111,7 @@ def _by_element(label: str, values: ArrayLike, mesh: MeshTri) -> Floats:
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [as_reals(label, function(each.solution), {"nnodes": each.mesh.p.shape[1]}) for each in results]
+    values = [as_reals(label, function(each.solution), {"nnodes": int(each.mesh.nvertices)}) for each in results]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     return _scaled(label, "node", values, low, high)

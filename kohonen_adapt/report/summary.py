@@ -26,7 +26,7 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
         ("ended by", result.status.replace("_", " ")),
         (f"{word} before", _error(first, last)),
         (f"{word} after", _error(last, first)),
-        ("nodes", _from_to(*(step.mesh.p.shape[1] for step in (first, last)))),
+        ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
         ("worst quality", f"{last.min_quality:.2f}"),
         *((name, f"{value:.5g}") for name, value in last.outputs.items()),
     ]
@@ -40,7 +40,7 @@ def sentences(result: AdaptResult) -> list[str]:
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
         f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
-        f"{_from_to(*(step.mesh.p.shape[1] for step in (first, last)))} nodes.",
+        f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
     ]
     return said + [_of_output(name, first, last) for name in last.outputs]
 

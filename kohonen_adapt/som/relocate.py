@@ -144,7 +144,7 @@ def relocate(
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect_loops(topology)
     wanted = density_of(movable.triangulation, density)
-    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed), mesh.nvertices)
+    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))
     work = moved.work(movable)
     report_curves(moved.before, movable)
     if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
