@@ -195,7 +195,7 @@ def _blank(problem: Magnetostatics, mesh: MeshTri) -> Field:
     """The field of A = 0, by elements of order 1: goals and outputs refuse it where they would refuse the solution."""
     given = coefficients(mesh, problem.materials, problem.ampere_turns)
     symmetry = AXISYMMETRIC if problem.axisymmetric else PLANAR
-    return Field(mesh, np.zeros(mesh.p.shape[1]), given, symmetry, problem.depth)
+    return Field(mesh, np.zeros(mesh.nvertices), given, symmetry, problem.depth)
 
 
 class _Checked(Exception):

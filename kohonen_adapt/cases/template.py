@@ -49,7 +49,7 @@ def case_text(mesh: MeshTri, file: str, scale: float, *, points: Iterable[str] =
         right=float(mesh.p[0].max()),
         node=mesh.p[:, 0].tolist(),
         place=", ".join(f"{middle:.4g}" for middle in mesh.p[:, mesh.t[:, np.argmax(area(mesh))]].mean(axis=1)),
-        more=2 * mesh.p.shape[1],
+        more=2 * mesh.nvertices,
         rim=_rim(mesh),
         materials="\n".join(_materials(mesh)),
         potential="\n".join([*_potential(mesh), *(f"# {_key(name)} = 0.0  # a point" for name in sorted(points))]),
