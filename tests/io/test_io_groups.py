@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, needs_gmsh, two_rooms
+from helpers.worlds import without_matplotlib
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
@@ -120,8 +121,9 @@ def test_relocate_keeps_the_groups(drawing, suffix, topology):
     assert not np.array_equal(ka.read_mesh(out).p, mesh.p)
 
 
-def test_run_leaves_points_where_they_are(tmp_path):
+def test_run_leaves_points_where_they_are(tmp_path, monkeypatch):
     """Where a coarser mesh would do, so that their nodes would be taken away."""
+    without_matplotlib(monkeypatch)  # pictures would take most of the time
     mesh = ka.read_mesh(EXAMPLES / "c_core.msh")
     inside = mesh.interior_nodes()
     probes = mesh.p[:, inside[np.argsort(np.hypot(*mesh.p[:, inside]))[-40:]]]
@@ -133,7 +135,8 @@ def test_run_leaves_points_where_they_are(tmp_path):
     assert max(np.abs(points - probe[:, None]).max(axis=0).min() for probe in probes.T) < 1e-9
 
 
-def test_run_keeps_the_groups(drawing):
+def test_run_keeps_the_groups(drawing, monkeypatch):
+    without_matplotlib(monkeypatch)
     case = drawing.with_name("case.toml")
     case.write_text(
         'mesh = "drawing.msh"\nscale = 1e-3\n[materials.region_1000]\ncurrent_density = 1e6\n[materials.air]\n'
