@@ -162,8 +162,9 @@ def interpolate(mesh: MeshTri, values: ArrayLike, x: ArrayLike) -> Floats:
     found = locator.find(points)
     if is_second_order(mesh):
         check_bent(mesh)
-        element, share = Isoparametric(mesh).located(points.T, found)
-        return np.sum(share * values[mesh.t[:, element]], axis=0)
+        shape = Isoparametric(mesh)
+        element, share = shape.located(points.T, found)
+        return np.sum(share * values[shape.t[:, element]], axis=0)
     weights = np.empty((len(points), 3))
     kernels.barycentric(locator.position, locator.elements.node, points, found, weights)
     return np.sum(weights * values[locator.elements.node[found]], axis=1)

@@ -6,6 +6,7 @@ from helpers.exact_fields import overrating, true_error
 from helpers.meshes import disk
 from skfem import MeshTri, MeshTri2
 
+import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
 from kohonen_adapt.mesh.curved import with_displacements
 from kohonen_adapt.mesh.isoparametric import Isoparametric
@@ -125,6 +126,9 @@ def test_the_numbers_of_corners_may_stand_in_any_order():
     for order in (2, 3):
         problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
         np.testing.assert_array_equal(problem.solve(turned).values, problem.solve(mesh).values)
+    x = np.array([[0.3, 0.999, -0.4], [0.4, 0.0, 0.01]])
+    one, other = (ka.interpolate(each, mesh.p[0, : mesh.nvertices], x) for each in (turned, mesh))
+    np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 @pytest.mark.parametrize("order", [2, 3])
