@@ -82,6 +82,26 @@ wc = {quantity = "coenergy"}
 """
 
 
+NOT_ONLY_NUMBERS = """
+mesh = "m.msh"
+rim = "edge"
+goal = {quantity = "force", body = ["coil", "air"], direction = [0, 1]}
+[materials]
+coil = {remanence = {pattern = "radial", magnitude = 1.2, centre = [0, 1]}}
+air = {coercivity = {pattern = "halbach", magnitude = 9e5, pole_pairs = -2}}
+iron = {remanence = {pattern = "parallel", magnitude = 1.2, degrees = 30}}
+[potential]
+edge = "0.3*x - y/2 + 2e-3"
+left = {over = "x", points = [[0, 1], [1, 2.5]]}
+[adapt.schedule]
+stages = [{radius = 1, epochs = 2, learning_rate = [0.4, 0.1]}, {radius = 0, epochs = 1, learning_rate = 0.1}]
+sweeps = 3
+[outputs]
+b = {quantity = "flux_density", at = [0, 1], component = "x", recovered = true}
+a = {quantity = "potential", at = [0, 1]}
+"""
+
+
 def case(text, folder=Path("there")):
     return case_of(tomllib.loads(text), folder)
 
@@ -402,7 +422,7 @@ def keys_of(text):
     return sorted(set(words(tomllib.loads(text))))
 
 
-WORDS = keys_of(EVERYTHING) + keys_of(CONTRACT)
+WORDS = sorted({word for text in (EVERYTHING, CONTRACT, NOT_ONLY_NUMBERS) for word in keys_of(text)})
 LEAVES = st.one_of(
     st.none(),
     st.booleans(),
@@ -423,7 +443,7 @@ TREES = st.recursive(
 @st.composite
 def spoilt_cases(draw):
     """A good case with one place of it replaced by anything."""
-    it = tomllib.loads(draw(st.sampled_from([CONTRACT, EVERYTHING])))
+    it = tomllib.loads(draw(st.sampled_from([CONTRACT, EVERYTHING, NOT_ONLY_NUMBERS])))
     place = it
     while True:
         key = draw(st.sampled_from(sorted(place)))
