@@ -17,6 +17,7 @@ STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
 JUNCTION = -2  # in place of a chain: the node is held where three of them meet
 
 UNGUARDED = -2.0  # in place of a least quality: every triangle exceeds it, overturned ones included
+NEAR_AXIS = 1e-6  # of the largest x of its element: a corner with a smaller one is on the axis; no other one can be
 CROSSINGS = 32  # edges crossed by a check of a circle; where there are more the check in order takes over
 
 # Columns of tables.
@@ -295,6 +296,29 @@ class Reference(NamedTuple):
 
 
 @record
+class Points(NamedTuple):
+    """Where elements with curved sides, or around an axis, are integrated, and their functions there, by kind.
+
+    The kinds are none of the three corners on the axis, 0; one, 1 more than which; two, 4 more than the one off it.
+    """
+
+    weight: np.ndarray  # (7, points): 1 in sum
+    share: np.ndarray  # (7, points, 3): barycentric coordinates
+    value: np.ndarray  # (7, points, functions)
+    slope: np.ndarray  # (7, points, functions, 2): gradients
+    side: np.ndarray  # (7, points, 3, 3): of 4 times the product of the linear functions of a side, and its gradient
+
+
+@record
+class Shapes(NamedTuple):
+    """What elements are beside triangles in the plane: curved on some sides, or around the axis x = 0."""
+
+    bend: np.ndarray  # (m, 3, 2): from the middle of the chord opposite to corner k to that of the side
+    special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
+    around: bool  # an axis, all of them: the coefficient is divided by x, and a law has |grad u| / x
+
+
+@record
 class Block(NamedTuple):
     """Room for the unknowns that change with a node, or with an edge: d elements, u unknowns, b functions."""
 
@@ -303,6 +327,7 @@ class Block(NamedTuple):
     spoke: np.ndarray  # (u,) int32: the other end of every side that is an unknown
     local: np.ndarray  # (4, b): coefficients of elements
     part: np.ndarray  # (b,): of one more
+    bend: np.ndarray  # (5, 3, 2): as of `Shapes`, of the same five
     across: np.ndarray  # (b, 2): of each function, D times its gradient turned
     stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then its Cholesky factor
     rest: np.ndarray  # (u,): first derivatives; then solved for with the factor
@@ -318,12 +343,13 @@ class Block(NamedTuple):
         place, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
         local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
         table, mixed, spoke = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
-        return cls(place, sign, spoke, local[:4], local[4], across, table, vectors[0], mixed, vectors[1], vectors[2])
+        rooms = spoke, local[:4], local[4], np.empty((5, 3, 2)), across
+        return cls(place, sign, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
 
 
 @record
 class Descent(NamedTuple):
-    """A mesh, the function of order 2 or 3 on it that is judged, and room for one thread to lower its functional."""
+    """A mesh, the function on it that is judged, of order 2 or 3 or around an axis, and room for one thread."""
 
     position: np.ndarray  # (n, 2)
     elements: Elements
@@ -332,6 +358,8 @@ class Descent(NamedTuple):
     trial: Trial
     modes: Modes
     reference: Reference
+    points: Points
+    shapes: Shapes
     block: Block
 
 

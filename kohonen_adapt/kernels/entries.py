@@ -10,7 +10,6 @@ from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
     descend,
-    descend_higher,
     energy_recycle,
     energy_recycle_higher,
     equilibrate,
@@ -22,6 +21,7 @@ from kohonen_adapt.kernels.triangle import (
     recycle,
     search,
     smooth,
+    sweep_higher,
     train,
     transport,
 )
@@ -29,7 +29,7 @@ from kohonen_adapt.kernels.triangle import (
 __all__ = ["ENTRIES", "Entry"]
 
 # Arrays by their number of axes.
-R1, R2, R3 = float64[::1], float64[:, ::1], float64[:, :, ::1]
+R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, :, ::1]
 I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 
 STAR = RecordType(arrays.Star, (I1, I1, I1, I1))
@@ -49,8 +49,10 @@ TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
 TRIALS = RecordType(arrays.Trials, (TRIAL, TRIAL))
 MODES = RecordType(arrays.Modes, (R3, R1, boolean[:, ::1]))
 REFERENCE = RecordType(arrays.Reference, (R3, R1, R1, R3))
-BLOCK = RecordType(arrays.Block, (I2, R2, I1, R2, R1, R2, R2, R1, R2, R1, R1))
-DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, BLOCK))
+POINTS = RecordType(arrays.Points, (R2, R3, R3, R4, R4))
+SHAPES = RecordType(arrays.Shapes, (R3, B1, boolean))
+BLOCK = RecordType(arrays.Block, (I2, R2, I1, R2, R1, R3, R2, R2, R1, R2, R1, R1))
+DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, POINTS, SHAPES, BLOCK))
 OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
@@ -128,7 +130,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     "polish of higher order": (
         Entry(flip_higher.mark_gainful_higher, DESCENT, int64, int64, B1),
         Entry(flip_higher.descend_flips_higher, DESCENT, float64, B1),
-        Entry(descend_higher.descend_nodes_higher, DESCENT, I1, float64),
+        Entry(sweep_higher.descend_nodes_higher, DESCENT, I1, float64),
         Entry(energy_recycle_higher.weigh_splits_higher, OPEN_MESH, DESCENT, OFFERS, float64, int64, int64),
         Entry(energy_recycle_higher.weigh_collapses_higher, OPEN_MESH, DESCENT, OFFERS, float64, float64, int64, int64),
         Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENT, OFFERS, L1, L1, float64),

@@ -168,7 +168,7 @@ def adapt(
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     order, plan = order_of(problem), PLAN if rules.topology == "recycle" else (SWEEPS,)
-    expect_loops(rules.topology, *([*loops_of(order), "carrying"] if polish else []))
+    expect_loops(rules.topology, *([*loops_of(problem), "carrying"] if polish else []))
     adaptation = Adaptation(problem, movable, settings, steps, order, plan)
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 

@@ -178,8 +178,6 @@ class Adaptation:
         """
         if not self.settings.polish:
             return None, None, "it is switched off"
-        if self.movable.curved:
-            return None, None, "its elements have bent sides"
         if norm_of(self.problem) != "energy":
             return None, None, f"its norm is {norm_of(self.problem)!r}, not 'energy'"
         try:

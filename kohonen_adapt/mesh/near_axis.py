@@ -11,10 +11,10 @@ from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import NEAR_AXIS
 
 __all__ = ["ON_AXIS", "factor_at", "falling", "kinds_at_axis", "points_near_axis"]
 
-NEAR = 1e-6  # of the farthest corner's distance: corners this near to the axis are on it, the others cannot be
 # The corners on the axis of every kind of element: none; one, which; two, those of the side opposite to which.
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
 DEGREE = {1: 6, 2: 8, 3: 10}  # of rules that are alike for all corners, of 12, 16 and 25 points
@@ -23,7 +23,7 @@ LAYERS = {1: 2, 2: 2, 3: 5}  # of points around the only corner on the axis
 
 def kinds_at_axis(x: Floats) -> Ints:
     """The place in `ON_AXIS` of elements whose corners have these distances from the axis, (m, 3): (m,)."""
-    on = x <= NEAR * x.max(axis=1, keepdims=True)
+    on = x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
     count = on.sum(axis=1)
     return np.where(count == 1, 1 + np.argmax(on, axis=1), np.where(count == 2, 4 + np.argmin(on, axis=1), 0))
 

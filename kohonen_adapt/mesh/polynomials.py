@@ -15,6 +15,7 @@ from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_nea
 __all__ = [
     "AFTER",
     "BEFORE",
+    "HAT_SLOPES",
     "LINEAR_FUNCTIONS",
     "AxisReference",
     "TrialFunction",
@@ -22,6 +23,8 @@ __all__ = [
     "count_unknowns",
     "evaluated",
     "facets_of_sides",
+    "functions_at",
+    "functions_near_axis",
     "gradients",
     "local_coefficients",
     "modes_of",
@@ -29,6 +32,8 @@ __all__ = [
     "reference",
     "set_bubbles",
     "set_sides",
+    "slopes_at",
+    "slopes_near_axis",
     "trace_columns",
     "traces_at",
 ]

@@ -3,18 +3,13 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.triangle.by_points import LEAST
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.parameters import parameters_of, ways_along
 
 __all__ = ["LEAST", "bent_sides"]
-
-# Of the determinant of the straight element: what the least Bernstein coefficient of the bent one may fall to. Beside
-# facets of 15 degrees every element of quality .3, the default floor, keeps more, beside facets of 30, the longest that
-# moving makes, those of quality .6; equilateral ones keep .8 there. So elements are held back where they are thin and
-# facets few, and a determinant varies little enough for quadrature and for the conditioning of quadratic elements.
-LEAST = 0.25
 
 
 def bent_sides(triangulation: Triangulation, outline: Outline) -> Floats:

@@ -73,7 +73,7 @@ class Surgery:
             for name, array in movable.state().items()
         }
         anchor = padded(unchanged(movable.triangulation).hint, rows, -1)
-        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m]))
+        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m], dtype=np.int64))
         origins = Origins(
             padded(density, rows, 1.0),
             padded(done.old, rows, -1),

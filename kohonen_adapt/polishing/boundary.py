@@ -8,10 +8,13 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes, Reference
-from kohonen_adapt.mesh.polynomials import TrialFunction, gradients, local_coefficients, trace_columns
+from kohonen_adapt.mesh.near_axis import kinds_at_axis
+from kohonen_adapt.mesh.points import by_points, fields_at
+from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.ritz import Ritz, flux_on, looked_up, value_on
+from kohonen_adapt.problem.ritz import Ritz, flux_on, value_on
 from kohonen_adapt.problem.robin import added_on_sides, facet_terms
+from kohonen_adapt.problem.tables import looked_up
 
 __all__ = ["BoundaryTerms", "on_chains"]
 
@@ -63,8 +66,8 @@ class BoundaryTerms:
             total += added_on_sides(corners, coefficients, e, k, self.ritz.robin[name])
         return total
 
-    def improve(self, triangulation: Triangulation, trial: TrialFunction) -> None:
-        """Take the values on these chains, all at once, that make the functional least.
+    def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
+        """Take the values on these chains, all at once, that make the functional least; sides are bent so, (m, 3, 2).
 
         In nonlinear material that is a step with the secant coefficients, which is kept if it lowers the functional.
         """
@@ -72,11 +75,15 @@ class BoundaryTerms:
         if not count:
             return
         rows = np.flatnonzero(np.any(unknown >= 0, axis=1))
-        near = Near.of(triangulation, trial, rows, unknown[rows], self.number)
+        bend = np.zeros((len(rows), 3, 2)) if bend is None else bend[rows]
+        near = Near.of(triangulation, trial, bend, rows, unknown[rows], self.number)
         matrix, rest = self._equations(near, count)
         change, before = spsolve(matrix.tocsc(), -rest), self._total(near)
         near.add(trial, change)
-        if any(self.ritz.laws) and self._total(Near.of(triangulation, trial, rows, near.unknown, self.number)) > before:
+        if (
+            any(self.ritz.laws)
+            and self._total(Near.of(triangulation, trial, bend, rows, near.unknown, self.number)) > before
+        ):
             near.add(trial, -change)
 
     def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
@@ -94,7 +101,7 @@ class BoundaryTerms:
 
     def _total(self, near: "Near") -> float:
         """The functional of some elements, with what conditions add at them."""
-        own = value_on(near.corners, near.coefficients, near.number, self.ritz)
+        own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.bend)
         return own + self.value(near.chain, near.corners, near.coefficients)
 
     def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
@@ -116,18 +123,32 @@ class BoundaryTerms:
 
     def _of_elements(self, near: "Near") -> tuple[Floats, Floats]:
         """Derivatives of the functional of elements by their coefficients: second, (m, b, b), and first, (m, b)."""
-        ritz, at, (m, b) = self.ritz, self.reference, near.coefficients.shape
-        doubled, slope = gradients(near.corners, near.coefficients, at)
-        each = gradients(np.repeat(near.corners, b, axis=0), np.tile(np.eye(b), (m, 1)), at)[1].reshape(2, -1, m, b)
-        weight = 0.5 * at.weight[:, None] * doubled
-        secant = np.broadcast_to(looked_up(np.asarray(ritz.coefficient), near.number), slope.shape[1:]).copy()
+        (m, b), kind = near.coefficients.shape, np.zeros(len(near.rows), dtype=int)
+        if self.ritz.axisymmetric:
+            kind = kinds_at_axis(near.corners[:, :, 0])
+        stiffness, rest = np.empty((m, b, b)), np.empty((m, b))
+        for one in np.unique(kind):
+            rows = np.flatnonzero(kind == one)
+            stiffness[rows], rest[rows] = self._of_kind(near, rows, int(one))
+        return stiffness, rest
+
+    def _of_kind(self, near: "Near", rows: Ints, kind: int) -> tuple[Floats, Floats]:
+        """The same of these rows, all of one kind."""
+        ritz, points, (m, b) = self.ritz, by_points(self.ritz.order), (len(rows), near.coefficients.shape[1])
+        corners, bend, number = near.corners[rows], near.bend[rows], near.number[rows]
+        doubled, x, _, slope = fields_at(points, kind, corners, bend, near.coefficients[rows])
+        repeated = np.repeat(corners, b, axis=0), np.repeat(bend, b, axis=0), np.tile(np.eye(b), (m, 1))
+        each = fields_at(points, kind, *repeated)[3].reshape(2, -1, m, b)
+        radius, weight = x if ritz.axisymmetric else np.ones_like(x), 0.5 * points.weight[kind][:, None] * doubled
+        secant = looked_up(np.asarray(ritz.coefficient), number) / radius
         for place, law in enumerate(ritz.laws):
             if law is not None:
-                size = np.maximum(np.hypot(*slope[:, :, near.number == place]), np.finfo(float).tiny)
-                secant[:, near.number == place] = law.field_strength(size) / size
-        flux = np.broadcast_to(np.reshape(flux_on(near.corners, near.number, ritz), (2, 1, -1)), slope.shape)
+                own = number == place
+                size = np.maximum(np.hypot(*slope[:, :, own]), np.finfo(float).tiny)
+                secant[:, own] = law.field_strength(size / radius[:, own]) / size
+        flux = np.broadcast_to(np.reshape(flux_on(corners, number, ritz), (2, 1, -1)), slope.shape)
         stiffness = np.einsum("qm,cqmi,cqmj->mij", weight * secant, each, each)
-        pulled = np.outer(doubled * looked_up(np.asarray(ritz.source), near.number), at.mean)
+        pulled = (weight * looked_up(np.asarray(ritz.source), number)).T @ points.value[kind]
         return stiffness, np.einsum("cqm,cqmi->mi", weight * (secant * slope - flux), each) - pulled
 
 
@@ -140,16 +161,19 @@ class Near:
     chain: Ints  # (k, 3)
     number: Ints  # (k,): region numbers in the tables of the functional
     corners: Floats  # (k, 3, 2)
+    bend: Floats  # (k, 3, 2): of their sides
     coefficients: Floats  # (k, b)
     unknown: Ints  # (k, b): of every coefficient, -1 for what does not change
 
     @classmethod
-    def of(cls, tri: Triangulation, trial: TrialFunction, rows: Ints, unknown: Ints, number: Ints) -> "Near":
-        """Take these rows of a triangulation and a function."""
+    def of(
+        cls, tri: Triangulation, trial: TrialFunction, bend: Floats, rows: Ints, unknown: Ints, number: Ints
+    ) -> "Near":
+        """Take these rows of a triangulation and a function, all but the bends (k, 3, 2), which are of these rows."""
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
         modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
         coefficients = local_coefficients(trial.values[node], modes)
-        return cls(rows, node, chain, number[region], tri.position[node], coefficients, unknown)
+        return cls(rows, node, chain, number[region], tri.position[node], bend, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:
         """Change the function by the changes of the unknowns, wherever these stand."""

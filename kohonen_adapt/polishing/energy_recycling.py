@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import HELD, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
+from kohonen_adapt.kernels.arrays import HELD, SLIDING, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
 from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
@@ -17,6 +17,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery, padded
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.shapes import shapes_of
 
 __all__ = ["recycle_by_energy"]
 
@@ -49,8 +50,10 @@ def recycle_by_energy(
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
     """Room for what splits and collapses are worth, with those ruled out that would change what is given."""
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
-    is_open = ~(functional.held | functional.given | movable.constraints.chains.paired)
-    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.twins.partner < 0)
+    straight, chain = movable.outline.straight, movable.constraints.own_chain
+    is_open = straight & ~(functional.held | functional.given | movable.constraints.chains.paired)
+    kind = functional.kinds(movable.outline, fixed)
+    removable = (kind != HELD) & ((kind != SLIDING) | straight[chain]) & (movable.constraints.twins.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 
@@ -89,20 +92,21 @@ class _Linear:
 
 
 class _Higher(_Linear):
-    """The same of functions of order 2 or 3."""
+    """The same of functions of order 2 or 3, or around an axis."""
 
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
     ) -> None:
         super().__init__(movable, functional, trial, mesh, offers)
         self.modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in trial.modes or ()))
-        self.shared = mesh.position, mesh.elements, self.star, mesh.constraints, self.trials.one, self.modes
-        self.reference, self.rooms = functional.reference, dict[int, Descent]()
+        arrays = mesh.position, mesh.elements, self.star, mesh.constraints, self.trials.one, self.modes
+        self.shared = (*arrays, functional.reference, *shapes_of(functional.ritz, movable, len(mesh.elements.node)))
+        self.functions, self.rooms = functional.reference.slope.shape[1], dict[int, Descent]()
 
     def _room(self, thread: int) -> Descent:
         if thread not in self.rooms:
-            block = Block.of(int(np.diff(self.star.start).max()), self.reference.slope.shape[1])
-            self.rooms[thread] = Descent(*self.shared, self.reference, block)
+            block = Block.of(int(np.diff(self.star.start).max()), self.functions)
+            self.rooms[thread] = Descent(*self.shared, block)
         return self.rooms[thread]
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:

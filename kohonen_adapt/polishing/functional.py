@@ -11,19 +11,19 @@ from kohonen_adapt.kernels.arrays import (
     FREE,
     HELD,
     SLIDING,
-    STRAIGHT,
     Laws,
     Reference,
     Trial,
     Trials,
 )
-from kohonen_adapt.mesh.polynomials import TrialFunction, gradients, local_coefficients, modes_of
+from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.boundary import BoundaryTerms, on_chains
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
 from kohonen_adapt.polishing.flux_polynomials import expanded
+from kohonen_adapt.polishing.shapes import kinds_of, steepest, without_modes
 from kohonen_adapt.problem.ritz import Ritz, check_fits, integrated, parts_of, value_on
 from kohonen_adapt.problem.tables import EnergyLaw
 
@@ -55,20 +55,23 @@ class Functional:
     given
         Chains whose values are given, (c,) bool.
     linear
-        Of those, the ones on which the values are linear in arc length, so that nodes may slide on them, (c,) bool.
+        Of those, the ones on which the values are linear in arc length, on curves constant, so that nodes may slide on
+        them, (c,) bool.
     sign
         Of paired chains whose pair the functional states: 1 or -1, what values on one side are times those on the
         other, (c,); 0 on all other chains.
     boundary
         What Robin conditions add: nodes there stay, for the functional is known on the facets that there are.
     held
-        Chains whose nodes are not to slide: curves, given values that are not linear, Robin conditions, or a chain of
-        one facet between two nodes with given values, of which nobody can tell whether they are given on it, (c,) bool.
+        Chains whose nodes are not to slide: curves with chords for facets, given values that are not linear, Robin
+        conditions, or a chain of one facet between two nodes with given values, of which nobody can tell whether they
+        are given on it, (c,) bool.
     on_chain
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
         Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
-        outlines are straight, and values are given on whole chains only and linearly there.
+        outlines are straight, or sides bent to them up to what is of fourth order, and values are given on whole chains
+        only and linearly there.
     law
         Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
     tables
@@ -120,10 +123,8 @@ class Functional:
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
-        if ritz.axisymmetric:
-            raise VariesInside("Ritz is axisymmetric, so its coefficient varies inside regions as 1 / x.")
-        if callable(ritz.flux) and ritz.order > 1:
-            raise VariesInside("flux of Ritz can be a function with elements of order 1 only.")
+        if callable(ritz.flux) and (ritz.order > 1 or ritz.axisymmetric):
+            raise VariesInside("flux of Ritz can be a function with elements of order 1 in the plane only.")
         solution = solution_on(ritz, triangulation, mesh)
         hold_unpaired(solution, ritz, triangulation, outline)
         values, fixed, modes, _ = solution
@@ -133,19 +134,20 @@ class Functional:
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
         bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
         on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
-        if modes is not None:
+        if modes is not None and ritz.order > 1:
             e, k = np.nonzero(triangulation.elements.chain >= 0)
             side = triangulation.elements.chain[e, k]
             whole &= np.bincount(side, weights=~modes.given[e, k], minlength=count) == 0
             np.maximum.at(off, side, np.abs(modes.side[e, k]).max(axis=1))
-        straight = outline.constraints.chains.shape == STRAIGHT
-        linear = whole & ~bare & straight & (off <= LINEAR * np.ptp(values))
+        slides = outline.straight | movable.curved
+        linear = whole & ~bare & slides & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
-        alike = bool(np.all(straight)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
+        alike = bool(np.all(slides)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
-        held = ~straight | (given & ~linear) | (whole & bare) | boundary.on
+        held = ~slides | (given & ~linear) | (whole & bare) | boundary.on
+        held |= ~outline.straight & outline.constraints.chains.paired
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
         constants, comparable = constants_of(ritz, number), ritz.comparable and alike
         if modes is not None:
@@ -158,19 +160,21 @@ class Functional:
         """Whether the flux varies inside regions, so that elements that move have another one."""
         return callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
 
-    def value(self, triangulation: Triangulation, trial: TrialFunction) -> float:
-        """The functional of a function."""
+    def value(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> float:
+        """The functional of a function; sides are bent so much, (m, 3, 2)."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
-        total = value_on(corners, coefficients, number, self.ritz)
+        total = value_on(corners, coefficients, number, self.ritz, bend)
         total += self.boundary.value(triangulation.elements.chain, corners, coefficients)
         if self.dual is None or trial.dual is None:
             return total
         return total + self.dual.value(triangulation, trial.dual)
 
-    def improve_on_boundary(self, triangulation: Triangulation, trial: TrialFunction) -> None:
+    def improve_on_boundary(
+        self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None
+    ) -> None:
         """Take the best values where there are Robin conditions, of a dual function, too."""
-        self.boundary.improve(triangulation, trial)
+        self.boundary.improve(triangulation, trial, bend)
         if self.dual is not None and trial.dual is not None:
             self.dual.improve_on_boundary(triangulation, trial.dual)
 
@@ -247,8 +251,11 @@ def first_of_regions(triangulation: Triangulation) -> NDArray[np.intp]:
 def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> TrialFunction:
     """The solution of a functional in the form of the kernels."""
     values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
-    if ritz.order > 1:
-        modes = modes_of(mesh, triangulation.elements.node, values, ritz.order, fixed)
+    node = triangulation.elements.node
+    if ritz.axisymmetric and ritz.order == 1:
+        modes = without_modes(len(node))
+    elif ritz.order > 1:
+        modes = modes_of(mesh, node, values, ritz.order, fixed, kinds_of(ritz, triangulation))
     return TrialFunction(values[:n], fixed[:n].copy(), modes)
 
 
@@ -272,15 +279,7 @@ def laws_of_regions(
             same = [k for k, other in enumerate(distinct) if other is found]
             law[place] = same[0] if same else len(distinct)
             distinct += [] if same else [found]
-    return law, tabulated(distinct, steepest(ritz, triangulation, solution) if distinct else 0.0)
-
-
-def steepest(ritz: Ritz, triangulation: Triangulation, solution: TrialFunction) -> float:
-    """The largest gradient of the solution."""
-    node = triangulation.elements.node
-    coefficients = local_coefficients(solution.values[node], solution.modes)
-    _, slope = gradients(triangulation.position[node], coefficients, integrated(ritz))
-    return float(np.hypot(*slope).max(initial=0.0))
+    return law, tabulated(distinct, steepest(ritz, triangulation, solution.values, solution.modes) if distinct else 0.0)
 
 
 def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -296,7 +295,7 @@ def line_of_chains(
 ) -> tuple[Floats, Floats]:
     """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,).
 
-    Both mean nothing on curves.
+    On curves it is constant.
     """
     chains = outline.constraints.chains
     way = triangulation.position[node] - chains.origin[chain]
@@ -304,7 +303,7 @@ def line_of_chains(
     order = np.lexsort((parameter, chain))
     last = np.cumsum(np.bincount(chain, minlength=len(chains.length))) - 1
     end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
-    rate = (end - start) / chains.length
+    rate = np.where(outline.straight, (end - start) / chains.length, 0.0)
     off = np.zeros(len(start))
     np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
     return np.stack([start, rate], axis=1), off

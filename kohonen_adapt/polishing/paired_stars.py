@@ -23,6 +23,7 @@ from kohonen_adapt.kernels.arrays import (
     Constraints,
     Elements,
     Modes,
+    Shapes,
     Star,
     Trial,
     Trials,
@@ -42,6 +43,7 @@ class Patch(NamedTuple):
     constraints: Constraints
     trials: Trials
     modes: Modes | None
+    shapes: Shapes | None
     nodes: NDArray[np.int32]  # the first of the rows of nodes: those that move
 
 
@@ -63,6 +65,10 @@ class Descending(Protocol):
     @property
     def modes(self) -> Modes | None:
         """Its other unknowns, of order 2 and 3."""
+
+    @property
+    def shapes(self) -> Shapes | None:
+        """Which elements have curved sides or are around an axis, None where none can."""
 
     def descend_patch(self, patch: Patch) -> float:
         """Move the nodes of a patch; returns the gain."""
@@ -235,8 +241,11 @@ class Gathered(NamedTuple):
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
         modes = downhill.modes and self.modes(movable, downhill.modes, times, freedom.sign)
+        shapes = downhill.shapes and self.shapes(downhill.shapes, couples)
         elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
-        return Patch(position, elements, star, constraints._replace(kind=kind, **of_nodes), trials, modes, nodes)
+        return Patch(
+            position, elements, star, constraints._replace(kind=kind, **of_nodes), trials, modes, shapes, nodes
+        )
 
     def trial(self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints) -> Trial:
         """A function and its functional on the patch; without values if there is none."""
@@ -277,6 +286,12 @@ class Gathered(NamedTuple):
         """What the coefficients of sides are multiplied by, (r, 1, degrees): odd ones change sign in a mirror."""
         odd = np.where(self.mirrored, -1.0, 1.0)
         return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
+
+    def shapes(self, shapes: Shapes, couples: Couples) -> Shapes:
+        """The shapes of the elements, curved sides turned back."""
+        bend = shapes.bend[self.element[:, None], self.corner]
+        back = np.einsum("rkj,rji->rki", bend, couples.turn[self.owner])
+        return Shapes(np.where(self.beyond[:, None, None], back, bend), shapes.special[self.element], shapes.around)
 
     def modes(self, movable: MovableMesh, modes: Modes, times: Floats, sign: Floats) -> Modes:
         """The coefficients of sides and bubbles, with the sides of pairs no longer given."""

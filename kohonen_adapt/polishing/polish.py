@@ -15,7 +15,7 @@ from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
-from kohonen_adapt.problem.protocol import NotOffered, Problem, nodes_held, offered, offers, order_of, ritz_of
+from kohonen_adapt.problem.protocol import NotOffered, Problem, is_curved, nodes_held, offered, offers, ritz_of
 
 __all__ = ["PLAN", "descend", "descend_and_recycle", "polish"]
 
@@ -50,7 +50,7 @@ def polish(
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`; it is not modified. It is solved on once.
+        A `skfem.MeshTri` or `skfem.MeshTri2`; it is not modified. It is solved on once.
     problem
         Anything with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1 to 3.
     sweeps
@@ -59,14 +59,15 @@ def polish(
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
     min_quality, pinned, curves, periodic, layers
-        What nodes may do: see `Rules`. Nodes on arcs and splines stay where they are.
+        What nodes may do: see `Rules`. Nodes on arcs and splines with straight facets stay where they are.
     seed
         An integer >= 0, as everywhere; nothing here is random.
 
     Returns
     -------
     MeshTri
-        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape.
+        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. A
+        `MeshTri2` where that was given, or the problem is `curved`, and an outline is.
 
     Raises
     ------
@@ -76,9 +77,10 @@ def polish(
 
     Notes
     -----
-    Nodes on curves, and those whose given values are not linear along their piece of outline, stay where they are:
-    elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing about
-    the error. Energies of nonlinear material are looked up in tables, which makes that true to 1e-10 of the functional.
+    Nodes on curves that facets are chords of, and those whose given values are not linear along their piece of outline,
+    on curved sides not the same all along, stay where they are: elsewhere the mesh would have another set of admissible
+    functions, and a lower functional would say nothing about the error. Energies of nonlinear material are looked up in
+    tables, which makes that true to 1e-10 of the functional.
 
     The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).
@@ -97,13 +99,9 @@ def polish(
     """
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
-    movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)))
-    if movable.curved:
-        raise ValueError(
-            "polish has elements with straight sides only; this MeshTri2 has bent ones. Give it the corners: "
-            "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
-        )
-    expect(*loops_of(order_of(problem)))
+    movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
+    mesh = movable.start()
+    expect(*loops_of(problem))
     try:
         ritz = ritz_of(problem, mesh, problem.solve(mesh))
     except NotOffered as reason:

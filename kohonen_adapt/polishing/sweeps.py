@@ -6,19 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes, Trials
+from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes, Shapes, Trials
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
-from kohonen_adapt.kernels.triangle.descend_higher import descend_nodes_higher
 from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
 from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainful
+from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, Patch, descend_pairs, tie
+from kohonen_adapt.polishing.shapes import shapes_of
+from kohonen_adapt.problem.protocol import Problem, order_of
 
-__all__ = ["SWEEPS", "loops_of", "sweep"]
+__all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
 
 FEW = 5_000  # elements that are not worth another thread
 PART = 5_000  # unknowns: the nodes at the cuts between parts are few
@@ -44,6 +46,10 @@ class Downhill(Protocol):
     @property
     def modes(self) -> Modes | None:
         """The other unknowns of the function, of order 2 and 3."""
+
+    @property
+    def shapes(self) -> Shapes | None:
+        """Which elements have curved sides or are around an axis, None where none can."""
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in this order; returns the gain."""
@@ -79,13 +85,15 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         gain += descend_in_parts(movable, downhill, order, part)
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
-        functional.improve_on_boundary(movable.triangulation, trial)
+        bend = movable.bent_sides() if movable.curved else None
+        functional.improve_on_boundary(movable.triangulation, trial, bend)
     return gain
 
 
-def loops_of(order: int) -> tuple[str, ...]:
-    """The chapters of compiled loops that sweeps need at that order of elements."""
-    return ("polish",) if order == 1 else ("polish of higher order",)
+def loops_of(problem: Problem) -> tuple[str, ...]:
+    """The chapters of compiled loops that sweeps need, as far as a problem says that it is around an axis."""
+    higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
+    return ("polish of higher order",) if higher else ("polish",)
 
 
 class _Linear:
@@ -95,7 +103,7 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
-        self.trials, self.modes = functional.trials(self.triangulation, trial), trial.modes
+        self.trials, self.modes, self.shapes = functional.trials(self.triangulation, trial), trial.modes, None
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         position, star = self.triangulation.position, self.triangulation.star
@@ -115,8 +123,8 @@ class _Linear:
         )
 
 
-class _Higher:
-    """Sweeps of functions of order 2 or 3; every thread has room of its own, enough for the stars as they are."""
+class Higher:
+    """Sweeps of functions of order 2 or 3, or around an axis; every thread has room of its own."""
 
     def __init__(
         self,
@@ -130,37 +138,39 @@ class _Higher:
         self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descent]()
         arrays = triangulation.position, triangulation.elements, triangulation.star, constraints
         self.trials, self.modes = functional.trials(triangulation, trial), modes
-        self.arrays = (*arrays, self.trials.one, modes, functional.reference)
+        points, self.shapes = shapes_of(functional.ritz, movable, len(modes.bubble))
+        self.arrays = (*arrays, self.trials.one, modes, functional.reference, points, self.shapes)
+        self.functions = functional.reference.slope.shape[1]
 
-    def _room(self, thread: int) -> Descent:
+    def room(self, thread: int) -> Descent:
         most = int(np.diff(self.triangulation.star.start).max())
         if thread not in self.rooms or len(self.rooms[thread].block.place) < most:
-            self.rooms[thread] = Descent(*self.arrays, Block.of(most, self.arrays[-1].slope.shape[1]))
+            self.rooms[thread] = Descent(*self.arrays, Block.of(most, self.functions))
         return self.rooms[thread]
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
-        return float(descend_nodes_higher(self._room(thread), nodes, self.floor))
+        return float(descend_nodes_higher(self.room(thread), nodes, self.floor))
 
     def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
-        mark_gainful_higher(self._room(thread), first, last, gainful)
+        mark_gainful_higher(self.room(thread), first, last, gainful)
 
     def descend_flips(self, gainful: Mask) -> tuple[float, int]:
-        gain, flips = descend_flips_higher(self._room(0), self.floor, gainful)
+        gain, flips = descend_flips_higher(self.room(0), self.floor, gainful)
         return float(gain), int(flips)
 
     def descend_patch(self, patch: Patch) -> float:
-        if patch.modes is None:
-            raise TypeError("a patch of order 2 or 3 needs modes")
-        reference, most = self.arrays[-1], int(np.diff(patch.star.start).max())
-        arrays = patch.position, patch.elements, patch.star, patch.constraints, patch.trials.one, patch.modes, reference
-        block = Block.of(most, reference.slope.shape[1])
-        return float(descend_nodes_higher(Descent(*arrays, block), patch.nodes, self.floor))
+        if patch.modes is None or patch.shapes is None:
+            raise TypeError("a patch of order 2 or 3, or around an axis, needs modes and shapes")
+        arrays = patch.position, patch.elements, patch.star, patch.constraints, patch.trials.one, patch.modes
+        block = Block.of(int(np.diff(patch.star.start).max()), self.functions)
+        room = Descent(*arrays, *self.arrays[-3:-1], patch.shapes, block)
+        return float(descend_nodes_higher(room, patch.nodes, self.floor))
 
 
 def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:
     if trial.modes is None:
         return _Linear(movable, functional, trial, constraints)
-    return _Higher(movable, functional, trial, trial.modes, constraints)
+    return Higher(movable, functional, trial, trial.modes, constraints)
 
 
 def parts_along(order: NDArray[np.int32], nodes: int) -> NDArray[np.int32]:

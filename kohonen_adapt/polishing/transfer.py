@@ -23,6 +23,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.boundary import on_chains
 from kohonen_adapt.polishing.functional import Functional, first_of_regions
+from kohonen_adapt.polishing.shapes import kinds_of, without_modes
 
 __all__ = ["carried"]
 
@@ -60,6 +61,7 @@ class Old:
 
     def __init__(self, functional: Functional, before: MovableMesh) -> None:
         self.functional, self.triangulation = functional, before.triangulation
+        self.kind = kinds_of(functional.ritz, before.triangulation)
         self.curved: CurvedElements | None = None
         if before.curved:
             elements, bent = self.triangulation.elements, before.bent_sides()
@@ -92,7 +94,8 @@ class Old:
         """The solution at barycentric coordinates (n, 3) of elements (n,)."""
         values, _, modes, _ = self.functional.solution
         part = None if modes is None else Modes(*(array[element] for array in modes))
-        return evaluated(local_coefficients(values[self.triangulation.elements.node[element]], part), share)
+        coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
+        return evaluated(coefficients, share, None if self.kind is None else self.kind[element])
 
     def at(self, points: Floats, hint: Ints) -> Floats:
         """The solution at points (n, 2), each near an element."""
@@ -106,6 +109,8 @@ def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fi
     """
     new, order = movable.triangulation, old.functional.ritz.order
     elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
+    if not degrees:
+        return without_modes(m)
     start = hints_of_elements(old.triangulation, new, hint)
     modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), given_sides(functional, movable, fixed))
     points, middles = places_inside(movable, order)
@@ -115,10 +120,11 @@ def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fi
     beyond = elements.neighbour[e, k]
     e, k, beyond = e[beyond >= 0], k[beyond >= 0], beyond[beyond >= 0]
     own[beyond, np.argmax(elements.neighbour[beyond] == e[:, None], axis=1)] = own[e, k, ::-1]
-    set_sides(modes, values[elements.node], own)
+    kind = kinds_of(functional.ritz, new)
+    set_sides(modes, values[elements.node], own, kind)
     modes.side[modes.given & straight_sides(functional, movable)] = 0.0
     if order == 3:
-        set_bubbles(modes, values[elements.node], old.at(middles, start))
+        set_bubbles(modes, values[elements.node], old.at(middles, start), kind)
     return modes
 
 

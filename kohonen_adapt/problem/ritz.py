@@ -11,11 +11,12 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.kernels.arrays import Reference
+from kohonen_adapt.mesh.curved import displacements, is_second_order
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
+from kohonen_adapt.mesh.near_axis import kinds_at_axis
+from kohonen_adapt.mesh.points import by_points, fields_at
 from kohonen_adapt.mesh.polynomials import (
-    axis_reference,
     count_unknowns,
     gradients,
     local_coefficients,
@@ -23,7 +24,17 @@ from kohonen_adapt.mesh.polynomials import (
     reference,
 )
 from kohonen_adapt.problem.robin import Robin, added_on_sides, checked_conditions, sides_of_boundary
-from kohonen_adapt.problem.tables import EnergyLaw, checked_laws, checked_signs, constants, floats, flux_at, numbers
+from kohonen_adapt.problem.tables import (
+    EnergyLaw,
+    check_axis,
+    checked_laws,
+    checked_signs,
+    constants,
+    floats,
+    flux_at,
+    looked_up,
+    numbers,
+)
 
 __all__ = [
     "Flux",
@@ -32,12 +43,9 @@ __all__ = [
     "flux_on",
     "functional_value",
     "integrated",
-    "looked_up",
     "parts_of",
     "value_on",
 ]
-
-AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
@@ -113,8 +121,8 @@ class Ritz:
     ------
     ValueError
         If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
-        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws or an order above 1, or
-        the dual other places where values are given or a dual of its own.
+        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws, an order above 1 or
+        an axis, or the dual other places where values are given or a dual of its own.
 
     Examples
     --------
@@ -184,6 +192,8 @@ def _check_dual(ritz: Ritz) -> None:
         raise ValueError(f"dual of Ritz must be a Ritz without a dual, or None; got {ritz.dual!r}.")
     if ritz.laws or ritz.dual.laws:
         raise ValueError("a Ritz with a dual must have no laws; the dual of a nonlinear problem has none either.")
+    if ritz.axisymmetric or ritz.dual.axisymmetric:
+        raise ValueError("a Ritz with a dual must be that of a plane, both; one is axisymmetric.")
     if (ritz.order, ritz.dual.order) != (1, 1):
         raise ValueError(f"a Ritz with a dual must be of order 1, both; got {ritz.order} and {ritz.dual.order}.")
     if not np.array_equal(np.asarray(ritz.dual.fixed), np.asarray(ritz.fixed)):
@@ -220,25 +230,11 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
     if ritz.axisymmetric:
-        _check_axis(ritz, mesh)
+        check_axis(np.asarray(ritz.values), np.asarray(ritz.fixed), mesh)
     for name in ritz.robin:
         sides_of_boundary(mesh, name)
     for name in (name for names in ritz.signs for name in names):
         named(mesh.boundaries, name, "boundary")
-
-
-def _check_axis(ritz: Ritz, mesh: MeshTri) -> None:
-    """Refuse a mesh beyond the axis, and values there that are not given as 0."""
-    x = mesh.p[0]
-    if x.min() < -AXIS * x.max():
-        raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
-    on_axis = np.unique(mesh.t[ON_AXIS[kinds_at_axis(x[mesh.t].T)].T])
-    loose = on_axis[~np.asarray(ritz.fixed)[on_axis] | (np.asarray(ritz.values)[on_axis] != 0.0)]
-    if loose.size:
-        raise ValueError(
-            f"values of an axisymmetric Ritz must be given as 0 on the axis x = 0; they are not at {loose.size} of "
-            f"{on_axis.size} nodes there, first node {loose[0]}."
-        )
 
 
 def integrated(ritz: Ritz) -> Reference:
@@ -258,41 +254,56 @@ def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
     kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
     modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
     corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    total = value_on(corners, coefficients, number, ritz)
+    total = value_on(corners, coefficients, number, ritz, displacements(mesh) if is_second_order(mesh) else None)
     for name, terms in ritz.robin.items():
         total += added_on_sides(corners, coefficients, *sides_of_boundary(mesh, name), terms)
     return total
 
 
-def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
-    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,)."""
-    if not ritz.axisymmetric:
-        return _value(corners, coefficients, number, ritz, integrated(ritz))
-    at, kind = axis_reference(ritz.order), kinds_at_axis(corners[:, :, 0])
-    groups = [(k, np.flatnonzero(kind == k)) for k in range(len(ON_AXIS))]
-    return sum(
-        _value(corners[rows], coefficients[rows], number[rows], ritz, at.of(k), at.share[k] @ corners[rows, :, 0].T)
-        for k, rows in groups
-    )
+def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats | None = None) -> float:
+    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,).
+
+    Their sides are bent so much, (m, 3, 2); with a curved one, and around an axis, they are integrated `by_points`.
+    """
+    bend = np.zeros_like(corners) if bend is None else bend
+    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
+    total = 0.0
+    for one in np.unique(kind):
+        rows = np.flatnonzero(kind == one)
+        part = corners[rows], coefficients[rows], number[rows], ritz
+        total += _plain_value(*part) if one < 0 else _value_by_points(*part, bend[rows], int(one))
+    return total
 
 
-def _value(
-    corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, at: Reference, x: Floats | None = None
-) -> float:
-    """The functional on elements of one kind; around an axis with the distances of the points from it (points, m)."""
+def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
+    """The functional on triangles in the plane."""
+    at = integrated(ritz)
     doubled, slope = gradients(corners, coefficients, at)
-    coefficient, source = (looked_up(np.asarray(table), number) for table in (ritz.coefficient, ritz.source))
+    density = at.weight @ _density(slope, 1.0, corners, number, ritz)
+    pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
+    return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
+
+
+def _value_by_points(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int) -> float:
+    """The functional on elements of one kind with curved sides, or around an axis."""
+    points = by_points(ritz.order)
+    doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
+    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
+    density -= looked_up(np.asarray(ritz.source), number) * value
+    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled) * density)))
+
+
+def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """What is integrated of gradients (2, points, m), but for the source, (points, m); around an axis at those x."""
     flux_x, flux_y = flux_on(corners, number, ritz)
-    stored = 0.5 * coefficient * np.sum(slope**2, axis=0)
-    if x is not None:
-        stored /= x
+    stored = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * np.sum(slope**2, axis=0) / x
+    far = np.broadcast_to(x, stored.shape)
     for k, law in enumerate(ritz.laws):
         if law is not None:
             rows = number == k
-            size, far = np.hypot(*slope[:, :, rows]), None if x is None else x[:, rows]
-            stored[:, rows] = law.energy(size) if far is None else far * law.energy(size / far)
-    density = at.weight @ (stored - flux_x * slope[0] - flux_y * slope[1]) - 2.0 * source * (coefficients @ at.mean)
-    return 0.5 * float(np.sum(np.abs(doubled) * density))
+            stored[:, rows] = far[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / far[:, rows])
+    return stored - flux_x * slope[0] - flux_y * slope[1]
 
 
 def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
@@ -300,8 +311,3 @@ def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
     if callable(ritz.flux):
         return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
     return np.stack([looked_up(part, number) for part in np.asarray(ritz.flux)])
-
-
-def looked_up(table: Floats, number: Ints) -> Floats:
-    """A constant as it is, of a table what it has for every number."""
-    return table if table.ndim == 0 else table[number]

@@ -5,10 +5,24 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
 
-__all__ = ["EnergyLaw", "checked_laws", "checked_signs", "constants", "floats", "flux_at", "numbers"]
+__all__ = [
+    "EnergyLaw",
+    "check_axis",
+    "checked_laws",
+    "checked_signs",
+    "constants",
+    "floats",
+    "flux_at",
+    "looked_up",
+    "numbers",
+]
+
+AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
 
 
 class EnergyLaw(Protocol):
@@ -93,6 +107,25 @@ def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str],
         if not (isinstance(names, tuple) and len(names) == 2 and isinstance(sign, int | float) and sign in (1, -1)):
             raise ValueError(f"{expected}; got {names!r}: {sign!r}.")
     return dict(given)
+
+
+def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
+    """Refuse a mesh beyond the axis x = 0, and values that are not given as 0 there."""
+    x = mesh.p[0]
+    if x.min() < -AXIS * x.max():
+        raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
+    on_axis = np.unique(mesh.t[ON_AXIS[kinds_at_axis(x[mesh.t].T)].T])
+    loose = on_axis[~fixed[on_axis] | (values[on_axis] != 0.0)]
+    if loose.size:
+        raise ValueError(
+            f"values of an axisymmetric Ritz must be given as 0 on the axis x = 0; they are not at {loose.size} of "
+            f"{on_axis.size} nodes there, first node {loose[0]}."
+        )
+
+
+def looked_up(table: Floats, number: Ints) -> Floats:
+    """A constant as it is, of a table what it has for every number."""
+    return table if table.ndim == 0 else table[number]
 
 
 def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:

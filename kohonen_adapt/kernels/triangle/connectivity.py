@@ -23,6 +23,16 @@ def corner_towards(neighbour, e, other):
 
 
 @inner_kernel
+def opposite_side(star, v, w, other):
+    """The row of the star of v whose element has w and the other node, or -1."""
+    for row in range(star.start[v], star.start[v + 1]):
+        a, b = star.ahead[row], star.behind[row]
+        if (a == w and b == other) or (a == other and b == w):
+            return row
+    return -1
+
+
+@inner_kernel
 def corners_around(node, e, k, other):
     """The ends p and q of the edge opposite to corner k of e, that corner r, and s opposite in the element `other`."""
     p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])

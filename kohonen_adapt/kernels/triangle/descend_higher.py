@@ -16,44 +16,19 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import (
-    DIRECTION_X,
-    DIRECTION_Y,
-    FREE,
     HALF_COEFFICIENT,
     HALF_FLUX_X,
     HALF_FLUX_Y,
-    HELD,
-    OWN,
     SIXTH_SOURCE,
 )
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import point_at
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING, TRIES, newton_step
+from kohonen_adapt.kernels.triangle.descend import HALVINGS, ROUNDING, TRIES, newton_step
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.nonlinear import stored
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
-
-
-@kernel
-def descend_nodes_higher(descent, order, floor):
-    """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
-
-    The coefficients around a node follow; as of order 1, what better ones at the same place gain does not count.
-    """
-    constraints, trial, gain = descent.constraints, descent.trial, 0.0
-    for node in order:
-        v = np.int64(node)
-        kind, first = constraints.kind[v], 1 if trial.fixed[v] else 0  # of the unknowns that are free
-        own, count = trial.value[v], number_block(descent, v)
-        if kind == HELD or trial.bent[v]:
-            improve(descent, v, own, first, count)
-        if kind == FREE:
-            gain += move_free(descent, v, own, count, floor)
-        elif kind != HELD:
-            gain += move_on_chain(descent, v, own, first, count, floor)
-    return gain
 
 
 @inner_kernel
@@ -68,7 +43,7 @@ def number_block(descent, v):
         for i in range(place.shape[1]):
             place[j, i], sign[j, i] = -1, 1.0
         place[j, 0] = 0
-        for side in range(1, 3):  # (b, v) is opposite to corner 1, (v, a) to corner 2
+        for side in range(1, 3 if degrees > 0 else 1):  # (b, v) is opposite to corner 1, (v, a) to corner 2
             if modes.given[e, (k + side) % 3]:
                 continue
             other, s = star.ahead[row] if side == 2 else star.behind[row], 0
@@ -86,6 +61,15 @@ def number_block(descent, v):
             place[j, BUBBLE] = count
             count += 1
     return count
+
+
+@inner_kernel
+def value_near(descent, v):
+    """What values around v are taken relative to: the one there, but 0 around an axis, where no constant is a function.
+
+    What that adds to the load depends on the area of a star, or of two elements, which is the same before and after.
+    """
+    return 0.0 if descent.shapes.around else descent.trial.value[v]
 
 
 @inner_kernel
@@ -191,11 +175,18 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
 
 
 @inner_kernel
+def add_bent(descent, e, j, local, bend, x, ax, ay, bx, by):
+    """Add the derivatives of an element in the place of e: its first corner stands at x, its sides are bent so."""
+    if descent.shapes.around or is_curved(bend):
+        return add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by)
+    return add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by)
+
+
+@inner_kernel
 def derivatives(descent, v, own, count, x, y):
     """The functional of the star of v, were it at (x, y), with all derivatives by its position and its block.
 
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). Values of the function are taken relative to `own`: what
-    that adds to the load depends on the area of the star alone, which no move changes.
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). Values of the function are taken relative to `own`.
     """
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
     node = descent.elements.node
@@ -204,12 +195,31 @@ def derivatives(descent, v, own, count, x, y):
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
         e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
-        gather(node, descent.trial.value, descent.modes, e, corner_of(node, e, v), own, local)
+        k = corner_of(node, e, v)
+        gather(node, descent.trial.value, descent.modes, e, k, own, local)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by)
+        if descent.shapes.special[e]:
+            gather_bends(descent.shapes, e, k, block.bend[0])
+            part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by)
+        else:
+            part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by)
         size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
         xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
     return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def stays_valid(descent, v, x, y):
+    """Whether the elements around v with curved sides have a positive Jacobian, and would with v at (x, y)."""
+    position, star, bend = descent.position, descent.star, descent.block.bend[0]
+    for row in range(star.start[v], star.start[v + 1]):
+        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        if descent.shapes.special[e]:
+            gather_bends(descent.shapes, e, corner_of(descent.elements.node, e, v), bend)
+            ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+            if not (is_valid(bend, ax, ay, bx, by) and valid_at(position, bend, v, a, b)):
+                return False
+    return True
 
 
 @inner_kernel
@@ -331,7 +341,7 @@ def move_free(descent, v, own, count, floor):
         length = 1.0
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + length * step_x, position[v, 1] + length * step_y
-            if may_move(position, descent.star, v, x, y, floor):
+            if may_move(position, descent.star, v, x, y, floor) and stays_valid(descent, v, x, y):
                 gain = gain_at(descent, v, own, 0, count, x, y, length, now)
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
@@ -349,50 +359,3 @@ def settle(descent, v, first, count):
     if not descent.trial.bent[v]:
         solve_upper(descent.block, first, count, 0.0, 0.0)
         change_block(descent, v, first, 1.0, 0.0)
-
-
-@inner_kernel
-def move_on_chain(descent, v, own, first, count, floor):
-    """Move a node along a straight chain in the same way; where its value is given, that is looked up."""
-    position, constraints, trial, block = descent.position, descent.constraints, descent.trial, descent.block
-    chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
-    tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
-    rate = trial.on_chain[chain, 1] if first else 0.0
-    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, own, count, position[v, 0], position[v, 1])
-    slope = tx * by_x + ty * by_y + rate * block.rest[0]
-    curvature = tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy
-    for i in range(count):
-        # along the chain, in the first column; the second is not needed
-        mixed = tx * block.mixed[i, 0] + ty * block.mixed[i, 1]
-        curvature += rate * (2.0 * mixed + rate * block.stiffness[0, 0]) if i == 0 else 0.0
-        block.mixed[i, 0], block.mixed[i, 1] = mixed + rate * block.stiffness[i, 0], 0.0
-    solved, square = factorise(block, first, count)
-    if not solved:
-        return 0.0
-    if not trial.bent[v]:
-        now -= 0.5 * square
-    for i in range(first, count):
-        slope -= block.mixed[i, 0] * block.rest[i]
-        curvature -= block.mixed[i, 0] * block.mixed[i, 0]
-    change = -OVERSTEP * slope / abs(curvature)
-    solve_upper(block, first, count, change, 0.0)
-    value = trial.value[v]
-    if -change * slope > ROUNDING * size:
-        length = 1.0
-        for _ in range(HALVINGS + 1):
-            x, y = point_at(constraints.chains, chain, parameter + length * change)
-            if may_move(position, descent.star, v, x, y, floor):
-                if first:
-                    trial.value[v] = trial.on_chain[chain, 0] + rate * (parameter + length * change)
-                gain = gain_at(descent, v, own, first, count, x, y, length, now)
-                if gain > ROUNDING * size:
-                    constraints.parameter[v] = parameter + length * change
-                    position[v, 0], position[v, 1] = x, y
-                    settle(descent, v, first, count)
-                    return gain
-                if first:
-                    trial.value[v] = value
-            length *= 0.5
-    if not trial.bent[v]:
-        change_block(descent, v, first, 1.0, 0.0)
-    return 0.0

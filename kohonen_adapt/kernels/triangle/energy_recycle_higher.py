@@ -8,19 +8,21 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import OWN, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
+from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards, opposite_side
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.descend_higher import (
     BUBBLE,
     EVEN,
     ODD,
-    add_element,
+    add_bent,
     clear,
     derivatives,
     factorise,
     gather,
     number_block,
     solve_upper,
+    value_near,
 )
 from kohonen_adapt.kernels.triangle.energy_recycle import cheapest_left, lock_around
 from kohonen_adapt.kernels.triangle.flip_higher import put
@@ -48,7 +50,7 @@ def number_split(block, degrees, both):
         for i in range(place.shape[1]):
             place[j, i], sign[j, i] = -1, 1.0
         place[j, 0] = 0
-        for side in range(1, 3):
+        for side in range(1, 3 if degrees > 0 else 1):
             s = ENDS[j][2 - side]
             place[j, EVEN + side] = 1 + degrees * s
             if degrees == 2:
@@ -73,6 +75,20 @@ def halve_coefficients(descent, e, k, own, row):
 
 
 @inner_kernel
+def value_on(descent, e, own):
+    """The functional of e as it is, for values relative to `own`; -inf if its sides are bent less than they would."""
+    node, position, block = descent.elements.node, descent.position, descent.block
+    a, b, x, y = node[e, 1], node[e, 2], position[node[e, 0], 0], position[node[e, 0], 1]
+    ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+    block.place[0] = -1
+    gather(node, descent.trial.value, descent.modes, e, 0, own, block.part)
+    gather_bends(descent.shapes, e, 0, block.bend[4])
+    if not is_valid(block.bend[4], ax, ay, bx, by):
+        return -np.inf
+    return add_bent(descent, e, 0, block.part, block.bend[4], x, ax, ay, bx, by)[1]
+
+
+@inner_kernel
 def derivatives_of_split(descent, e, k, x, y, count):
     """Sum of magnitudes and value of the functional of the halves, whose coefficients stand in `Block.local`."""
     node, position, block = descent.elements.node, descent.position, descent.block
@@ -82,8 +98,15 @@ def derivatives_of_split(descent, e, k, x, y, count):
         c, a, b = node[at, corner], node[at, (corner + 1) % 3], node[at, (corner + 2) % 3]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         cx, cy = position[c, 0] - x, position[c, 1] - y
-        one = add_element(descent.trial, descent.reference, block, at, row, block.local[row], cx, cy, ax, ay)
-        two = add_element(descent.trial, descent.reference, block, at, row + 1, block.local[row + 1], bx, by, cx, cy)
+        block.bend[row : row + 2] = 0.0
+        for i in range(2):
+            block.bend[row, 0, i] = descent.shapes.bend[at, (corner + 2) % 3, i]
+            block.bend[row + 1, 0, i] = descent.shapes.bend[at, (corner + 1) % 3, i]
+        if not (is_valid(block.bend[row], cx, cy, ax, ay) and is_valid(block.bend[row + 1], bx, by, cx, cy)):
+            return size, np.inf
+        after, bend = row + 1, block.bend
+        one = add_bent(descent, at, row, block.local[row], bend[row], x, cx, cy, ax, ay)
+        two = add_bent(descent, at, after, block.local[after], bend[after], x, bx, by, cx, cy)
         size, total = size + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0
@@ -96,9 +119,14 @@ def gain_of_split(descent, e, k, x, y, own):
     """What a split of the edge opposite to corner k of e at (x, y) gains, 0 if that is rounding.
 
     The best coefficients of the halves are left in `Block.local`; in nonlinear material those after one step of
-    Newton's method. Values are relative to `own`.
+    Newton's method. Values are relative to `own`. Halves of an element with curved sides, or at an axis, need not have
+    its function: there the gain is over what it had.
     """
     block, other = descent.block, np.int64(descent.elements.neighbour[e, k])
+    special = descent.shapes.special[e] or (other >= 0 and descent.shapes.special[other])
+    was = 0.0
+    if special:
+        was = value_on(descent, e, own) + (value_on(descent, other, own) if other >= 0 else 0.0)
     halve_coefficients(descent, e, k, own, 0)
     bent = descent.trial.laws.number[e] >= 0
     if other >= 0:
@@ -106,6 +134,8 @@ def gain_of_split(descent, e, k, x, y, own):
         bent |= descent.trial.laws.number[other] >= 0
     count = number_split(block, descent.modes.side.shape[2], other >= 0)
     size, before = derivatives_of_split(descent, e, k, x, y, count)
+    if not before < np.inf:
+        return 0.0
     solved, square = factorise(block, 0, count)
     if not solved:
         return 0.0
@@ -117,6 +147,8 @@ def gain_of_split(descent, e, k, x, y, own):
     gain = 0.5 * square
     if bent:
         gain = before - derivatives_of_split(descent, e, k, x, y, count)[1]
+    if special:
+        gain += was - before
     return gain if gain > ROUNDING * size else 0.0
 
 
@@ -134,7 +166,7 @@ def weigh_splits_higher(mesh, descent, offers, floor, first, last):
             if descent.modes.given[e, k] or (fixed[a] and fixed[b] and (inner[a] or inner[b])):
                 continue
             x, y, _ = midpoint(mesh, c, a, b)
-            gain = gain_of_split(descent, e, k, x, y, descent.trial.value[a])
+            gain = gain_of_split(descent, e, k, x, y, value_near(descent, a))
             if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
                 offers.gain[e, k] = gain
 
@@ -154,7 +186,7 @@ def number_merged(descent, v, w):
             place[j, i], sign[j, i] = -1, 1.0
         if star.ahead[row] == w or star.behind[row] == w:
             continue
-        for side in range(1, 3):
+        for side in range(1, 3 if degrees > 0 else 1):
             other, s = star.ahead[row] if side == 2 else star.behind[row], 0
             if modes.given[e, (k + side) % 3] or opposite_side(star, v, w, other) >= 0:
                 continue
@@ -173,16 +205,6 @@ def number_merged(descent, v, w):
                 place[row - begin, BUBBLE] = count
                 count += 1
     return count
-
-
-@inner_kernel
-def opposite_side(star, v, w, other):
-    """The row of the star of v whose element has w and the other node, or -1."""
-    for row in range(star.start[v], star.start[v + 1]):
-        a, b = star.ahead[row], star.behind[row]
-        if (a == w and b == other) or (a == other and b == w):
-            return row
-    return -1
 
 
 @inner_kernel
@@ -212,6 +234,21 @@ def merged_coefficients(descent, v, w, row, own, times):
 
 
 @inner_kernel
+def merged_bends(descent, v, w, row, bend):
+    """The bends of the sides of that element, w first."""
+    shapes, star, node = descent.shapes, descent.star, descent.elements.node
+    e = np.int64(star.element[row])
+    gather_bends(shapes, e, corner_of(node, e, v), bend)
+    for side in range(1, 3):
+        known = opposite_side(star, v, w, star.ahead[row] if side == 2 else star.behind[row])
+        for i in range(2):
+            bend[side, i] = 0.0
+            if known >= 0:
+                gone = np.int64(star.element[known])
+                bend[side, i] = shapes.bend[gone, corner_of(node, gone, v), i]
+
+
+@inner_kernel
 def derivatives_of_merged(descent, v, w, own, count, times):
     """Value of the functional around v, were it merged into w, and the derivatives in the block; inf if overturned."""
     position, star, block = descent.position, descent.star, descent.block
@@ -225,8 +262,10 @@ def derivatives_of_merged(descent, v, w, own, count, times):
             return np.inf
         merged_coefficients(descent, v, w, row, own, times)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        j = row - star.start[v]
-        total += add_element(descent.trial, descent.reference, block, e, j, block.part, ax, ay, bx, by)[1]
+        merged_bends(descent, v, w, row, block.bend[4])
+        if not is_valid(block.bend[4], ax, ay, bx, by):
+            return np.inf
+        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, ax, ay, bx, by)[1]
     return total
 
 
@@ -257,7 +296,7 @@ def weigh_collapses_higher(mesh, descent, offers, most, floor, first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        own, count, least = descent.trial.value[v], number_block(descent, v), most
+        own, count, least = value_near(descent, v), number_block(descent, v), most
         size, before = derivatives(descent, v, own, count, position[v, 0], position[v, 1])[:2]
         before -= ROUNDING * size
         sliding = constraints.kind[v] == SLIDING
@@ -304,7 +343,7 @@ def exchange_higher(mesh, descent, offers, edges, nodes, floor):
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
-        own = trial.value[a]
+        own = value_near(descent, a)
         gain_of_split(descent, e, k, x, y, own)
         given = outer_given(descent, e, k)
         p = split(mesh, e, k, x, y, parameter)
@@ -319,7 +358,7 @@ def exchange_higher(mesh, descent, offers, edges, nodes, floor):
 def put_merged(descent, v, w):
     """Put the best coefficients into the elements that are left when v goes into w, while they still have v."""
     star, modes, node = descent.star, descent.modes, descent.elements.node
-    own = descent.trial.value[v]
+    own, bend = value_near(descent, v), descent.block.bend[4]
     merged_functional(descent, v, w, own)
     for row in range(star.start[v], star.start[v + 1]):
         a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
@@ -327,6 +366,8 @@ def put_merged(descent, v, w):
             merged_coefficients(descent, v, w, row, own, 1.0)
             k = corner_of(node, e, v)
             put(modes, e, k, descent.block.part)
+            merged_bends(descent, v, w, row, bend)
+            put_bends(descent.shapes, e, k, bend)
             for side in range(1, 3):
                 known = opposite_side(star, v, w, a if side == 2 else b)
                 if known >= 0:
@@ -354,4 +395,5 @@ def put_split(mesh, descent, p, a, b, given):
         one, two = node[f, (k + 1) % 3], node[f, (k + 2) % 3]
         row = 0 if two == a else 1 if one == b else 2 if two == b else 3
         put(modes, f, k, local[row])
+        put_bends(descent.shapes, f, k, descent.block.bend[row])
         modes.given[f, k], modes.given[f, (k + 1) % 3], modes.given[f, (k + 2) % 3] = given[row], False, False

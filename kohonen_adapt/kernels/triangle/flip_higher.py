@@ -3,17 +3,20 @@
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.by_points import gather_bends, put_bends, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.descend_higher import (
     BUBBLE,
     EVEN,
     ODD,
+    add_bent,
     add_element,
     clear,
     factorise,
     gather,
     solve_upper,
+    value_near,
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.flip_linear import mark_beside
@@ -61,7 +64,7 @@ def descend_flips_higher(descent, floor, gainful):
 @inner_kernel
 def flip_with_modes(descent, e, k, other):
     """Flip the edge opposite to corner k of e, and put in the coefficients that `gain_of_flip` has just found."""
-    elements, modes, local = descent.elements, descent.modes, descent.block.local
+    elements, modes, local, shapes = descent.elements, descent.modes, descent.block.local, descent.shapes
     j = corner_towards(elements.neighbour, other, e)
     k1, j1 = (k + 1) % 3, (j + 1) % 3
     modes.given[e, k], modes.given[other, j] = modes.given[other, j1], modes.given[e, k1]
@@ -69,6 +72,9 @@ def flip_with_modes(descent, e, k, other):
     flip_edge(elements, e, k)
     put(modes, e, k1, local[2])
     put(modes, other, j1, local[3])
+    if shapes.special[e] or shapes.special[other]:
+        put_bends(shapes, e, k1, descent.block.bend[2])
+        put_bends(shapes, other, j1, descent.block.bend[3])
 
 
 @inner_kernel
@@ -92,13 +98,22 @@ def gain_of_flip(descent, e, k, other):
     p, q, r, s = corners_around(elements.node, e, k, other)
     if not (area_of(position, r, p, s) > 0.0 and area_of(position, s, q, r) > 0.0):
         return 0.0
-    own, value, modes = descent.trial.value[r], descent.trial.value, descent.modes
+    own, value, modes = value_near(descent, r), descent.trial.value, descent.modes
     gather(elements.node, value, modes, e, k, own, local[0])
     j = corner_towards(elements.neighbour, other, e)
     gather(elements.node, value, modes, other, j, own, local[1])
     turn(local, modes.side.shape[2])
-    size, before = least_of_pair(descent, e, 0, p, q, r, s)
-    more, after = least_of_pair(descent, e, 2, s, r, p, q)
+    special = descent.shapes.special[e] or descent.shapes.special[other]
+    if special:
+        gather_bends(descent.shapes, e, k, descent.block.bend[0])
+        gather_bends(descent.shapes, other, j, descent.block.bend[1])
+        turn_bends(descent.block.bend)
+        if not (
+            valid_at(position, descent.block.bend[2], p, s, r) and valid_at(position, descent.block.bend[3], q, r, s)
+        ):
+            return 0.0
+    size, before = least_of_pair(descent, e, 0, special, p, q, r, s)
+    more, after = least_of_pair(descent, e, 2, special, s, r, p, q)
     gain = before - after
     return gain if gain > ROUNDING * (size + more) else 0.0
 
@@ -122,14 +137,31 @@ def turn(local, degrees):
 
 
 @inner_kernel
-def least_of_pair(descent, e, row, p, q, r, s):
+def turn_bends(bend):
+    """The same of the bends of their sides: those outside of the pair keep theirs, the one inside is straight."""
+    for one in range(2):
+        for c in range(2):
+            bend[2 + one, 0, c] = 0.0
+            bend[2 + one, 1, c], bend[2 + one, 2, c] = bend[one, 2, c], bend[1 - one, 1, c]
+
+
+@inner_kernel
+def may_flip_bent(position, bend, p, q, r, s):
+    """Whether both elements have positive Jacobians, before and after."""
+    before = valid_at(position, bend[0], r, p, q) and valid_at(position, bend[1], s, q, p)
+    return before and valid_at(position, bend[2], p, s, r) and valid_at(position, bend[3], q, r, s)
+
+
+@inner_kernel
+def least_of_pair(descent, e, row, special, p, q, r, s):
     """The least functional of (r, p, q) and (s, q, p) over their inner coefficients, and its magnitudes.
 
-    The coefficients stand in this row of `Block.local` and the next one, and are changed to the best.
+    The coefficients stand in this row of `Block.local` and the next one, and are changed to the best; if one of them is
+    `special`, the bends of their sides stand likewise.
     """
     block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
     count = number_pair(block, descent.modes.side.shape[2])
-    size, total = derivatives_of_pair(descent, e, row, count, p, q, r, s)
+    size, total = derivatives_of_pair(descent, e, row, special, count, p, q, r, s)
     for _ in range(NEWTON if bent else 1):
         solved, square = factorise(block, 0, count)
         if not solved:
@@ -138,7 +170,7 @@ def least_of_pair(descent, e, row, p, q, r, s):
         change_pair(block, local, row, 1.0)
         if not bent:
             return size, total - 0.5 * square
-        _, after = derivatives_of_pair(descent, e, row, count, p, q, r, s)
+        _, after = derivatives_of_pair(descent, e, row, special, count, p, q, r, s)
         if after > total:
             change_pair(block, local, row, -1.0)
             return size, total
@@ -153,17 +185,18 @@ def number_pair(block, degrees):
     for j in range(2):
         for i in range(place.shape[1]):
             place[j, i], sign[j, i] = -1, 1.0
-        place[j, EVEN] = 0
+        if degrees > 0:
+            place[j, EVEN] = 0
         if degrees == 2:
             place[j, ODD], place[j, BUBBLE] = 1, 2 + j
-    if degrees == 1:
-        return 1
+    if degrees < 2:
+        return degrees
     sign[1, ODD] = -1.0
     return 4
 
 
 @inner_kernel
-def derivatives_of_pair(descent, e, row, count, p, q, r, s):
+def derivatives_of_pair(descent, e, row, special, count, p, q, r, s):
     """Sum of magnitudes and value of the functional of (r, p, q) and (s, q, p), with its derivatives in the block."""
     block = descent.block
     clear(block, count)
@@ -173,7 +206,11 @@ def derivatives_of_pair(descent, e, row, count, p, q, r, s):
         x, y = descent.position[v, 0], descent.position[v, 1]
         ax, ay = descent.position[a, 0] - x, descent.position[a, 1] - y
         bx, by = descent.position[b, 0] - x, descent.position[b, 1] - y
-        part = add_element(descent.trial, descent.reference, block, e, j, block.local[row + j], ax, ay, bx, by)
+        local = block.local[row + j]
+        if special:
+            part = add_bent(descent, e, j, local, block.bend[row + j], x, ax, ay, bx, by)
+        else:
+            part = add_element(descent.trial, descent.reference, block, e, j, local, ax, ay, bx, by)
         size, total = size + part[0], total + part[1]
     return size, total
 

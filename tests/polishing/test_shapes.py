@@ -1,0 +1,158 @@
+"""The polish of elements with curved sides and around an axis: its derivatives, and what it says it takes off."""
+
+import numpy as np
+import pytest
+from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
+
+from kohonen_adapt.kernels.arrays import FREE, SLIDING
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.triangle import descend_higher as kernels
+from kohonen_adapt.mesh.curved import jacobian_coefficients
+from kohonen_adapt.outline.isoparametric import LEAST
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import unchanged
+from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.sweeps import Higher
+from kohonen_adapt.problem.ritz import Ritz, functional_value
+
+ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
+STEP = 1e-5
+
+
+def square():
+    mesh, rng = MeshTri.init_tensor(np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 6)), np.random.default_rng(0)
+    p = mesh.p.copy()
+    p[:, mesh.interior_nodes()] += 0.03 * rng.normal(size=(2, len(mesh.interior_nodes())))
+    return MeshTri(p, mesh.t)
+
+
+def half_disk():
+    disk = MeshTri.init_circle(2)
+    half = disk.restrict(np.flatnonzero(disk.p[0, disk.t].mean(axis=0) > 0.0))
+    return MeshTri(np.where(np.abs(half.p) < 1e-9, 0.0, half.p), half.t)
+
+
+class Linked:
+    """A law that is no straight line."""
+
+    def field_strength(self, b):
+        return b + b**3
+
+    def energy(self, b):
+        return 0.5 * b**2 + 0.25 * b**4
+
+
+# mesh, order, around an axis, law
+CASES = {
+    "axis, P1": (square, 1, True, None),
+    "axis, P1, nonlinear": (square, 1, True, Linked()),
+    "axis, P2": (square, 2, True, None),
+    "axis, P3": (square, 3, True, None),
+    "curved, P2": (lambda: MeshTri.init_circle(2), 2, False, None),
+    "curved, P2, nonlinear": (lambda: MeshTri.init_circle(2), 2, False, Linked()),
+    "curved, P3": (lambda: MeshTri.init_circle(2), 3, False, None),
+    "curved around an axis, P2": (half_disk, 2, True, None),
+}
+each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+
+
+class Setting:
+    """A mesh that is curved where an outline is, and a function on it with a functional that has all of its terms."""
+
+    def __init__(self, case):
+        build, order, around, law = case
+        mesh = build()
+        self.movable = MovableMesh.of(mesh, Rules().guarded(), order > 1)
+        basis = Basis(mesh, ELEMENTS[order]())
+        x, y = basis.doflocs
+        fixed = np.isin(np.arange(basis.N), basis.get_dofs(mesh.boundary_facets()).all())
+        bump = np.sin(3.0 * x + y) + 0.3 * np.cos(4.0 * y) + 1.0
+        values = np.where(fixed, 0.0, bump * (x**2 if around else 1.0))
+        laws = [law] if law else []
+        self.ritz = Ritz(values, fixed, 2.0, 0.7, (0.3, -0.4), None, laws, order, around)
+        self.mesh = self.movable.mesh() if self.movable.curved else mesh
+        self.functional = Functional.of(self.ritz, self.movable, self.mesh)
+        self.trial = self.functional.solution.copy()
+
+    def value(self):
+        return self.functional.value(self.movable.triangulation, self.trial, self.movable.bent_sides())
+
+    def torn(self):
+        """The largest difference between the coefficients of a side in its two elements."""
+        elements, side = self.movable.triangulation.elements, self.trial.modes.side
+        e, k = np.nonzero(elements.neighbour >= 0)
+        other = elements.neighbour[e, k]
+        j = np.argmax(elements.neighbour[other] == e[:, None], axis=1)
+        return np.abs(side[e, k] - np.array([1.0, -1.0])[: side.shape[2]] * side[other, j]).max(initial=0.0)
+
+
+@each_case
+def test_kernels_have_the_functional_and_its_derivatives(case):
+    at = Setting(case)
+    tri, movable = at.movable.triangulation, at.movable
+    assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
+    sweeps = Higher(movable, at.functional, at.trial, at.trial.modes, movable.constraints)
+    room = sweeps.room(0)
+    derivatives, number, change = (
+        interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
+    )
+    special = np.unique(tri.elements.node[room.shapes.special])
+    nodes = special[movable.constraints.kind[special] == FREE]
+    for v in (nodes[np.argmin(tri.position[nodes, 0])], nodes[-1]):  # beside the axis, and beside a curve
+        count, (x, y) = number(room, v), tri.position[v].copy()
+
+        def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
+            """The functional of the whole mesh, and what the kernel has of the star."""
+            tri.position[v] = x + dx, y + dy
+            star, value = np.array(derivatives(room, v, 0.0, count, x + dx, y + dy)), at.value()
+            tri.position[v] = x, y
+            block = room.block
+            stiffness = np.tril(block.stiffness[:count, :count])
+            whole = stiffness + np.tril(stiffness, -1).T
+            return value, star[2:4], block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[4:]
+
+        _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
+        hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
+        near = {"rtol": 1e-5, "atol": 1e-6 * scale}
+        loose = {"rtol": 1e-5, "atol": (1e-6 if case[3] is None else 1e-3) * scale}  # tables know W'' to first order
+        for i, way in enumerate(STEP * np.eye(2)):
+            (up, up_slope, up_rest, *_), (down, down_slope, down_rest, *_) = now(*way), now(*-way)
+            np.testing.assert_allclose((up - down) / (2.0 * STEP), slope[i], **near)
+            np.testing.assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
+            np.testing.assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
+        for i in range(count):
+            room.block.still[:count], room.block.follow[:count] = np.eye(count)[i], 0.0
+            found = []
+            for step in (STEP, -2.0 * STEP):
+                room.block.still[:count] = np.eye(count)[i]
+                change(room, v, 0, step, 0.0)
+                found.append(now())
+            change(room, v, 0, STEP, 0.0)
+            np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
+            np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
+
+
+@each_case
+def test_sweeps_and_recycling_take_off_what_they_say(case):
+    at = Setting(case)
+    movable, recycled, table = at.movable, unchanged(at.movable.triangulation), 1e-8 if case[3] else 1e-12
+    sliding, before = movable.constraints.kind == SLIDING, at.value()
+    start = movable.triangulation.position[sliding].copy()
+    for _ in range(3):
+        gain = descend(movable, at.functional, at.trial, 2)
+        after = at.value()
+        assert 0.0 < gain <= before - after + table * abs(before)
+        assert recycled.splits or np.any(movable.triangulation.position[sliding] != start)
+        at.trial, recycled, lowered = recycle_by_energy(movable, at.functional, at.trial, recycled)
+        before = at.value()
+        assert after - before == pytest.approx(lowered, rel=1e-7, abs=table * abs(before))
+        assert at.torn() <= 1e-14
+    assert recycled.splits == recycled.collapses > 0
+    if movable.curved:
+        triangulation = movable.triangulation
+        corners = triangulation.position[triangulation.elements.node]
+        least = jacobian_coefficients(corners, movable.bent_sides()).min(axis=1)
+        assert np.all(least >= LEAST * 2.0 * triangulation.areas())
