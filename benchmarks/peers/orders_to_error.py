@@ -1,0 +1,122 @@
+"""Count unknowns and seconds from a coarse start to an error of `Magnetostatics`, by the order of its elements."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from benchmarks.checks import effectivity
+from benchmarks.problems.c_core import c_core_mesh
+from benchmarks.table import Cell, markdown
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+ERRORS = (3.0, 1.0, 0.3)  # % of the energy norm
+ORDERS = (1, 2, 3)
+PASSES = (0, 1, 2, 3, 4)  # the quickest counts
+REACH = {1: 60_000, 2: 20_000, 3: 10_000}  # the most nodes that are tried
+MARGIN, TRIALS = 1.05, 5
+FINE = 5_000  # nodes of the solution of order 3 that stands for the exact one
+CAPTION = (
+    "Time of `Magnetostatics` from a coarse start to an error in the energy norm, by the order of its elements. The "
+    f"fewest nodes were searched for off the clock, never fewer than the start has; of {PASSES[0]} to {PASSES[-1]} "
+    f"passes the quickest. The exact co-energy is that of order 3 with {FINE} nodes or more, adapted:"
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A start mesh and a problem."""
+
+    name: str
+    start: Callable[[], MeshTri]
+    problem: Magnetostatics
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What a run came to, with how many passes."""
+
+    passes: int
+    nodes: int
+    unknowns: int
+    error: float
+    seconds: float
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """For every problem, error and order the run that is quickest there."""
+    ka.warmup()
+    errors = ERRORS[:1] if quick else ERRORS
+    header = ["", "error %", "order", "passes", "nodes", "unknowns", "error reached", "seconds"]
+    rows = [row for model in models() for row in _rows(model, errors, list(seeds)[:1] if quick else seeds)]
+    return "\n\n".join([CAPTION, markdown(header, rows)])
+
+
+@cache
+def models() -> tuple[Model, ...]:
+    """M, the C-core and the motor as in `effectivity`, from the coarsest mesh there is of each."""
+    known = {case.name: case for case in effectivity.cases()}
+    coarse = {"C": lambda: c_core_mesh("c_core_coarse.msh"), "C, saturated": lambda: c_core_mesh("c_core_coarse.msh")}
+    names = ("M, mu_r = 1", "M, mu_r = 1000", "C", "motor", "C, saturated")
+    return tuple(Model(name, coarse.get(name, known[name].start), known[name].problem("residual")) for name in names)
+
+
+def _rows(model: Model, errors: Sequence[float], seeds: Sequence[int]) -> Iterator[list[Cell]]:
+    start = model.start()
+    fine = ka.adapt(start, replace(model.problem, order=3), target_nodes=max(FINE, start.p.shape[1]))
+    exact = fine.solution.coenergy
+    for error in errors:
+        for order in ORDERS:
+            found = quickest(model, start, order, exact, error, seeds)
+            if found is None:
+                yield [model.name, error, order, "-", f"over {REACH[order]}", "", "", ""]
+                continue
+            figures = [found.passes, found.nodes, found.unknowns, f"{found.error:.3g}", f"{found.seconds:.3f}"]
+            yield [model.name, error, order, *figures]
+
+
+def quickest(
+    model: Model, start: MeshTri, order: int, exact: float, error: float, seeds: Sequence[int]
+) -> Reached | None:
+    """Of all numbers of passes the run that takes the least time, medians over seeds."""
+    problem = replace(model.problem, order=order)
+    found = [fewest(start, problem, passes, exact, error, seeds) for passes in PASSES]
+    return min((run for run in found if run), key=lambda run: run.seconds, default=None)
+
+
+def fewest(
+    start: MeshTri, problem: Magnetostatics, passes: int, exact: float, error: float, seeds: Sequence[int]
+) -> Reached | None:
+    """The run with the fewest nodes whose median error is small enough, the next N from the error being N^(-p/2)."""
+    least = start.p.shape[1]
+    nodes, best = least, None
+    for _ in range(TRIALS):
+        run = _median([_run(start, problem, passes, exact, nodes, seed) for seed in seeds])
+        if run.error <= error and (best is None or run.nodes < best.nodes):
+            best = run
+        wanted = round(nodes * (run.error / error * MARGIN**0.5) ** (2.0 / problem.order))
+        if run.error <= error and (nodes == least or run.error >= error / MARGIN):
+            break
+        if passes == 0 or wanted > REACH[problem.order]:
+            break
+        nodes = max(wanted, least)
+    return best
+
+
+def _run(start: MeshTri, problem: Magnetostatics, passes: int, exact: float, nodes: int, seed: int) -> Reached:
+    begin = time.perf_counter()
+    result = ka.adapt(start, problem, passes=passes, target_nodes=nodes if passes else None, seed=seed)
+    seconds = time.perf_counter() - begin
+    norm = problem.energy_norm(result.mesh, result.solution)
+    error = 100.0 * float(np.sqrt(2.0 * abs(exact - result.solution.coenergy))) / norm
+    return Reached(passes, result.mesh.nvertices, result.best.unknowns, error, seconds)
+
+
+def _median(runs: Sequence[Reached]) -> Reached:
+    """The run whose time is in the middle, with the error in the middle."""
+    middle = sorted(runs, key=lambda run: run.seconds)[len(runs) // 2]
+    return replace(middle, error=float(np.median([run.error for run in runs])))
