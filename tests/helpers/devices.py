@@ -78,7 +78,7 @@ def turned_magnet(cells, degrees):
     ticks = np.linspace(-0.02, 0.02, cells + 1)
     mesh = box(ticks, ticks, {"magnet": (-0.005, 0.005, -0.0025, 0.0025)})
     magnet = Material(remanence=(MU0 * 1e6, 0.0))
-    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": uniform(degrees)})
+    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": uniform(degrees)}, order=1)
 
 
 def stator_magnet(k, degrees):
@@ -89,7 +89,7 @@ def stator_magnet(k, degrees):
     mesh = box(ticks, ticks, {"magnet": (x - wide, x + wide, y - high, y + high)})
     magnet = Material(remanence=(0.0, MU0 * 1e6))
     outer = lambda x: rectangle_potential(x, STATOR_PLACE, MAGNET_HALF) + quadrupole_potential(x, degrees)  # noqa: E731
-    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": outer})
+    return mesh, Magnetostatics({"magnet": magnet, "air": AIR}, potential={"outer": outer}, order=1)
 
 
 def two_magnets(k):
@@ -99,12 +99,12 @@ def two_magnets(k):
     mesh = box(np.linspace(-0.025, 0.025, 20 * k + 1), np.linspace(-0.02, 0.02, 16 * k + 1), sides)
     magnet = Material(remanence=(0.0, MU0 * 1e6))
     potential = {"outer": lambda x: sum(rectangle_potential(x, place, MAGNET_HALF) for place in PLACES.values())}
-    return mesh, Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential)
+    return mesh, Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential, order=1)
 
 
 def tube(**more):
     materials = {"wire": Material(), "iron": Material(bh=BRAUER), "air": Material()}
-    given = {"potential": {"outer": 0.0}, "ampere_turns": {"wire": CURRENT}} | more
+    given = {"potential": {"outer": 0.0}, "ampere_turns": {"wire": CURRENT}, "order": 1} | more
     return Magnetostatics(materials, **given)
 
 
@@ -121,7 +121,12 @@ def actuator(cells=20, **more):
     """A coil of two sides over a bar of steel that it saturates."""
     parts = {"go": (-0.008, -0.004, 0.002, 0.006), "back": (0.002, 0.006, 0.002, 0.006), "bar": (-0.01, 0.01, -8e-3, 0)}
     mesh = box(np.linspace(-0.02, 0.02, cells + 1), np.linspace(-0.02, 0.02, cells + 1), parts)
-    given = {"potential": {"outer": 0.0}, "ampere_turns": {"go": TURNS, "back": -TURNS}, "depth": 0.03} | more
+    given = {
+        "potential": {"outer": 0.0},
+        "ampere_turns": {"go": TURNS, "back": -TURNS},
+        "depth": 0.03,
+        "order": 1,
+    } | more
     return mesh, Magnetostatics({"go": AIR, "back": AIR, "bar": STEEL, "air": AIR}, **given)
 
 
@@ -137,7 +142,7 @@ def machine():
     parts = {"coil": (0.02, 0.03, 0.35, 0.85), "hub": (0.01, 0.02, 0, PITCH), "tooth": (0.035, 0.045, 0.1, 0.5)}
     mesh = sector(np.linspace(0.01, 0.05, 41), np.linspace(0.0, PITCH, 31), parts)
     materials = {"coil": Material(current_density=6e8), "hub": STEEL, "tooth": STEEL, "air": AIR}
-    return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")])
+    return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")], order=1)
 
 
 def shielded():
@@ -149,4 +154,4 @@ def shielded():
     parts = {name: np.flatnonzero(there) for name, there in places.items()} | {"inside": rest}
     mesh = mesh.with_subdomains(mesh.subdomains | parts)
     materials = dict.fromkeys(("go", "back", "inside", "air"), AIR) | {"tube": STEEL}
-    return mesh, Magnetostatics(materials, ampere_turns={"go": TURNS, "back": -TURNS}, open_boundary="outer")
+    return mesh, Magnetostatics(materials, ampere_turns={"go": TURNS, "back": -TURNS}, open_boundary="outer", order=1)

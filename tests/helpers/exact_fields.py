@@ -78,7 +78,9 @@ def sheet_field(x):
 
 
 RECTANGLE = Magnetostatics(
-    {"magnet": Material(remanence=(0.0, MU0 * MAGNETISATION)), "air": Material()}, potential={"outer": sheet_potential}
+    {"magnet": Material(remanence=(0.0, MU0 * MAGNETISATION)), "air": Material()},
+    potential={"outer": sheet_potential},
+    order=1,
 )
 
 

@@ -28,6 +28,7 @@ COAX = Magnetostatics(
     dict.fromkeys(("core", "gap", "sheath"), Material()),
     potential={"rim": 0.0},
     ampere_turns={"core": 1.0, "sheath": -1.0},
+    order=1,
 )
 COAX_INDUCTANCE = 2.923978157561e-7 / 1.25663706212e-6 * MU0
 

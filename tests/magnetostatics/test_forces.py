@@ -58,7 +58,7 @@ def test_force_on_a_wire_in_a_uniform_field():
     """25 A, 40 mm deep, in 1 T: 1.000 N; the total current follows the area that is meshed."""
     mesh = disk(equal_rings(36, 0.0225), {"wire": 4, "air": 36})
     wire = Material(current_density=25.0 / area_of(mesh, "wire"))
-    result = ka.adapt(mesh, Magnetostatics({"wire": wire, "air": AIR}, potential={"outer": uniform(90)}))
+    result = ka.adapt(mesh, Magnetostatics({"wire": wire, "air": AIR}, potential={"outer": uniform(90)}, order=1))
     newtons = 0.04 * result.solution.force("wire") / area_of(result.mesh, "wire") * area_of(mesh, "wire")
     assert result.mesh.p.shape[1] == 3997
     np.testing.assert_allclose(newtons, [-1.0, 0.0], atol=1e-5)
@@ -90,7 +90,7 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
         mesh = disk(equal_rings(number, 0.0225), {"wire": number // 9, "air": number})
         wire = Material(current_density=1000.0 / area_of(mesh, "wire"))
         far = {"outer": lambda x: line_potential(x, (0.03, 0.0), 1000.0)}
-        force = Magnetostatics({"wire": wire, "air": AIR}, potential=far).solve(mesh).force("wire")
+        force = Magnetostatics({"wire": wire, "air": AIR}, potential=far, order=1).solve(mesh).force("wire")
         errors.append(abs(force[0] / wanted - 1.0))
         assert abs(force[1]) < 1e-9 * wanted
     assert errors[2] < 1e-4
@@ -189,7 +189,7 @@ def test_force_turns_with_the_body(quarters):
     turned = MeshTri(turn @ mesh.p, mesh.t).with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
     magnet = Material(remanence=tuple(turn @ np.array([0.0, MU0 * 1e6])))
     potential = {"outer": lambda x: problem.potential["outer"](turn.T @ x)}
-    field = Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential).solve(turned)
+    field = Magnetostatics({"a": magnet, "b": magnet, "air": AIR}, potential=potential, order=1).solve(turned)
     np.testing.assert_allclose(field.force("b"), turn @ MAGNETS_FIELD.force("b"), rtol=1e-9)
     assert field.torque("b") == pytest.approx(MAGNETS_FIELD.torque("b"), rel=1e-9)
 
@@ -251,10 +251,10 @@ def test_a_sector_has_its_share_of_the_torque():
     """A field that repeats after every quarter, cut out of the whole: body, air and iron are all cut by its sides."""
     apart = sector(RADII, np.linspace(0.0, 2 * np.pi, 121), MACHINE, PITCH)
     whole = sewn(apart.p, apart.t, apart.subdomains)
-    field = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0}).solve(whole)
+    field = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0}, order=1).solve(whole)
     quarter = sector(RADII, ANGLES, MACHINE)
     _, place = cKDTree(whole.p.T).query(quarter.p.T)
-    part = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0, "bore": 0.0}).solve(quarter)
+    part = Magnetostatics(MACHINE_PARTS, potential={"outer": 0.0, "bore": 0.0}, order=1).solve(quarter)
     part = replace(part, potential=field.potential[place])
     body = ["coil", "hub"]
     assert field.torque(body) < -0.1  # towards the tooth

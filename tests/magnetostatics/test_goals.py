@@ -165,7 +165,7 @@ def lifted(cells=50):
     sides = {"magnet": (-0.005, 0.005, 0.001, 0.006), "bar": (-0.01, 0.01, -0.004, -0.001)}
     mesh = box(np.linspace(-0.025, 0.025, cells + 1), np.linspace(-0.02, 0.02, cells * 4 // 5 + 1), sides)
     parts = {"magnet": Material(remanence=(0.0, 1.2)), "bar": STEEL, "air": AIR}
-    return mesh, Magnetostatics(parts, {"outer": 0.0})
+    return mesh, Magnetostatics(parts, {"outer": 0.0}, order=1)
 
 
 def errors(mesh, problem, goal, exact):

@@ -29,7 +29,7 @@ def wire(rings):
     """100 turns of 0.5 A in a round wire of 5 mm, A = 0 at 20 mm."""
     mesh = disk(equal_rings(rings, 0.02), {"wire": rings // 4, "air": rings})
     parts = {"wire": Material(current_density=50.0 / area_of(mesh, "wire")), "air": AIR}
-    return Magnetostatics(parts, potential={"outer": 0.0}).solve(mesh)
+    return Magnetostatics(parts, potential={"outer": 0.0}, order=1).solve(mesh)
 
 
 def test_linkage_of_a_round_wire():
@@ -46,7 +46,7 @@ def coax(inner, outer):
     mesh = disk(radii, {"core": 4, "insulation": 11, "shell": 14})
     parts = {"core": Material(current_density=inner / area_of(mesh, "core")), "insulation": AIR}
     parts["shell"] = Material(current_density=outer / area_of(mesh, "shell"))
-    return mesh, Magnetostatics(parts, potential={"outer": 0.0})
+    return mesh, Magnetostatics(parts, potential={"outer": 0.0}, order=1)
 
 
 def test_inductance_of_a_coaxial_cable():
@@ -73,7 +73,9 @@ def test_linkage_is_the_mean_of_the_potential_over_the_area():
     """On a potential that is linear in x: the value at the middle of the coil, whatever its elements."""
     sides = {"left": (-0.01, 0.0, 0.0, 0.005), "right": (0.0, 0.005, 0.0, 0.005)}
     mesh = box(np.linspace(-0.02, 0.02, 17), np.linspace(-0.02, 0.02, 17), sides)
-    field = Magnetostatics(dict.fromkeys(("left", "right", "air"), AIR), {"outer": lambda x: 3 * x[0]}).solve(mesh)
+    field = Magnetostatics(dict.fromkeys(("left", "right", "air"), AIR), {"outer": lambda x: 3 * x[0]}, order=1).solve(
+        mesh
+    )
     assert field.flux_linkage("left") == pytest.approx(-0.015, rel=1e-9)
     assert field.flux_linkage("left", turns=-7) == pytest.approx(0.105, rel=1e-9)
     assert field.flux_linkage(["left", "right"], turns=2) == pytest.approx(2 * 3 * -0.0025, rel=1e-9)
@@ -122,7 +124,7 @@ def test_wrong_signs_of_a_circuit_are_told():
 
 def test_a_coil_without_elements():
     mesh = FIELD.mesh.with_subdomains({"coil": np.array([], dtype=int)})
-    problem = Magnetostatics({"wire": Material(current_density=1e6), "air": AIR}, {"outer": 0.0})
+    problem = Magnetostatics({"wire": Material(current_density=1e6), "air": AIR}, {"outer": 0.0}, order=1)
     field, circuit = problem.solve(mesh), {"coil": 10}
     for linkage in (
         lambda: field.flux_linkage("coil", turns=10),

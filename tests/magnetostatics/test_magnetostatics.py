@@ -40,7 +40,7 @@ def overrating(problem, mesh, field, error):
 
 
 def with_estimator(problem, name):
-    return Magnetostatics(problem.materials, potential=problem.potential, estimator=name)
+    return Magnetostatics(problem.materials, potential=problem.potential, estimator=name, order=1)
 
 
 # --- exact: a transverse cylinder in a finite disk --------------------------------------------------------------
@@ -71,7 +71,7 @@ def cylinder_field(mesh):
 
 
 CYLINDER = Magnetostatics(
-    {"magnet": Material(remanence=(MU0 * MAGNETISATION, 0.0)), "air": Material()}, potential={"outer": 0.0}
+    {"magnet": Material(remanence=(MU0 * MAGNETISATION, 0.0)), "air": Material()}, potential={"outer": 0.0}, order=1
 )
 
 
@@ -196,7 +196,7 @@ def test_outside_the_mesh_is_nan():
 def loaded():
     """Iron, a magnet and a coil, A = 0 around: everything the linear problem has."""
     materials = LAYERS | {"air": Material(current_density=2e6)}
-    return Magnetostatics(materials, potential=dict.fromkeys(("left", "right", "bottom", "top"), 0.0))
+    return Magnetostatics(materials, potential=dict.fromkeys(("left", "right", "bottom", "top"), 0.0), order=1)
 
 
 def test_energy_identities():
@@ -218,7 +218,9 @@ def test_sources_superpose():
     mesh, problem = random_mesh(), loaded()
     coil = problem.materials | {"magnet": Material(1.05)}
     magnet = problem.materials | {"air": Material()}
-    parts = [Magnetostatics(each, potential=problem.potential).solve(mesh).potential for each in (coil, magnet)]
+    parts = [
+        Magnetostatics(each, potential=problem.potential, order=1).solve(mesh).potential for each in (coil, magnet)
+    ]
     whole = problem.solve(mesh).potential
     np.testing.assert_allclose(sum(parts), whole, atol=1e-11 * np.max(np.abs(whole)))
 
@@ -253,7 +255,7 @@ def test_square_magnet_falls_short_of_its_energy_as_known(permeability, n, perce
     mesh = mesh.with_subdomains({name: np.flatnonzero(inside) for name, inside in parts.items()})
     mesh = mesh.with_boundaries({"outer": everywhere}, boundaries_only=True)
     materials = {"magnet": Material(remanence=(0.0, MU0)), "iron": Material(permeability), "air": Material()}
-    problem = Magnetostatics(materials, potential={"outer": 0.0})
+    problem = Magnetostatics(materials, potential={"outer": 0.0}, order=1)
     field = problem.solve(mesh)
     norm, reference = problem.energy_norm(mesh, field), SQUARE_REFERENCE[permeability]
     error = np.sqrt(reference * MU0 - norm**2)
@@ -385,7 +387,7 @@ AIR = Material()
 def test_what_does_not_fit_the_mesh_is_named(materials, potential, message):
     potential = potential if isinstance(potential, dict) else {"left": potential}
     with pytest.raises(ValueError, match=message):
-        Magnetostatics(materials, potential=potential).solve(random_mesh())
+        Magnetostatics(materials, potential=potential, order=1).solve(random_mesh())
 
 
 def test_an_element_with_two_materials_is_named():
@@ -420,7 +422,7 @@ def test_extreme_numbers_have_no_finite_solution():
 
 
 def test_other_meshes_and_fields_are_refused():
-    problem = Magnetostatics({"air": AIR}, potential={"outer": 0.0})
+    problem = Magnetostatics({"air": AIR}, potential={"outer": 0.0}, order=1)
     with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri; got MeshQuad1"):
         problem.solve(MeshQuad().with_subdomains({"air": everywhere}).with_boundaries({"outer": everywhere}))
     mesh, other = random_mesh(), random_mesh(cells=4)

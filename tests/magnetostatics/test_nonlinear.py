@@ -144,7 +144,7 @@ def test_whole_steps_alone_would_not_come_back():
 def test_newton_converges_for_any_current(law, current):
     mesh = wire_mesh(10)
     materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
-    field = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": current}).solve(mesh)
+    field = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": current}, order=1).solve(mesh)
     assert field.newton[-1].converged and len(field.newton) < 30
     # Ampere's law along a ring of elements in the iron
     middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
@@ -169,7 +169,7 @@ def test_newton_converges_for_any_rising_table(steps, current):
         except ValueError:
             assume(False)
     materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
-    field = Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": current}).solve(wire_mesh(10))
+    field = Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": current}, order=1).solve(wire_mesh(10))
     assert not field.newton or field.newton[-1].converged
     assert field.energy >= 0.0 and field.coenergy >= 0.0
 
@@ -182,7 +182,7 @@ def test_given_potentials_drive_flux_through_iron():
         .with_boundaries({"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1})
     )
     for flux in (0.3, 1.2, 2.6):
-        problem = Magnetostatics({"iron": Material(bh=STEEL)}, potential={"left": 0.0, "right": -flux})
+        problem = Magnetostatics({"iron": Material(bh=STEEL)}, potential={"left": 0.0, "right": -flux}, order=1)
         field = problem.solve(mesh)
         np.testing.assert_allclose(field.flux_density, np.array([[0.0], [flux]]) * np.ones(72), atol=1e-9)
         law = problem.materials["iron"].bh
@@ -196,17 +196,20 @@ def test_a_straight_curve_is_linear_material():
     with pytest.warns(UserWarning, match="far from saturation"):
         curve = Material(bh=[(b, b / (500 * MU0)) for b in (1.0, 1.5)] + [(2.0, 2.0 / (500 * MU0))])
     with_curve = Magnetostatics(
-        {"wire": Material(), "iron": curve, "air": Material()}, {"outer": 0.0}, ampere_turns={"wire": 10.0}
+        {"wire": Material(), "iron": curve, "air": Material()}, {"outer": 0.0}, ampere_turns={"wire": 10.0}, order=1
     )
     linear = Magnetostatics(
-        {"wire": Material(), "iron": Material(500.0), "air": Material()}, {"outer": 0.0}, ampere_turns={"wire": 10.0}
+        {"wire": Material(), "iron": Material(500.0), "air": Material()},
+        {"outer": 0.0},
+        ampere_turns={"wire": 10.0},
+        order=1,
     )
     field, plain = with_curve.solve(mesh), linear.solve(mesh)
     np.testing.assert_allclose(field.potential, plain.potential, atol=1e-9 * plain.potential.max())
     assert field.energy == pytest.approx(plain.energy, rel=1e-8) and plain.newton == ()
     for estimator in ("residual", "recovery"):
         one, other = (
-            Magnetostatics(each.materials, {"outer": 0.0}, estimator, {"wire": 10.0}).indicators(mesh, found)
+            Magnetostatics(each.materials, {"outer": 0.0}, estimator, {"wire": 10.0}, order=1).indicators(mesh, found)
             for each, found in ((with_curve, field), (linear, plain))
         )
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-8 * other.max())
@@ -221,7 +224,7 @@ def test_a_warm_start_saves_steps_and_ends_in_the_same_place():
     again = tube().solve_from(coarse, coarse, old)
     assert len(again.newton) == 1
     small = disk(10, 0.8 * OUTER)
-    elsewhere = Magnetostatics({"air": Material(current_density=1.0)}, {"outer": 0.0}).solve(
+    elsewhere = Magnetostatics({"air": Material(current_density=1.0)}, {"outer": 0.0}, order=1).solve(
         small.with_subdomains({"air": lambda x: x[0] < 1}).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.03})
     )
     outside = tube().solve_from(fine, elsewhere.mesh, elsewhere)  # nodes outside the old mesh have its nearest value
@@ -230,7 +233,9 @@ def test_a_warm_start_saves_steps_and_ends_in_the_same_place():
 
 def test_linear_problems_do_not_use_the_old_solution():
     mesh = wire_mesh(10)
-    linear = Magnetostatics(dict.fromkeys(("wire", "iron", "air"), Material(current_density=1e6)), {"outer": 0.0})
+    linear = Magnetostatics(
+        dict.fromkeys(("wire", "iron", "air"), Material(current_density=1e6)), {"outer": 0.0}, order=1
+    )
     assert np.array_equal(linear.solve(mesh).potential, linear.solve_from(mesh, mesh, None).potential)
 
 
@@ -301,7 +306,7 @@ def test_a_pass_that_does_not_converge_loses_nothing():
 
 def magnet_problem(magnet):
     mesh = wire_mesh(10)
-    return mesh, Magnetostatics({"wire": magnet, "iron": Material(1000.0), "air": Material()}, {"outer": 0.0})
+    return mesh, Magnetostatics({"wire": magnet, "iron": Material(1000.0), "air": Material()}, {"outer": 0.0}, order=1)
 
 
 def test_coercivity_and_remanence_say_the_same():
@@ -330,9 +335,9 @@ def test_a_magnet_with_a_curve_stores_no_energy_at_its_remanence():
     by_remanence = Material(bh=law, remanence=(0.0, 1.2))
     by_coercivity = Material(bh=law, coercivity=(0.0, float(law.field_strength(np.float64(1.2)))))
     for magnet in (by_remanence, by_coercivity):
-        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -1.2}).solve(mesh)
+        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -1.2}, order=1).solve(mesh)
         assert np.abs(field.field_strength).max() < 1e-3 and abs(field.energy) < 1e-6
-        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -0.7}).solve(mesh)
+        field = Magnetostatics({"magnet": magnet}, potential={"left": 0.0, "right": -0.7}, order=1).solve(mesh)
         assert field.energy > 0.0 and np.all(field.field_strength[1] < -0.3 / MU0)
         wanted = law.energy(np.float64(0.7)) - law.energy(np.float64(1.2))
         wanted += law.field_strength(np.float64(1.2)) * 0.5
@@ -353,7 +358,7 @@ def test_a_halbach_ring_has_a_uniform_field_inside():
     ring = (middle > 0.02) & (middle < 0.04)
     mesh = mesh.with_subdomains({"ring": np.flatnonzero(ring), "air": np.flatnonzero(~ring)})
     problem = Magnetostatics(
-        {"ring": Material(remanence=halbach(1.0, 1)), "air": Material()}, {"outer": 0.0}, "recovery"
+        {"ring": Material(remanence=halbach(1.0, 1)), "air": Material()}, {"outer": 0.0}, "recovery", order=1
     )
     field = problem.solve(mesh)
     np.testing.assert_allclose(field.flux_density[0, middle < 0.015], np.log(2), rtol=0.01)
@@ -431,11 +436,11 @@ def test_wrong_ampere_turns_are_named(turns, message):
 def test_a_coil_of_two_currents_or_no_area_is_refused():
     materials = {"wire": Material(current_density=1.0), "rest": Material()}
     with pytest.raises(ValueError, match=r"the coil 'wire' has ampere_turns or a current density; got both, 1 A/m\^2"):
-        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": 1.0})
+        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": 1.0}, order=1)
     mesh = wire_mesh(10).with_subdomains({"coil": np.array([], dtype=int)})
     materials = dict.fromkeys(("wire", "iron", "air", "coil"), Material())
     with pytest.raises(ValueError, match="the coil 'coil' has no area in the mesh, so its ampere_turns have no place"):
-        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"coil": 1.0}).solve(mesh)
+        Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"coil": 1.0}, order=1).solve(mesh)
 
 
 def test_depth_makes_energies_totals():

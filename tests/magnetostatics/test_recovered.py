@@ -18,7 +18,7 @@ def rectangle(n):
     mesh = box(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1), sides)
     magnet = Material(remanence=(0.0, MU0 * 1e6))
     potential = {"outer": lambda x: rectangle_potential(x, (0.0, 0.0), HALF)}
-    return mesh, Magnetostatics({"magnet": magnet, "air": Material()}, potential=potential)
+    return mesh, Magnetostatics({"magnet": magnet, "air": Material()}, potential=potential, order=1)
 
 
 def away_from_corners(number, distance=0.002):
@@ -64,7 +64,9 @@ def test_layers_keep_their_jump():
     """Flux along y in iron beside air: two values of B, recovered exactly on both sides of the interface."""
     mesh = box(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9), {"iron": (0.0, 0.5, 0.0, 1.0)})
     problem = Magnetostatics(
-        {"iron": Material(9.0), "air": Material()}, potential={"outer": lambda x: np.minimum(9 * x[0], x[0] + 4)}
+        {"iron": Material(9.0), "air": Material()},
+        potential={"outer": lambda x: np.minimum(9 * x[0], x[0] + 4)},
+        order=1,
     )
     field = problem.solve(mesh)
     each = np.ones((1, 3, 1))

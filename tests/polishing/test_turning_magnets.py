@@ -146,7 +146,7 @@ def error_of(field):
 def test_a_halbach_cylinder_is_polished(estimator):
     mesh = disk(np.linspace(0.0, 0.06, 19)[1:], {"bore": 6, "ring": 12, "air": 18})
     materials = {"bore": Material(), "ring": Material(remanence=halbach(1.0, 1)), "air": Material()}
-    problem = Magnetostatics(materials, {"outer": 0.0}, estimator)
+    problem = Magnetostatics(materials, {"outer": 0.0}, estimator, order=1)
     with_polish, without = (ka.adapt(mesh, problem, polish=polish) for polish in (True, False))
     assert "there was no polish" not in with_polish.message
     assert all(step.polish_gain > 0.0 for step in with_polish.history[1:])
@@ -175,7 +175,7 @@ def test_magnets_beside_iron_are_polished(iron, magnet):
         {"outer": lambda x: np.hypot(*x) > 0.0599, "left": lambda x: x[0] < 1e-9}
     )
     materials = {"bore": Material(), "ring": Material(1.05, magnet), "iron": iron, "air": Material()}
-    problem = Magnetostatics(materials, {"outer": 0.0, "left": 0.0})
+    problem = Magnetostatics(materials, {"outer": 0.0, "left": 0.0}, order=1)
     before, after = above_least(problem, mesh), above_least(problem, ka.polish(mesh, problem))
     assert after < 0.8 * before
 
@@ -188,7 +188,7 @@ def poles(x):
 @pytest.mark.parametrize("topology", ["flip", "fixed"])
 def test_a_flux_that_jumps_inside_a_region_never_raises_the_functional(topology):
     materials = {"bore": Material(), "ring": Material(remanence=poles), "air": Material()}
-    problem, mesh = Magnetostatics(materials, {"outer": 0.0}), ring(9)
+    problem, mesh = Magnetostatics(materials, {"outer": 0.0}, order=1), ring(9)
     values = [functional_value(mesh, problem.ritz(mesh, problem.solve(mesh)))]
     for _ in range(3):
         mesh = ka.polish(mesh, problem, topology=topology)
