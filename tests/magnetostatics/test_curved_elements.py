@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from helpers.devices import BORE, RIM, WIRE, tube, wire_mesh
+from helpers.devices import OUTER as RADIUS
 from helpers.exact_fields import overrating, true_error
-from helpers.meshes import disk
+from helpers.meshes import apart, disk, ring
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
@@ -157,3 +159,26 @@ def test_a_current_in_a_round_wire():
     assert curved.current_density.max() == pytest.approx(1.0 / (np.pi * INNER**2), rel=3e-4)
     assert lorentz_torque(curved, "magnet") == pytest.approx(0.0, abs=1e-12)
     assert arkkio_torque(curved, "air") == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("order", "steps"), [(2, 0), (2, -5), (3, 9)])
+def test_a_rotor_turns_on_a_circle_of_curved_sides(order, steps):
+    """A magnet of a moment of 1 A m^2/m in a field of 1 T across it, its rotor turned by steps of the circle."""
+    rotor = disk(10, 0.5).with_boundaries({"rim": lambda x: x[0] > -9.0}, boundaries_only=True)
+    mesh = apart(rotor, ring(60, 6, inner=0.5, outer=1.0))
+    inside = np.hypot(*mesh.p)[mesh.t].max(axis=0) < 0.3 + 1e-9
+    mesh = mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    moment, angle = Material(remanence=(MU0 / (np.pi * 0.3**2), 0.0)), 2 * np.pi * steps / 60
+    pair = ("0 rim", "1 inner", ka.Rotation(angle))
+    rim = {"1 outer": lambda x: x[1]}
+    problem = Magnetostatics({"magnet": moment, "air": Material()}, rim, periodic=[pair], order=order)
+    assert problem.solve(bent_on(mesh, 0.3, 0.5, 1.0)).torque("magnet") == pytest.approx(-np.sin(angle), abs=5e-4)
+
+
+def test_iron_that_saturates_around_a_round_wire():
+    """Exact energies without an extrapolation from two meshes, which chords need."""
+    mesh = bent_on(wire_mesh(10), WIRE, BORE, RIM, RADIUS)
+    field = tube(order=2).solve(mesh)
+    assert field.newton[-1].converged
+    assert field.energy == pytest.approx(6.7135511580, rel=1e-3)
+    assert field.potential[0] == pytest.approx(0.0393894788, rel=5e-4)
