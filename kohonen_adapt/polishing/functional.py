@@ -29,6 +29,7 @@ from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = ["Functional", "VariesInside"]
 
+FOLLOWED = 2  # order up to which a parabola follows a curve as well as functions do the solution
 LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
 
 
@@ -63,15 +64,15 @@ class Functional:
     boundary
         What Robin conditions add: nodes there stay, for the functional is known on the facets that there are.
     held
-        Chains whose nodes are not to slide: curves with chords for facets, given values that are not linear, Robin
-        conditions, or a chain of one facet between two nodes with given values, of which nobody can tell whether they
-        are given on it, (c,) bool.
+        Chains whose nodes are not to slide: curves with chords for facets, or with cubic functions, given values that
+        are not linear, Robin conditions, or a chain of one facet between two nodes with given values, of which nobody
+        can tell whether they are given on it, (c,) bool.
     on_chain
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
         Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
-        outlines are straight, or sides bent to them up to what is of fourth order, and values are given on whole chains
-        only and linearly there.
+        outlines are straight, or sides bent to them up to what is of the order of the squared error, and values are
+        given on whole chains only and linearly there.
     law
         Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
     tables
@@ -139,7 +140,7 @@ class Functional:
             side = triangulation.elements.chain[e, k]
             whole &= np.bincount(side, weights=~modes.given[e, k], minlength=count) == 0
             np.maximum.at(off, side, np.abs(modes.side[e, k]).max(axis=1))
-        slides = outline.straight | movable.curved
+        slides = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & slides & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         alike = bool(np.all(slides)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))

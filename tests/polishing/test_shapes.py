@@ -141,11 +141,13 @@ def test_sweeps_and_recycling_take_off_what_they_say(case):
     movable, recycled, table = at.movable, unchanged(at.movable.triangulation), 1e-8 if case[3] else 1e-12
     sliding, before = movable.constraints.kind == SLIDING, at.value()
     start = movable.triangulation.position[sliding].copy()
+    slides = case[1] < 3 or not movable.curved  # cubic functions see what a parabola leaves out of a curve
+    assert at.functional.comparable == slides
     for _ in range(3):
         gain = descend(movable, at.functional, at.trial, 2)
         after = at.value()
         assert 0.0 < gain <= before - after + table * abs(before)
-        assert recycled.splits or np.any(movable.triangulation.position[sliding] != start)
+        assert recycled.splits or slides == np.any(movable.triangulation.position[sliding] != start)
         at.trial, recycled, lowered = recycle_by_energy(movable, at.functional, at.trial, recycled)
         before = at.value()
         assert after - before == pytest.approx(lowered, rel=1e-7, abs=table * abs(before))
