@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import SLIDING, Constraints
 from kohonen_adapt.mesh.motions import Motion, Pair, inverse
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import Facets, outline_facets
 from kohonen_adapt.outline.matching import Match, Sides, matched
 from kohonen_adapt.outline.rules import checked_pairs
 
-__all__ = ["Pairs", "find_pairs", "image_nodes"]
+__all__ = ["Pairs", "find_pairs", "image_nodes", "sliding_pairs"]
 
 
 class Pairs(NamedTuple):
@@ -50,6 +51,13 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
             goes_on.append(match.goes_on)
     mates = np.where(facet_motion >= 0, mates_of(facets, partner), -1)
     return Pairs(partner, motion, np.array(motions).reshape(-1, 2, 3), np.array(goes_on, bool), mates, facet_motion)
+
+
+def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
+    """Nodes of the first of every two boundaries, (k,), that slide, and their partners, (k,)."""
+    twins, slides = constraints.twins, constraints.kind == SLIDING
+    node = np.flatnonzero(slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner])
+    return node, twins.partner[node]
 
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:

@@ -19,7 +19,6 @@ from kohonen_adapt.kernels.arrays import (
     RATES_X,
     RATES_Y,
     SIXTH_SOURCE,
-    SLIDING,
     Constraints,
     Elements,
     Modes,
@@ -30,6 +29,7 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.pairs import sliding_pairs
 
 __all__ = ["Patch", "descend_pairs", "tie"]
 
@@ -87,11 +87,11 @@ class Couples(NamedTuple):
     def of(cls, movable: MovableMesh, sign: Floats) -> "Couples":
         """All whose chain has a sign, 1 or -1, (c,); 0 where nothing is known of the function there."""
         constraints = movable.constraints
-        twins, slides = constraints.twins, constraints.kind == SLIDING
-        chosen = slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner]
-        node = np.flatnonzero(chosen & (np.append(sign, 0.0)[constraints.own_chain] != 0.0))
-        motion = twins.motions[twins.motion[node]]
-        return cls(node, twins.partner[node], motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
+        node, partner = sliding_pairs(constraints)
+        known = sign[constraints.own_chain[node]] != 0.0
+        node, partner = node[known], partner[known]
+        motion = constraints.twins.motions[constraints.twins.motion[node]]
+        return cls(node, partner, motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
 
     def some(self, rows: Ints) -> "Couples":
         """Those in some rows."""

@@ -10,6 +10,7 @@ moving grids", Acta Numerica 18 (2009), for the empirical density that a self-or
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import Constraints
+from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.transport import (
     find_crossings,
@@ -39,6 +40,7 @@ from kohonen_adapt.kernels.triangle.transport import (
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.pairs import sliding_pairs
 from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["POINTS", "Transport"]
@@ -77,12 +79,27 @@ class Transport:
         """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
         return cls(movable, clusters_of(movable.triangulation, rank))
 
+    @cached_property
+    def constraints(self) -> Constraints:
+        """Where nodes may go: as the mesh says, but that paired chains which are straight count as others do."""
+        constraints = self.movable.constraints
+        flags = constraints.chains.flags.copy()
+        flags[constraints.chains.shape == STRAIGHT, PAIRED] = 0
+        return constraints._replace(chains=constraints.chains._replace(flags=flags))
+
+    @cached_property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """Nodes of pairs on straight chains, which go along with one another, (k,) each; those on arcs stay."""
+        node, partner = sliding_pairs(self.constraints)
+        straight = (self.constraints.chains.shape == STRAIGHT)[self.constraints.own_chain[node]]
+        return node[straight], partner[straight]
+
     def carry(self, shown: Draw, winners: Ints) -> None:
         """One round: let the nodes flow to where these points found too few winners."""
         move = self.moves(self.flow(shown, winners))
         far = self._reach(move)
         steps = min(STEPS, max(1, ceil(far / STEP)))
-        step = Step.of(self.movable.triangulation, self.movable.constraints)
+        step = Step.of(self.movable.triangulation, self.constraints)
         for _ in range(steps):
             self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
             self.movable.flip()
@@ -113,7 +130,7 @@ class Transport:
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
         along, count = np.empty((len(flow), 3)), np.empty(len(flow))
-        find_directions(self.movable.triangulation.elements.node, self.movable.constraints, self.cluster, count, along)
+        find_directions(self.movable.triangulation.elements.node, self.constraints, self.cluster, count, along)
         xx, xy, yy = along.T
         for _ in range(int(SMOOTHING * np.sqrt(self.movable.nnodes))):
             x, y = (0.5 * (flow + mean @ flow)).T
@@ -133,7 +150,7 @@ class Transport:
 
     def moves(self, flow: Floats) -> Floats:
         """The displacement of every node: that of the clusters around it, smoothed, along outlines on outlines."""
-        star, constraints, n = self.movable.triangulation.star, self.movable.constraints, self.movable.nnodes
+        star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, FEW), np.empty((2, n, 2))
 
         def begin(thread: int, first: int, last: int) -> None:
@@ -146,7 +163,16 @@ class Transport:
         for _ in range(ceil(n**0.25)):  # they smooth what jumps from cluster to cluster
             shared(smooth, cuts)
             moves = moves[::-1]
-        return moves[0]
+        return self._alike(moves[0])
+
+    def _alike(self, move: Floats) -> Floats:
+        """The moves, those of pairs the mean of both along their chains."""
+        chains, own = self.constraints.chains, self.constraints.own_chain
+        along = [chains.direction[own[nodes]] for nodes in self.pairs]
+        far = sum(np.sum(t * move[nodes], axis=1) for t, nodes in zip(along, self.pairs, strict=True))
+        for t, nodes in zip(along, self.pairs, strict=True):
+            move[nodes] = 0.5 * far[:, None] * t
+        return move
 
     def _reach(self, move: Floats) -> float:
         """How far nodes go, in distances of neighbours, all but one in a hundred."""
@@ -160,7 +186,7 @@ class Transport:
 
     def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
         """Let all nodes go a share of their moves, as far as that spoils no element."""
-        tri, constraints = self.movable.triangulation, self.movable.constraints
+        tri, constraints = self.movable.triangulation, self.constraints
         nodes = even_cuts(tri.nnodes, FEW)
 
         def go(thread: int, first: int, last: int) -> None:
@@ -170,6 +196,7 @@ class Transport:
             take_step(tri.position, constraints, step.ahead, step.parameter, first, last)
 
         shared(go, nodes)
+        self._together(step)
         self._mend(step, rings)
         shared(take, nodes)
 
@@ -177,7 +204,7 @@ class Transport:
         """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are."""
         tri, constraints, node = (
             self.movable.triangulation,
-            self.movable.constraints,
+            self.constraints,
             self.movable.triangulation.elements.node,
         )
 
@@ -195,10 +222,36 @@ class Transport:
                     tri.position, step.ahead, step.parameter, node, tri.star, constraints, step.spoiled, rings,
                     step.ring, step.queue,
                 )  # fmt: skip
-        shared(mark, even_cuts(len(node), FEW))
-        hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
-        while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
+            self._together(step)
+        apart = True
+        while apart:  # who waits for a partner may be in the way of others
+            shared(mark, even_cuts(len(node), FEW))
             hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
+                hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            apart = self._wait(step)
+
+    def _together(self, step: "Step") -> None:
+        """Let nodes of pairs go to the mean of the places that both would go to."""
+        own, now = self.constraints.own_chain, self.constraints.parameter
+        places = [np.where(self._stay(step, nodes), now[nodes], step.parameter[nodes]) for nodes in self.pairs]
+        place = 0.5 * (places[0] + places[1])
+        for nodes in self.pairs:
+            goes = place != now[nodes]
+            step.parameter[nodes] = place
+            step.ahead[nodes] = self.movable.triangulation.position[nodes]
+            step.ahead[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
+
+    def _stay(self, step: "Step", nodes: Ints) -> Mask:
+        """Which nodes are to stay where they are."""
+        return np.all(step.ahead[nodes] == self.movable.triangulation.position[nodes], axis=1)
+
+    def _wait(self, step: "Step") -> bool:
+        """Let nodes of pairs stay whose partner does; returns whether there were such."""
+        one, other = (self._stay(step, nodes) for nodes in self.pairs)
+        for nodes in self.pairs:
+            step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
+        return bool(np.any(one != other))
 
 
 class Step(NamedTuple):

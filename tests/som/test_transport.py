@@ -271,14 +271,16 @@ def test_nothing_is_carried_through_a_line_within_a_region():
     assert np.all(after.p[0, walls] == 0.5)
 
 
-def test_pinned_nodes_and_both_nodes_of_pairs_stay():
+def test_pinned_nodes_stay_and_with_them_their_partners():
     mesh = square(16).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
-    after = ka.relocate(
-        mesh, peak(mesh, 0.3, 0.3, 100), schedule=ROUNDS, periodic=[("left", "right")], pinned=[140, 141]
-    )
-    ends = (mesh.p[0] == 0.0) | (mesh.p[0] == 1.0)
-    assert np.array_equal(after.p[:, ends], mesh.p[:, ends])
-    assert np.array_equal(after.p[:, [140, 141]], mesh.p[:, [140, 141]])
+    left = np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] > 0.4) & (mesh.p[1] < 0.6))
+    held = [140, 141, *left.tolist()]
+    after = ka.relocate(mesh, peak(mesh, 0.3, 0.3, 100), schedule=ROUNDS, periodic=[("left", "right")], pinned=held)
+    right = np.flatnonzero((mesh.p[0] == 1.0) & np.isin(mesh.p[1], mesh.p[1, left]))
+    assert np.array_equal(after.p[:, [*held, *right]], mesh.p[:, [*held, *right]])
+    sides = [np.flatnonzero(mesh.p[0] == at) for at in (0.0, 1.0)]
+    np.testing.assert_array_equal(*(after.p[1, nodes[np.argsort(mesh.p[1, nodes])]] for nodes in sides))
+    assert not np.array_equal(after.p[:, sides[0]], mesh.p[:, sides[0]])
 
 
 def test_weights_of_points_count():
@@ -322,3 +324,27 @@ def test_a_map_that_is_not_guarded_may_fold_and_go_on():
     for number in range(3):
         som.train(lambda count, rng: (rng.random((2, count)) ** 8, None), ROUNDS, seed=number)
     assert np.all(np.isfinite(som.mesh.p))
+
+
+SIDES = {"left": (0, 0.0), "right": (0, 1.0), "low": (1, 0.0), "top": (1, 1.0)}
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_pairs_are_carried_along(topology):
+    names = {name: lambda x, i=i, at=at: x[i] == at for name, (i, at) in SIDES.items()}
+    mesh, periodic = square(24).with_boundaries(names), [("left", "right"), ("low", "top")]
+    found = ka.relocate(
+        mesh,
+        lambda x: 1.0 / (0.03 + np.hypot(x[0], x[1] - 0.3)) ** 2,
+        topology=topology,
+        periodic=periodic,
+        schedule=ROUNDS,
+    )
+    for one, other in periodic:
+        along = 1 - SIDES[one][0]
+        places = [np.sort(found.p[along, np.unique(found.facets[:, found.boundaries[name]])]) for name in (one, other)]
+        np.testing.assert_array_equal(*places)
+        assert np.abs(places[0] - np.linspace(0.0, 1.0, 25)).max() > 0.02
+    left = np.unique(found.facets[:, found.boundaries["left"]])
+    assert np.median(np.abs(found.p[1, left] - 0.3)) < 0.95 * np.median(np.abs(np.linspace(0.0, 1.0, 25) - 0.3))
+    assert ka.quality(found).min() >= FLOOR
