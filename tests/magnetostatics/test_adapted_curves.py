@@ -46,6 +46,8 @@ def test_every_pass_is_solved_on_the_circles(order):
     assert last < 0.2 * MAGNET.error(chords.solution, order)
     assert all(type(step.mesh) is MeshTri for step in chords.history)
     assert area(result.mesh).sum() == pytest.approx(np.pi, rel=1e-4)
+    assert [step.comparable for step in result.history] == [order == 2] * len(result.history)
+    assert all(step.polish_gain > 0.0 for step in result.history[1:])
 
 
 def test_the_estimate_is_near_the_error_of_adapted_curved_elements():
