@@ -183,8 +183,9 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
-            value = functional_value(mesh, ritz)
-            return Functional.of(ritz, self.movable, mesh), value, ""
+            functional = Functional.of(ritz, self.movable, mesh)
+            beyond = functional.beyond_chords(self.movable.triangulation, functional.solution)
+            return functional, functional_value(mesh, ritz) + beyond, ""
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:

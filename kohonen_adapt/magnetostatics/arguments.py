@@ -181,7 +181,10 @@ class Arguments:
                 f"goal.derivative(field), or None; got {self.goal!r}."
             )
         if self.order > 1:
-            raise ValueError(f"a goal needs elements of order 1; got order {self.order}.")
+            raise ValueError(
+                f"a goal needs elements of order 1; got order {self.order}. Adapt for the goal at order 1, then "
+                f"solve on that mesh with order={self.order}."
+            )
         if self.estimator != "residual":
             raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
 

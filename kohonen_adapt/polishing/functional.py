@@ -21,6 +21,8 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.boundary import BoundaryTerms, on_chains
+from kohonen_adapt.polishing.chain_values import hold_unpaired, line_of_chains, nodes_of_chains, signs_of_chains
+from kohonen_adapt.polishing.chords import Chords
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
 from kohonen_adapt.polishing.flux_polynomials import expanded
 from kohonen_adapt.polishing.shapes import kinds_of, steepest, without_modes
@@ -71,12 +73,14 @@ class Functional:
         Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
     comparable
         Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
-        outlines are straight, or sides bent to them up to what is of the order of the squared error, and values are
-        given on whole chains only and linearly there.
+        outlines are straight, or sides bent to them up to what is of the order of the squared error, or what is between
+        chords and curves is known, and values are given on whole chains only and linearly there, on curves constant.
     law
         Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
     tables
         The energies of the laws.
+    chords
+        What lies between chords and curves.
     dual
         The functional of the dual solution of a goal, which is added to this; or None.
     share
@@ -97,6 +101,7 @@ class Functional:
     comparable: bool
     law: NDArray[np.int32]
     tables: Tables
+    chords: Chords
     dual: "Functional | None" = None
     share: float | None = None
 
@@ -143,18 +148,30 @@ class Functional:
         slides = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & slides & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
-        alike = bool(np.all(slides)) and not np.any(given & ~linear) and not np.any(fixed & (kind == FREE))
         sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
         held = ~slides | (given & ~linear) | (whole & bare) | boundary.on
         held |= ~outline.straight & outline.constraints.chains.paired
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
-        constants, comparable = constants_of(ritz, number), ritz.comparable and alike
+        constants = constants_of(ritz, number)
+        # beside pairs two stars are one, of whose slivers nothing is known; of laws and fluxes that vary neither
+        plain = ritz.order == 1 and not (ritz.axisymmetric or callable(ritz.flux) or ritz.laws)
+        plain &= not outline.constraints.chains.paired.any()
+        level = np.where(whole & (off <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
+        chords = Chords.of(triangulation, outline, constants, ~slides & ~bare & ~boundary.on & plain, given, level)
+        linear |= chords.known & given
+        alike = bool(np.all(slides | chords.known)) and not np.any(given & ~linear)
+        comparable = ritz.comparable and alike and not np.any(fixed & (kind == FREE))
         if modes is not None:
             modes.given[on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)] = True
         chains = given, linear, sign, boundary, held, on_chain
-        return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables)
+        return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables, chords)
+
+    @property
+    def nearly(self) -> bool:
+        """Whether loops over stars know it nearly only: fluxes vary, or something is between chords and curves."""
+        return self.varies or bool(self.chords.known.any())
 
     @property
     def varies(self) -> bool:
@@ -167,9 +184,17 @@ class Functional:
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
         total = value_on(corners, coefficients, number, self.ritz, bend)
         total += self.boundary.value(triangulation.elements.chain, corners, coefficients)
+        total += self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return total
         return total + self.dual.value(triangulation, trial.dual)
+
+    def beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
+        """What of it is between chords and curves."""
+        own = self.chords.value(triangulation, trial.values)
+        if self.dual is None or trial.dual is None:
+            return own
+        return own + self.dual.beyond_chords(triangulation, trial.dual)
 
     def improve_on_boundary(
         self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None
@@ -209,24 +234,6 @@ class Functional:
         held = (kind == FREE) & fixed
         held[sliding] |= self.held[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
-
-
-def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> None:
-    """Let values on the boundaries of pairs be given where the mesh does not have them as pairs."""
-    for name in (name for names in ritz.signs for name in names):
-        sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
-        solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True
-        if solution.modes is not None:
-            solution.modes.given[sides] = True
-
-
-def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
-    """What `Functional` calls sign."""
-    sign, chains = np.zeros(len(outline.constraints.chains.length)), outline.constraints.chains
-    for names, times in ritz.signs.items():
-        for name in names:
-            sign[(outline.names[name] != 0) & chains.paired] = times
-    return sign
 
 
 def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
@@ -281,30 +288,3 @@ def laws_of_regions(
             law[place] = same[0] if same else len(distinct)
             distinct += [] if same else [found]
     return law, tabulated(distinct, steepest(ritz, triangulation, solution.values, solution.modes) if distinct else 0.0)
-
-
-def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The chain and the end nodes of every facet on one, a row for each end."""
-    elements = triangulation.elements
-    e, k = np.nonzero(elements.chain >= 0)
-    node = np.concatenate([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]])
-    return np.tile(elements.chain[e, k], 2), node
-
-
-def line_of_chains(
-    triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
-) -> tuple[Floats, Floats]:
-    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,).
-
-    On curves it is constant.
-    """
-    chains = outline.constraints.chains
-    way = triangulation.position[node] - chains.origin[chain]
-    parameter = np.sum(way * chains.direction[chain], axis=1)
-    order = np.lexsort((parameter, chain))
-    last = np.cumsum(np.bincount(chain, minlength=len(chains.length))) - 1
-    end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
-    rate = np.where(outline.straight, (end - start) / chains.length, 0.0)
-    off = np.zeros(len(start))
-    np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
-    return np.stack([start, rate], axis=1), off

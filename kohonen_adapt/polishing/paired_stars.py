@@ -31,7 +31,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
 
-__all__ = ["Patch", "descend_pairs", "tie"]
+__all__ = ["Patch", "descend_pairs", "independent", "tie"]
 
 
 class Patch(NamedTuple):
@@ -125,7 +125,9 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
     Values that are not given follow, also of nodes that are held.
     """
     couples, gain = Couples.of(movable, freedom.sign), 0.0
-    for rows in independent(movable, couples):
+    number = np.full(movable.nnodes, -1)
+    number[couples.node] = number[couples.partner] = np.arange(len(couples.node))
+    for rows in independent(number[movable.triangulation.elements.node], len(couples.node)):
         some = couples.some(rows)
         stars = Gathered.of(movable, some)
         patch = stars.patch(movable, downhill, some, freedom)
@@ -134,12 +136,12 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
     return gain
 
 
-def independent(movable: MovableMesh, couples: Couples) -> list[Ints]:
-    """Couples in groups such that no element has nodes of two of a group; those of which one has both nodes are out."""
-    number = np.full(movable.nnodes, -1)
-    number[couples.node] = number[couples.partner] = np.arange(len(couples.node))
-    of_corners = number[movable.triangulation.elements.node]
-    beside: list[set[int]] = [set() for _ in couples.node]
+def independent(of_corners: Ints, count: int) -> list[Ints]:
+    """Numbers up to a count in groups such that no element has two of a group at its corners.
+
+    There is one at every corner, (m, 3), or -1. Those that an element has twice are left out.
+    """
+    beside: list[set[int]] = [set() for _ in range(count)]
     for a, b in ((0, 1), (1, 2), (2, 0)):
         both = (of_corners[:, a] >= 0) & (of_corners[:, b] >= 0)
         for i, j in zip(of_corners[both, a].tolist(), of_corners[both, b].tolist(), strict=True):

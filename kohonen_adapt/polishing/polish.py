@@ -59,7 +59,7 @@ def polish(
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
     min_quality, pinned, curves, periodic, layers
-        What nodes may do: see `Rules`. Nodes on arcs and splines with straight facets stay where they are.
+        What nodes may do: see `Rules`. Nodes slide on arcs and splines, too, with chords for facets as the notes say.
     seed
         An integer >= 0, as everywhere; nothing here is random.
 
@@ -77,8 +77,11 @@ def polish(
 
     Notes
     -----
-    Nodes on curves that facets are chords of, and those whose given values are not linear along their piece of outline,
-    on curved sides not the same all along, stay where they are: elsewhere the mesh would have another set of admissible
+    Where facets are chords of curves, at order 1, what lies between is counted with the material that is there, and the
+    function goes on in it, so that the functional is one of the true domain. That needs linear material and a flux that
+    does not vary, no pairs, and values that are not given, or on the outside of a convex domain all along the same.
+    Other nodes on such curves, and those whose given values are not linear along their piece of outline, on curved
+    sides not the same all along, stay where they are: elsewhere the mesh would have another set of admissible
     functions, and a lower functional would say nothing about the error. Energies of nonlinear material are looked up in
     tables, which makes that true to 1e-10 of the functional.
 
@@ -155,9 +158,10 @@ def descend(
     """Sweep nodes and edges of a mesh downhill from a function, which changes with them; see `sweep`.
 
     Where the flux varies, what elements know of it holds near where they were: it is worked out again after a few
-    sweeps, which are undone if they have not lowered the functional, as where the flux jumps inside a region.
+    sweeps, which are undone if they have not lowered the functional, as where the flux jumps inside a region. So
+    they are where something is between chords and curves, of which loops over stars do not know.
     """
-    if not functional.varies:
+    if not functional.nearly:
         return sweep(movable, functional, trial, sweeps, eager)
     total = 0.0
     for done in range(0, sweeps, KNOWN):
@@ -177,7 +181,7 @@ def recycle_downhill(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
 ) -> tuple[TrialFunction, Recycled, float]:
     """Recycle by energy as `recycle_by_energy` says; where the flux varies undone as in `descend`."""
-    if not functional.varies:
+    if not functional.nearly:
         return recycle_by_energy(movable, functional, trial, recycled)
     state, before = movable.state(), functional.value(movable.triangulation, trial)
     left, done, lowered = recycle_by_energy(movable, functional, trial, recycled)

@@ -15,6 +15,7 @@ from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainf
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, Patch, descend_pairs, tie
 from kohonen_adapt.polishing.shapes import shapes_of
@@ -76,7 +77,8 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
     tie(movable, trial, functional.sign)
-    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | pairs | on_robin), constraints)
+    beyond = pairs | on_robin | functional.chords.nodes(movable.triangulation)
+    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
     if eager:
@@ -87,7 +89,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         gain += flip_downhill(movable, downhill)
         bend = movable.bent_sides() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, bend)
-    return gain
+    return gain + descend_curves(movable, functional, trial)
 
 
 def loops_of(problem: Problem) -> tuple[str, ...]:

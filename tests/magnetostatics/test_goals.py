@@ -330,7 +330,11 @@ def test_goals_that_are_not_polished_say_why(case, reason):
             "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
             "goal.derivative(field), or None; got 'force'.",
         ),
-        (lambda: actuator(goal=Torque("bar"), order=2), "a goal needs elements of order 1; got order 2."),
+        (
+            lambda: actuator(goal=Torque("bar"), order=2),
+            "a goal needs elements of order 1; got order 2. Adapt for the goal at order 1, then solve on that "
+            "mesh with order=2.",
+        ),
         (
             lambda: actuator(goal=Torque("bar"), estimator="recovery"),
             "a goal has its own indicators; leave the estimator out, got 'recovery'.",

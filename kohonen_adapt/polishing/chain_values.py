@@ -1,0 +1,58 @@
+"""Find out what values a function has along every chain of outlines, and which are those of pairs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.polishing.boundary import on_chains
+from kohonen_adapt.problem.ritz import Ritz
+
+__all__ = ["hold_unpaired", "line_of_chains", "nodes_of_chains", "signs_of_chains"]
+
+
+def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> None:
+    """Let values on the boundaries of pairs be given where the mesh does not have them as pairs."""
+    for name in (name for names in ritz.signs for name in names):
+        sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
+        solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True
+        if solution.modes is not None:
+            solution.modes.given[sides] = True
+
+
+def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
+    """What `Functional` calls sign."""
+    sign, chains = np.zeros(len(outline.constraints.chains.length)), outline.constraints.chains
+    for names, times in ritz.signs.items():
+        for name in names:
+            sign[(outline.names[name] != 0) & chains.paired] = times
+    return sign
+
+
+def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The chain and the end nodes of every facet on one, a row for each end."""
+    elements = triangulation.elements
+    e, k = np.nonzero(elements.chain >= 0)
+    node = np.concatenate([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]])
+    return np.tile(elements.chain[e, k], 2), node
+
+
+def line_of_chains(
+    triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
+) -> tuple[Floats, Floats]:
+    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,).
+
+    On curves it is constant.
+    """
+    chains = outline.constraints.chains
+    way = triangulation.position[node] - chains.origin[chain]
+    parameter = np.sum(way * chains.direction[chain], axis=1)
+    order = np.lexsort((parameter, chain))
+    last = np.cumsum(np.bincount(chain, minlength=len(chains.length))) - 1
+    end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
+    rate = np.where(outline.straight, (end - start) / chains.length, 0.0)
+    off = np.zeros(len(start))
+    np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
+    return np.stack([start, rate], axis=1), off

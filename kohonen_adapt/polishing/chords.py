@@ -1,0 +1,114 @@
+"""Count what lies between chords and curves with the material that is there, so that functionals bound the true one.
+
+A P1 function on a mesh whose facets are chords is a function on the true domain, too: beyond its facet an element goes
+on up to the curve. Its true functional is that of the polygons and, for every sliver between chord and curve,
+``area (psi_true - psi_chord)(grad u)`` with the gradient of the element that covers the sliver, or goes on into it.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import SLIDING
+from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.isoparametric import off_chords
+from kohonen_adapt.outline.outline import Outline
+from kohonen_adapt.polishing.boundary import on_chains
+
+__all__ = ["CENTROID", "Chords", "Slivers", "segment_areas"]
+
+CENTROID = 0.4  # of the height: how far the centroid of a sliver is from its chord
+
+
+class Slivers(NamedTuple):
+    """What lies between chords and curves, in order of the elements that have it, a row each."""
+
+    element: Ints  # (s,)
+    corner: Ints  # (s,): opposite to the chord
+    change: Floats  # (s, 4): coefficient, source and flux that are there, less what is counted already
+    off: Floats  # (s, 2): from the middle of the chord to the curve
+
+
+@dataclass(frozen=True)
+class Chords:
+    """The curves of which the slivers are known, on a triangulation wherever its nodes have gone.
+
+    Attributes
+    ----------
+    outline
+        What tells where the curves are.
+    constants
+        Coefficient, source and flux of every region of the triangulation, (nregions, 4).
+    known
+        Curves whose slivers can be counted, (c,) bool.
+    given
+        Of those the ones with given values, (c,) bool: these are the same all along, and are what goes on beyond.
+    """
+
+    outline: Outline
+    constants: Floats
+    known: Mask
+    given: Mask
+
+    @classmethod
+    def of(
+        cls, triangulation: Triangulation, outline: Outline, constants: Floats, curves: Mask, given: Mask, level: Floats
+    ) -> "Chords":
+        """Find out which of some curves, (c,), have slivers that can be counted, where values are given on chains.
+
+        They are `level`, (c,), where they are the same all along the chain, nan elsewhere. Beyond the chords they go on
+        as what they are, if the mesh is on one side of the curve only, which is convex, and a source does nothing.
+        """
+        elements = triangulation.elements
+        e, k = np.nonzero(on_chains(elements.chain, curves & given))
+        inwards = leans_in(triangulation, outline, e, k)
+        loaded = constants[elements.region[e], 1] * level[elements.chain[e, k]] != 0.0
+        unknown = given & np.isnan(level)
+        unknown[elements.chain[e, k][(elements.neighbour[e, k] >= 0) | inwards | loaded]] = True
+        return cls(outline, constants, curves & ~unknown, given)
+
+    def nodes(self, triangulation: Triangulation) -> Mask:
+        """Nodes that slide on these curves, (n,)."""
+        constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
+        slides = constraints.kind == SLIDING
+        found[slides] = self.known[constraints.own_chain[slides]]
+        return found
+
+    def slivers(self, triangulation: Triangulation) -> Slivers:
+        """All that change the functional, as the mesh is now."""
+        elements = triangulation.elements
+        e, k = np.nonzero(on_chains(elements.chain, self.known & ~self.given))
+        other, inwards = elements.neighbour[e, k], leans_in(triangulation, self.outline, e, k)
+        own = self.constants[elements.region[e]]
+        there = np.where((other >= 0)[:, None], self.constants[elements.region[other]], 0.0)
+        change, rows = np.where(inwards[:, None], there - own, own), inwards | (other < 0)
+        e, k = e[rows], k[rows]
+        return Slivers(e, k, change[rows], off_chords(triangulation, self.outline, e, k))
+
+    def value(self, triangulation: Triangulation, values: Floats) -> float:
+        """What a function with these values at the nodes, (n,), adds to its functional on the polygons."""
+        if not self.known.any():
+            return 0.0
+        e, k, change, off = self.slivers(triangulation)
+        node, (a, b) = triangulation.elements.node[e], triangulation.elements.ends(e, k)
+        slope = gradients(triangulation.position[node], values[node], LINEAR_FUNCTIONS)[1][:, 0].T
+        mean = 0.5 * (values[a] + values[b]) + CENTROID * np.sum(slope * off, axis=1)
+        density = 0.5 * change[:, 0] * np.sum(slope**2, axis=1) - change[:, 1] * mean
+        density -= np.sum(change[:, 2:] * slope, axis=1)
+        return float(np.sum(segment_areas(triangulation.position[b] - triangulation.position[a], off) * density))
+
+
+def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
+    """Whether curves are on the element's own side of their chords, sides k of elements e, (f,)."""
+    (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline, e, k)
+    way = triangulation.position[b] - triangulation.position[a]
+    return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0
+
+
+def segment_areas(way: Floats, off: Floats) -> Floats:
+    """Areas between chords (s, 2) and curves so far off their middles, (s, 2): of arcs up to 30 degrees to 2e-4."""
+    length, height = np.hypot(*way.T), np.hypot(*off.T)
+    return height * (2.0 / 3.0 * length + height**2 / (2.0 * length))

@@ -1,0 +1,238 @@
+"""Move nodes along curves to where the functional, with what chords cut off, is lower.
+
+They are few, so no compiled loop is needed: nodes of which no two share an element move at once, each by Newton's
+method in its parameter, from values at three parameters with its own value eliminated.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING
+from kohonen_adapt.kernels.triangle.geometry import FLAT
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.parameters import parameters_of, ways_along
+from kohonen_adapt.polishing.boundary import on_chains
+from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.paired_stars import independent
+
+__all__ = ["descend_curves"]
+
+SHORT = 1e-3  # of the way to the next node on the curve: how far apart the three parameters are
+FARTHEST = 0.4  # of that way: how far a node may go in a sweep, less than half since the next one may come its way
+
+
+def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFunction) -> float:
+    """Move nodes on curves whose slivers are known; returns the gain of the moves. The values of the nodes follow."""
+    triangulation, gain = movable.triangulation, 0.0
+    nodes = np.flatnonzero(functional.chords.nodes(triangulation))
+    if not len(nodes):
+        return 0.0
+    number = np.full(triangulation.nnodes, -1)
+    number[nodes] = np.arange(len(nodes))
+    slivers, near = functional.chords.slivers(triangulation), nearest_on_curves(movable, functional.chords.known)
+    for rows in independent(number[triangulation.elements.node], len(nodes)):
+        gain += moved(Stars.of(movable, functional, trial, nodes[rows], slivers), near[nodes[rows]])
+    return gain
+
+
+def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
+    """How far it is in the parameter to the next node on some curves, (n,); inf elsewhere."""
+    elements, constraints = movable.triangulation.elements, movable.constraints
+    e, k = np.nonzero(on_chains(elements.chain, known))
+    chain, ends = elements.chain[e, k], elements.ends(e, k)
+    start, end = (parameters_of(movable.triangulation.position, constraints, chain, node) for node in ends)
+    near = np.full(movable.nnodes, np.inf)
+    for node in ends:
+        np.minimum.at(near, node, np.abs(ways_along(constraints.chains, chain, start, end)))
+    return near
+
+
+class Part(NamedTuple):
+    """One functional: the values of its function, (n,), and its constants at rows and slivers of `Stars`."""
+
+    values: Floats
+    constants: Floats  # (r, 4)
+    change: Floats  # (s, 4)
+
+
+class Stars(NamedTuple):
+    """The elements around some nodes, no two of which share one, a row each, and the slivers that these have."""
+
+    movable: MovableMesh
+    parts: list[Part]
+    node: Ints  # (k,)
+    given: Mask  # (k,): the values are given
+    owner: Ints  # (r,): the node, as a place among the k
+    ahead: Ints  # (r,)
+    behind: Ints  # (r,)
+    reach: Floats  # (r, 2): the longest facets to ahead and behind, inf where that is no facet on a curve
+    holder: Ints  # (s,): the row whose element has the sliver
+    ends: Ints  # (s, 2): of its chord
+    chain: Ints  # (s,)
+    parameter: Floats  # (s, 2): of the ends
+
+    @classmethod
+    def of(
+        cls, movable: MovableMesh, functional: Functional, trial: TrialFunction, node: Ints, slivers: Slivers
+    ) -> "Stars":
+        """Gather the stars of nodes, with the slivers that their elements have."""
+        triangulation, constraints = movable.triangulation, movable.constraints
+        star, elements, position = triangulation.star, triangulation.elements, triangulation.position
+        count = star.start[node + 1] - star.start[node]
+        owner = np.repeat(np.arange(len(node)), count)
+        row = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + star.start[node][owner]
+        e, ahead, behind = star.element[row], star.ahead[row], star.behind[row]
+        first, last = np.searchsorted(slivers.element, e), np.searchsorted(slivers.element, e, side="right")
+        holder = np.repeat(np.arange(len(e)), last - first)
+        which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)]).astype(np.int64)
+        at, corner = slivers.element[which], slivers.corner[which]
+        chain, ends = elements.chain[at, corner], np.stack(elements.ends(at, corner), axis=1)
+        parameter = np.stack([parameters_of(position, constraints, chain, ends[:, i]) for i in range(2)], axis=1)
+        known, parts = slivers, list[Part]()
+        for one, function in ((functional, trial), (functional.dual, trial.dual)):
+            if one is not None and function is not None:
+                known = slivers if one is functional else one.chords.slivers(triangulation)
+                parts.append(Part(function.values, one.constants[elements.region[e]], known.change[which]))
+        k = np.argmax(elements.node[e] == node[owner][:, None], axis=1)
+        lengths = np.append(constraints.chains.reach, np.inf)
+        reach = np.stack([lengths[elements.chain[e, (k + side) % 3]] for side in (2, 1)], axis=1)
+        given = functional.chords.given[constraints.own_chain[node]]
+        return cls(movable, parts, node, given, owner, ahead, behind, reach, holder, ends, chain, parameter)
+
+    def points(self, parameter: Floats) -> Floats:
+        """Where the nodes are at parameters (k,)."""
+        chains, chain = self.movable.constraints.chains, self.movable.constraints.own_chain[self.node]
+        return self.movable.outline.points_on(chain, within(parameter, chains.length[chain], chains.closed[chain]))
+
+    def sides(self, x: Floats) -> tuple[Floats, Floats]:
+        """The ways from the nodes at x (k, 2) to those ahead and behind, (r, 2) each."""
+        position = self.movable.triangulation.position
+        return position[self.ahead] - x[self.owner], position[self.behind] - x[self.owner]
+
+    def totals(self, rows: Floats) -> Floats:
+        """Sums over the rows of every node, (k,)."""
+        return added(self.owner, rows, len(self.node))
+
+    def worst(self, x: Floats) -> Floats:
+        """The least quality around each node at x, (k,)."""
+        a, b = self.sides(x)
+        quality = 2.0 * np.sqrt(3.0) * cross(a, b) / (np.sum(a**2 + b**2 + (b - a) ** 2, axis=1))
+        least = np.full(len(self.node), np.inf)
+        np.minimum.at(least, self.owner, quality)
+        return least
+
+    def may_be(self, x: Floats, before: Floats) -> Mask:
+        """Whether nodes may go from some places to others, (k, 2): by the quality rule and the reach of the curves."""
+        after, now = self.worst(x), self.worst(before)
+        lengths = (np.hypot(*np.stack(self.sides(place)).T) for place in (x, before))
+        new, old = lengths
+        too_long = np.any((new > self.reach) & (new > old), axis=1)
+        sound = (after > FLAT) & (after >= np.minimum(self.movable.floor, now))
+        return sound & (self.totals(too_long.astype(float)) == 0.0)
+
+    def measured(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
+        """The least functional around each node at parameters (k,), its magnitudes, and the change of every value."""
+        x = self.points(parameter)
+        own = self.ends == self.node[self.owner[self.holder]][:, None]
+        at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
+        chains, position = self.movable.constraints.chains, self.movable.triangulation.position
+        middle = at[:, 0] + 0.5 * ways_along(chains, self.chain, at[:, 0], at[:, 1])
+        middle = within(middle, chains.length[self.chain], chains.closed[self.chain])
+        start, end = (
+            np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)
+        )
+        off = self.movable.outline.points_on(self.chain, middle) - 0.5 * (start + end)
+        area, touches = segment_areas(end - start, off), 0.5 * own.any(axis=1)
+        total, size, changes = np.zeros(len(self.node)), np.zeros(len(self.node)), []
+        for part in self.parts:
+            value, magnitude, slope, stiffness = self._of_part(part, x, area, off, touches)
+            change = np.where(self.given, 0.0, -slope / stiffness)
+            total += value + (slope + 0.5 * stiffness * change) * change
+            size += magnitude
+            changes.append(change)
+        return total, size, changes
+
+    def _of_part(self, part: Part, x: Floats, area: Floats, off: Floats, touches: Floats) -> tuple[Floats, ...]:
+        """Value and magnitude of one functional around each node, and its derivatives by the node's value, (k,) each.
+
+        Slivers have these areas, offs and shares of the node's value in that at the middle of their chord.
+        """
+        (a, b), own, holder = self.sides(x), part.values[self.node][self.owner], self.holder
+        doubled, ua, ub = cross(a, b), part.values[self.ahead], part.values[self.behind]
+        hat = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1) / doubled[:, None]
+        turned = (ua - own)[:, None] * b - (ub - own)[:, None] * a
+        slope = np.stack([turned[:, 1], -turned[:, 0]], axis=1) / doubled[:, None]
+        mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[holder] * off, axis=1)
+        share = touches + CENTROID * np.sum(hat[holder] * off, axis=1)
+        of_rows = summed(part.constants, 0.5 * doubled, slope, hat, (own + ua + ub) / 3.0, 1.0 / 3.0)
+        of_slivers = summed(part.change, area, slope[holder], hat[holder], mean, share)
+        pairs = zip(map(self.totals, of_rows), of_slivers, strict=True)
+        return tuple(rows + added(self.owner[holder], slivers, len(self.node)) for rows, slivers in pairs)
+
+
+def summed(
+    constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats | float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Value, magnitude and derivatives by the node's value of every row, of these areas and functions."""
+    coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
+    stored, pulled, pushed = (
+        0.5 * coefficient * np.sum(slope**2, axis=1),
+        source * mean,
+        np.sum(flux * slope, axis=1),
+    )
+    first = np.sum((coefficient[:, None] * slope - flux) * hat, axis=1) - source * share
+    magnitude = np.abs(stored) + np.abs(pulled) + np.abs(pushed)
+    second = coefficient * np.sum(hat**2, axis=1)
+    return weight * (stored - pulled - pushed), weight * magnitude, weight * first, weight * second
+
+
+def moved(stars: Stars, near: Floats) -> float:
+    """Move the nodes of some stars, as far as the next ones in the parameter allow, (k,); returns the gain."""
+    movable, node = stars.movable, stars.node
+    start, short = movable.constraints.parameter[node], SHORT * near
+    now, size, stay = stars.measured(start)
+    above, below = stars.measured(start + short)[0], stars.measured(start - short)[0]
+    slope, bend = (above - below) / (2.0 * short), np.abs(above - 2.0 * now + below) / short**2
+    bend = np.maximum(bend, np.abs(slope) / near)
+    change = np.divide(-OVERSTEP * slope, bend, out=np.zeros_like(slope), where=bend > 0.0)
+    change = np.clip(change, -FARTHEST * near, FARTHEST * near)
+    before, done, total = movable.triangulation.position[node], np.abs(change * slope) <= ROUNDING * size, 0.0
+    for _ in range(HALVINGS + 1):
+        x = stars.points(start + change)
+        value, _, follow = stars.measured(start + change)
+        gain = now - value
+        goes = ~done & stars.may_be(x, before) & (gain > ROUNDING * size)
+        if goes.any():
+            chain = movable.constraints.own_chain[node]
+            chains = movable.constraints.chains
+            settled = within(start + change, chains.length[chain], chains.closed[chain])
+            movable.constraints.parameter[node[goes]] = settled[goes]
+            movable.triangulation.position[node[goes]] = x[goes]
+            for mine, other in zip(stay, follow, strict=True):
+                mine[goes] = other[goes]
+            total += float(gain[goes].sum())
+        done, change = done | goes, 0.5 * change
+        if done.all():
+            break
+    for part, each in zip(stars.parts, stay, strict=True):
+        part.values[node] += each
+    return total
+
+
+def added(owner: Ints, rows: Floats, count: int) -> Floats:
+    """Sums of rows by their owner, (count,)."""
+    return np.bincount(owner, rows, count).astype(np.float64)
+
+
+def within(parameter: Floats, length: Floats, closed: Mask) -> Floats:
+    """Parameters on chains of these lengths, where loops begin anew."""
+    return np.where(closed, parameter - np.floor(parameter / length) * length, np.clip(parameter, 0.0, length))
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """The third component of cross products of vectors (r, 2)."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -1,0 +1,185 @@
+"""What chords cut off, counted: the functional is that of the true domain, and nodes on curves descend it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.meshes import circle, shells
+from skfem import Basis, ElementTriP1, MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material, radial
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.polishing.curve_nodes import Stars
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.problem.ritz import functional_value
+
+RADII = (0.3, 0.6, 1.0)
+
+
+def disk(around=12, layers=3, off=0.0):
+    """A disk in a ring in a ring, their nodes shifted along the circles, where neighbours allow it."""
+    radii = np.concatenate([[0.15], np.linspace(0.3, 0.6, layers), np.linspace(0.6, 1.0, layers)[1:]])
+    turned = [radius * circle(around, off * np.sin(7 * radius)) for radius in radii]
+    mesh = shells(turned, 1)
+    centre = mesh.p.shape[1]
+    first = np.flatnonzero(np.hypot(*mesh.p) < 0.16)
+    first = first[np.argsort(np.arctan2(mesh.p[1, first], mesh.p[0, first]))]
+    fan = np.stack([np.full(around, centre), first, np.roll(first, -1)])
+    mesh = MeshTri(np.hstack([mesh.p, np.zeros((2, 1))]), np.hstack([mesh.t, fan]))
+    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    parts = {name: np.flatnonzero((middle > low) & (middle < high)) for name, low, high in PARTS}
+    return mesh.with_subdomains(parts).with_boundaries({"rim": lambda x: np.hypot(*x) > 0.9})
+
+
+PARTS = (("core", 0.0, 0.29), ("ring", 0.29, 0.595), ("air", 0.595, 1.0))
+
+
+def functional_on(mesh, natural=False, seed=1):
+    """Constants by region of any kind, values of any kind, given as 0 on the rim if it is not natural there."""
+    rng, n = np.random.default_rng(seed), mesh.p.shape[1]
+    number = np.zeros(mesh.nelements, dtype=int)
+    for place, (name, _, _) in enumerate(PARTS):
+        number[mesh.subdomains[name]] = place
+    fixed = np.zeros(n, dtype=bool) if natural else np.hypot(*mesh.p) > 0.99
+    values = np.where(fixed, 0.0, mesh.p[0] * (1.0 - np.sum(mesh.p**2, axis=0)) + 0.3 * mesh.p[1])
+    source, flux = (np.zeros(3), np.zeros((2, 3))) if natural else (rng.normal(size=3), rng.normal(size=(2, 3)))
+    return ka.Ritz(values, fixed, 10.0 ** rng.uniform(-1, 1, 3), source, flux, number)
+
+
+def true_functional(mesh, ritz, values, points=1000):
+    """That of the same P1 function on the true disk, at points in polar coordinates."""
+    radius, angle = np.meshgrid((np.arange(points) + 0.5) / points, 2.0 * np.pi * np.arange(points) / points)
+    x = np.stack([radius * np.cos(angle), radius * np.sin(angle)]).reshape(2, -1)
+    found, middle = ka.find_elements(mesh, x), mesh.p[:, mesh.t].mean(axis=1)
+    rim = mesh.f2t[0, mesh.boundary_facets()]
+    lost = np.flatnonzero(found < 0)  # beyond the chords of the rim, where its elements go on
+    way = np.abs(np.angle(np.exp(1j * (np.arctan2(*x[::-1, lost])[:, None] - np.arctan2(*middle[::-1, rim])))))
+    found[lost] = rim[np.argmin(way, axis=1)]
+    slope = np.asarray(Basis(mesh, ElementTriP1(), intorder=1).interpolate(values).grad)[:, found, 0]
+    u = values[mesh.t[:, found]].mean(axis=0) + np.sum(slope * (x - middle[:, found]), axis=0)
+    if ritz.fixed.any():
+        slope[:, lost] = u[lost] = 0.0
+    number = np.digitize(radius.ravel(), RADII[:2])
+    density = 0.5 * ritz.coefficient[number] * np.sum(slope**2, axis=0) - ritz.source[number] * u
+    density -= np.sum(ritz.flux[:, number] * slope, axis=0)
+    return float(radius.ravel() @ density) * 2.0 * np.pi / points**2
+
+
+@pytest.mark.parametrize("natural", [False, True])
+def test_with_slivers_it_is_the_functional_of_the_true_domain(natural):
+    mesh = disk()
+    ritz = functional_on(mesh, natural)
+    movable = MovableMesh.of(mesh, Rules())
+    functional = Functional.of(ritz, movable)
+    assert functional.comparable and functional.chords.known.all()
+    polygons, exact = functional_value(mesh, ritz), true_functional(mesh, ritz, np.asarray(ritz.values))
+    counted = functional.value(movable.triangulation, functional.solution)
+    assert counted == pytest.approx(polygons + functional.beyond_chords(movable.triangulation, functional.solution))
+    assert abs(counted - exact) < 0.02 * abs(polygons - exact)
+
+
+@pytest.mark.parametrize("dual", [False, True])
+def test_stars_know_what_a_move_along_a_curve_does_to_the_whole(dual):
+    mesh = disk(off=0.1)
+    movable, ritz = MovableMesh.of(mesh, Rules()), functional_on(mesh)
+    if dual:
+        other = functional_on(mesh, seed=2)
+        ritz = replace(ritz, dual=replace(other, coefficient=ritz.coefficient), share=3.0)
+    functional = Functional.of(ritz, movable)
+    trial, constraints, tri = functional.solution.copy(), movable.constraints, movable.triangulation
+    moving = np.flatnonzero(functional.chords.nodes(tri))
+    assert len(moving) == 3 * 12
+    for v in moving[::5]:
+        node, found = np.array([v]), []
+        stars = Stars.of(movable, functional, trial, node, functional.chords.slivers(tri))
+        start = constraints.parameter[node].copy()
+        for parameter in (start, start + 0.02):
+            old, (total, _, changes) = trial.copy(), stars.measured(parameter)
+            tri.position[node], constraints.parameter[node] = stars.points(parameter), parameter
+            for part, change in zip(stars.parts, changes, strict=True):
+                part.values[node] += change
+            least = functional.value(tri, trial)
+            found.append((least, total[0]))
+            for part in stars.parts:
+                part.values[node] += 1e-4
+                assert functional.value(tri, trial) > least or trial.fixed[v]  # it was the best value
+            trial.restore(old)
+        assert found[1][0] - found[0][0] == pytest.approx(found[1][1] - found[0][1], rel=1e-6)
+        tri.position[node], constraints.parameter[node] = stars.points(start), start
+
+
+MATERIALS = {"core": Material(remanence=(1.0, 0.5)), "ring": Material(50.0), "air": Material(current_density=1e5)}
+FIELD = Magnetostatics(MATERIALS, potential={"rim": 0.0})
+
+
+def test_nodes_on_curves_are_polished_and_passes_compared_by_the_true_functional():
+    mesh = disk(16, 4, off=0.05)
+    result = ka.adapt(mesh, FIELD, passes=2)
+    assert "polish" not in result.message and all(step.comparable for step in result.history)
+    assert result.best.functional == min(step.functional for step in result.history)
+    for step in result.history:
+        ritz = FIELD.ritz(step.mesh, FIELD.solve(step.mesh))
+        functional = Functional.of(ritz, MovableMesh.of(step.mesh, Rules()))
+        counted = functional.value(MovableMesh.of(step.mesh, Rules()).triangulation, functional.solution)
+        assert step.functional == pytest.approx(counted, rel=1e-9)
+
+
+def test_polish_moves_nodes_along_curves_downhill_and_keeps_quality():
+    mesh = disk(16, 4, off=0.05)
+    better = ka.polish(mesh, FIELD, sweeps=4)
+    on = np.isclose(np.hypot(*mesh.p), 0.3) | np.isclose(np.hypot(*mesh.p), 0.6) | np.isclose(np.hypot(*mesh.p), 1.0)
+    np.testing.assert_allclose(np.hypot(*better.p[:, on]), np.hypot(*mesh.p[:, on]), rtol=1e-12)
+    assert np.median(np.hypot(*(better.p - mesh.p)[:, on])) > 1e-3
+    assert ka.quality(better).min() >= min(0.3, ka.quality(mesh).min())
+
+    def value(mesh):
+        movable = MovableMesh.of(mesh, Rules())
+        functional = Functional.of(FIELD.ritz(mesh, FIELD.solve(mesh)), movable)
+        return functional.value(movable.triangulation, functional.solution)
+
+    assert value(better) < value(mesh)
+
+
+HOSTILE = {
+    "nonlinear": (MATERIALS | {"ring": Material(bh=Brauer(100.0, 10.0, 1.8))}, {"rim": 0.0}),
+    "turning": (MATERIALS | {"ring": Material(1.05, remanence=radial(1.0))}, {"rim": 0.0}),
+    "given": (MATERIALS, {"rim": lambda x: x[0]}),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_where_slivers_are_not_known_nodes_on_curves_stay(name):
+    materials, potential = HOSTILE[name]
+    mesh = disk()
+    problem = Magnetostatics(materials, potential=potential)
+    movable = MovableMesh.of(mesh, Rules())
+    functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), movable)
+    assert not functional.comparable
+    still = ~functional.chords.nodes(movable.triangulation) & ~np.isclose(np.hypot(*mesh.p), 0.0)
+    on = still & np.isin(np.round(np.hypot(*mesh.p), 9), RADII)
+    assert on.any()
+    better = ka.polish(mesh, problem, sweeps=2)
+    np.testing.assert_array_equal(better.p[:, on], mesh.p[:, on])
+    assert np.abs(better.p - mesh.p).max() > 1e-3
+
+
+def test_values_given_around_a_hole_hold_its_nodes():
+    """Chords cut into the hole there: the function is not what is given on the curve."""
+    ring = shells([radius * circle(16) for radius in (0.3, 0.45, 0.7, 1.0)], 1)
+    ring = ring.with_subdomains({"air": lambda x: x[0] < 9.0})
+    ring = ring.with_boundaries({"hole": lambda x: np.hypot(*x) < 0.5, "rim": lambda x: np.hypot(*x) > 0.9})
+    problem = Magnetostatics({"air": Material()}, potential={"hole": 1.0, "rim": 0.0})
+    movable = MovableMesh.of(ring, Rules())
+    functional = Functional.of(problem.ritz(ring, problem.solve(ring)), movable)
+    moving = functional.chords.nodes(movable.triangulation)
+    radius = np.hypot(*ring.p)
+    assert moving[np.isclose(radius, 1.0)].all() and not moving[np.isclose(radius, 0.3)].any()
+    assert not functional.comparable
+
+
+def test_any_number_of_threads_gives_the_same_bits_and_twice_the_same():
+    mesh = disk(16, 4, off=0.05)
+    one, other = (ka.adapt(mesh, FIELD, passes=1).mesh for _ in range(2))
+    np.testing.assert_array_equal(one.p, other.p)
