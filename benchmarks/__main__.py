@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.checks import (
+    axis,
     budget,
     curves,
     drift,
@@ -46,6 +47,7 @@ CHECKS = {
     "limit": limit.report,
     "round": one_round.report,
     "orders": orders.report,
+    "axis": axis.report,
     "curves": curves.report,
     "passes": passes.report,
     "magnification": magnification.report,

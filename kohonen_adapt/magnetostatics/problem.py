@@ -47,27 +47,25 @@ class Magnetostatics(Arguments):
         open boundary, antiperiodic sides, or the axis.
     estimator
         "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6, by which the bare estimate overrates the error, give or
-        take 25 % (order 2: 1 / 6.1, 5 %; order 3: 1 / 9.7, 12 %); "recovery", within 15 % by itself (order 1); or
-        "equilibrated", a guaranteed upper bound of the error on the meshed polygon (of nonlinear material by the
-        duality gap), 1.04 to 1.3 times the error, for planar problems of order 1 with potentials and natural conditions
-        only. Deep in saturation the first two come within 30 %; where a current fills the mesh, the residual is up to
-        1.8 times the error.
+        take 25 % (order 2: 1 / 6.1, 5 %; order 3: 1 / 9.7, 12 %; around an axis 1 / 4.2, 20 %, of order 2 and 3 45 %);
+        "recovery", within 15 % by itself (order 1); or "equilibrated", a guaranteed upper bound of the error on the
+        meshed polygon (of nonlinear material by the duality gap), 1.04 to 1.3 times the error, for planar problems of
+        order 1 with potentials and natural conditions only. Deep in saturation the first two come within 30 %; where a
+        current fills the mesh, the residual is up to 1.8 times the error.
     ampere_turns
         Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
         current times turns of a coil side. In place of the current density of its material.
     depth
         In m: then the energies of a `Field` are totals. Planar problems only.
     axisymmetric
-        Whether the mesh is the half-plane of an axis. There u = r A falls like r^2, as of `kohonen_adapt.Ritz`, so B is
-        right on the axis, too.
+        Whether the mesh is the half-plane of an axis, where u = r A falls like r^2: see `kohonen_adapt.Ritz`.
     open_boundary
         Name of a boundary on a circle beyond which there is nothing but air, around an axis on a half circle about a
         point of it: there ``nu dA/dn + nu A / R0 = 0``, axisymmetric the same for u = r A, which is exact for the field
         of a dipole at its centre, with the radius R0 from the mesh. Planar currents must add up to none; the energy
         beyond is not in that of the `Field`.
     applied_field
-        (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field that is there without all that is modelled, of
-        sources beyond the open boundary. The condition there is for what the model adds to it.
+        (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field of sources beyond the open boundary.
     points
         Name to a place (x, y) in metres, or to several (2, n), where the mesh has nodes; `adapt` and `polish` keep
         these. Of a Gmsh file ``ka.read_groups(path, scale=scale).places``. Where no boundary fixes A, a value at a
@@ -81,10 +79,9 @@ class Magnetostatics(Arguments):
     order
         Of the elements, 1, 2 or 3: the field of order 2 is a `QuadraticField`, of order 3 a `CubicField`.
     curved
-        Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, so
-        that it is a `MeshTri2` that is solved on; those of order 1 are straight. On chords a round magnet costs
-        order 2 its rate: 5.9 % of error in place of 0.30 % at 4921 unknowns (`python -m benchmarks curves`). `solve`
-        takes a mesh as it is.
+        Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, and
+        to solve on a `MeshTri2`. On chords a round magnet costs order 2 its rate: 5.9 % of error in place of 0.30 % at
+        4921 unknowns (`python -m benchmarks curves`). `solve` takes a mesh as it is.
     goal
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
         an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the
@@ -96,8 +93,7 @@ class Magnetostatics(Arguments):
     ------
     ValueError
         For arguments of another kind; by `solve` and `indicators` for names that the mesh lacks, elements without or
-        with two materials, boundary conditions that do not fit the mesh or one another, and parts of the mesh where
-        the potential is fixed nowhere.
+        with two materials, conditions that do not fit the mesh or one another, and parts without a fixed potential.
 
     Examples
     --------
@@ -108,8 +104,6 @@ class Magnetostatics(Arguments):
     >>> field = problem.solve(mesh)
     >>> np.allclose(field.flux_density, [[0.0], [-1.0]])  # A = x, so B = -1 T along y
     True
-    >>> round(field.energy)  # B^2 / (2 mu0), in J per metre of depth
-    397887
     """
 
     norm: ClassVar[str] = "energy"
@@ -321,7 +315,6 @@ class Magnetostatics(Arguments):
         Raises
         ------
         NotOffered
-            If the functional is of another form, for an open boundary around an axis; for a goal of which there is
-            none.
+            For goals of which there is no functional.
         """
         return functional_for(field, self.goal, self.boundaries, self.materials, self.method)

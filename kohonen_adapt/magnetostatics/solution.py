@@ -17,7 +17,6 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 
@@ -142,15 +141,7 @@ def carried(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    """State the functional of a field: one number per material, and a function where magnets turn.
-
-    Raises
-    ------
-    NotOffered
-        If it is of another form.
-    """
-    if field.axisymmetric and boundaries.open_boundary is not None:
-        raise NotOffered("its open boundary is around an axis")
+    """State the functional of a field: one number per material, and a function where magnets turn."""
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
     present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
@@ -177,17 +168,17 @@ def signs_of(given: Boundaries) -> dict[tuple[str, str], int]:
 
 
 def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
-    """The open boundary of a planar problem as `Ritz` states it: its name to coefficient and load."""
+    """The open boundary as `Ritz` states it: its name to coefficient and load."""
     name = given.open_boundary
     if name is None:
         return {}
-    centre, size = circle_of(field.mesh, name)
+    (centre, size), turn = circle_of(field.mesh, name), field.symmetry.turn
 
     def load(x: Floats) -> Floats:
         applied, dimension = field.symmetry.uniform(x, centre, given.applied_field)
-        return dimension / size * applied
+        return turn * dimension / size * applied
 
-    return {name: (1.0 / (VACUUM_PERMEABILITY * size), load)}
+    return {name: (turn / (VACUUM_PERMEABILITY * size), load)}
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
 
-__all__ = ["ON_AXIS", "factor_at", "falling", "kinds_at_axis", "points_near_axis"]
+__all__ = ["ON_AXIS", "factor_at", "falling", "kinds_at_axis", "on_axis", "points_near_axis"]
 
 # The corners on the axis of every kind of element: none; one, which; two, those of the side opposite to which.
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
@@ -23,9 +23,14 @@ LAYERS = {1: 2, 2: 2, 3: 5}  # of points around the only corner on the axis
 
 def kinds_at_axis(x: Floats) -> Ints:
     """The place in `ON_AXIS` of elements whose corners have these distances from the axis, (m, 3): (m,)."""
-    on = x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
+    on = on_axis(x)
     count = on.sum(axis=1)
     return np.where(count == 1, 1 + np.argmax(on, axis=1), np.where(count == 2, 4 + np.argmin(on, axis=1), 0))
+
+
+def on_axis(x: Floats) -> Mask:
+    """Which corners of elements, or ends of facets, are on the axis, by their distances from it, (m, k)."""
+    return x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
 
 
 def factor_at(kind: Ints, share: Floats) -> Floats:

@@ -62,8 +62,8 @@ class BoundaryTerms:
         """
         total = 0.0
         for name, chains in self.chains.items():
-            e, k = sides_on(chain, chains)
-            total += added_on_sides(corners, coefficients, e, k, self.ritz.robin[name])
+            sides, terms = sides_on(chain, chains), self.ritz.robin[name]
+            total += added_on_sides(corners, coefficients, sides, terms, self.ritz.axisymmetric)
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
@@ -110,7 +110,7 @@ class BoundaryTerms:
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)
             ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
-            matrix, load = facet_terms(ends, self.ritz.order, *self.ritz.robin[name])
+            matrix, load = facet_terms(ends, self.ritz.order, self.ritz.robin[name], self.ritz.axisymmetric)
             own = e[:, None], trace_columns(k, self.ritz.order)
             parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
         total, right = coo_array((count, count)), np.zeros(count)

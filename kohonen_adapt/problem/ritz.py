@@ -100,7 +100,7 @@ class Ritz:
         is a part of the functional, so that ``(coefficient grad u - flux) . n + kappa u = load`` is the natural
         condition there (Robin, of convection or an open boundary; Neumann with kappa = 0). kappa >= 0 is a constant,
         the load a constant or a function of x (2, n) that returns (n,), interpolated at the unknowns. The polish
-        improves the values there, and the nodes stay where they are. In the plane only.
+        improves the values there, and the nodes stay where they are. Around an axis both are integrated over 1 / x.
     dual
         The functional of the dual solution z of a goal J, where the mesh is to be adapted for that: with the
         coefficient of this one, J as its load, and zeros given where values are. What is lowered then is ``share Pi(u)
@@ -175,8 +175,6 @@ class Ritz:
             object.__setattr__(self, name, own)
         object.__setattr__(self, "robin", checked_conditions(self.robin))
         object.__setattr__(self, "signs", checked_signs(self.signs))
-        if self.robin and self.axisymmetric:
-            raise ValueError("robin of an axisymmetric Ritz must be left out; it has none around an axis.")
         _check_dual(self)
 
 
@@ -256,7 +254,7 @@ def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
     corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
     total = value_on(corners, coefficients, number, ritz, displacements(mesh) if is_second_order(mesh) else None)
     for name, terms in ritz.robin.items():
-        total += added_on_sides(corners, coefficients, *sides_of_boundary(mesh, name), terms)
+        total += added_on_sides(corners, coefficients, sides_of_boundary(mesh, name), terms, ritz.axisymmetric)
     return total
 
 

@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.near_axis import on_axis
 from kohonen_adapt.mesh.polynomials import trace_columns, traces_at
 
 __all__ = ["Load", "Robin", "added_on_sides", "checked_conditions", "facet_terms", "sides_of_boundary"]
@@ -18,6 +19,7 @@ Load = float | Callable[[Floats], ArrayLike]
 Robin = Mapping[str, tuple[float, Load]]
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for products of functions of order 3
+AROUND = np.polynomial.legendre.leggauss(6)  # over 1 / x
 
 
 def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
@@ -57,29 +59,53 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
     return element, np.argmin(beside, axis=1)
 
 
-def facet_terms(ends: Floats, order: int, coefficient: float, load: Load) -> tuple[Floats, Floats]:
+def facet_terms(
+    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False
+) -> tuple[Floats, Floats]:
     """A and b of ``c . A c / 2 - b . c``, that a condition adds for the coefficients c of a function on every facet.
 
     They are (f, k, k) and (f, k), in the order of `traces_at`, for facets between ends (f, 2, 2); the load is
-    interpolated at the places of the unknowns.
+    interpolated at the places of the unknowns. Around an axis both are integrated over 1 / x.
     """
-    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    (coefficient, load), start, way = terms, ends[:, 0], ends[:, 1] - ends[:, 0]
     length = np.hypot(*way.T)
-    here = traces_at(0.5 * (POINTS + 1.0), order)
-    mass = 0.5 * (here.T * WEIGHTS) @ here
     share = np.append([0.0, 1.0], np.arange(1, order) / order)
     x = (start[:, None] + share[:, None] * way[:, None]).reshape(-1, 2).T
-    loads = np.linalg.solve(traces_at(share, order), load_at(x, load).reshape(-1, order + 1).T)
+    given = load_at(x, load).reshape(-1, order + 1)
+    if axisymmetric:
+        factor, mass = factors(ends, share), masses_around_axis(ends, order)
+        loads = np.linalg.solve(traces_at(share, order), (given / np.where(factor > 0.0, factor, 1.0)).T)
+        return coefficient * length[:, None, None] * mass, length[:, None] * np.einsum("fij,jf->fi", mass, loads)
+    here = traces_at(0.5 * (POINTS + 1.0), order)
+    mass = 0.5 * (here.T * WEIGHTS) @ here
+    loads = np.linalg.solve(traces_at(share, order), given.T)
     return coefficient * length[:, None, None] * mass, length[:, None] * (mass @ loads).T
 
 
-def added_on_sides(corners: Floats, coefficients: Floats, e: Ints, k: Ints, terms: tuple[float, Load]) -> float:
-    """What a condition adds on the sides opposite to corners k of elements e, (f,) each.
+def masses_around_axis(ends: Floats, order: int) -> Floats:
+    """Integrals over 1 / x of products of the functions on facets between ends (f, 2, 2), per length, (f, k, k)."""
+    at, weights = 0.5 * (AROUND[0] + 1.0), 0.5 * AROUND[1]
+    here = traces_at(at, order) * factors(ends, at)[:, :, None]
+    x = ends[:, :1, 0] + at * (ends[:, 1:, 0] - ends[:, :1, 0])
+    return np.einsum("fqi,fqj,fq->fij", here, here, weights / x)
+
+
+def factors(ends: Floats, share: Floats) -> Floats:
+    """What functions are multiplied by on facets that end at an axis, at shares (n,) of the way along, (f, n)."""
+    on = on_axis(ends[:, :, 0])
+    return 1.0 - on[:, :1] * (1.0 - share) - on[:, 1:] * share
+
+
+def added_on_sides(
+    corners: Floats, coefficients: Floats, sides: tuple[Ints, Ints], terms: tuple[float, Load], axisymmetric: bool
+) -> float:
+    """What a condition adds on the sides (e, k) opposite to corners k of elements e, (f,) each.
 
     For a function of these coefficients, (m, functions), on elements with corners (m, 3, 2).
     """
-    order = (3, 6, 10).index(coefficients.shape[1]) + 1
-    matrix, load = facet_terms(np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1), order, *terms)
+    (e, k), order = sides, (3, 6, 10).index(coefficients.shape[1]) + 1
+    ends = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1)
+    matrix, load = facet_terms(ends, order, terms, axisymmetric)
     trace = coefficients[e[:, None], trace_columns(k, order)]
     return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
 

@@ -148,12 +148,18 @@ def test_a_uniform_field_is_exact_of_higher_order(order):
     ) < 1e-8 * np.sqrt(2 * field.energy)
 
 
-DEVICES = {"coil": lambda: (coil_mesh(1, 0.1), coil()), "steel": plunger, "magnet": lambda: magnet()}
+DEVICES = {
+    "coil": lambda: (coil_mesh(1, 0.1), coil()),
+    "steel": plunger,
+    "magnet": lambda: magnet(),
+    "open": lambda: opened(),
+}
 
 
 @pytest.mark.parametrize(
     ("order", "device"),
-    [(1, "coil"), (2, "coil"), (3, "coil"), (1, "steel"), (2, "steel"), (1, "magnet"), (3, "magnet")],
+    [(1, "coil"), (2, "coil"), (3, "coil"), (1, "steel"), (2, "steel"), (1, "magnet"), (3, "magnet")]
+    + [(order, "open") for order in (1, 2, 3)],
 )
 def test_the_equations_minimise_the_functional(order, device):
     """No change of the solution lowers the value of `Ritz`; of linear material it is less half of what is stored."""
@@ -167,6 +173,12 @@ def test_the_equations_minimise_the_functional(order, device):
     assert min(up, down) > least and abs(up - down) < 0.02 * (up + down - 2.0 * least)
     if device == "coil":
         assert least == pytest.approx(-0.5 * problem.energy_norm(mesh, field) ** 2, rel=1e-9)
+
+
+def opened():
+    """A ball of iron in a uniform field, with an open boundary."""
+    materials, given = {"ball": Material(5.0), "air": Material()}, {"applied_field": (0.0, 3e5)}
+    return half_disk(8, 0.02), Magnetostatics(materials, open_boundary="rim", axisymmetric=True, **given)
 
 
 def magnet():
@@ -283,6 +295,18 @@ def test_adapting_a_coil():
     assert values == sorted(values, reverse=True) and all(step.polish_gain > 0.0 for step in result.history[1:])
     assert 2 * problem.solve(mesh).energy < 2 * result.solution.energy < 22.945e-3
     assert np.sum(result.mesh.p[0] == 0.0) > 0 and result.mesh.p[0].min() == 0.0
+
+
+@pytest.mark.parametrize(("order", "curved"), [(1, False), (2, False), (2, True)])
+def test_an_open_boundary_is_polished(order, curved):
+    """And its functional is that of the solutions."""
+    mesh, problem = opened()
+    problem = replace(problem, order=order, curved=curved)
+    result = ka.adapt(mesh, problem, passes=1)
+    last = result.history[-1]
+    assert "no polish" not in result.message and last.polish_gain > 0.0
+    value = functional_value(last.mesh, problem.ritz(last.mesh, problem.solve(last.mesh)))
+    assert value == pytest.approx(last.functional, rel=1e-12)
 
 
 def test_wrong_axisymmetric_problems_are_named():

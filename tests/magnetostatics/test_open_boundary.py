@@ -6,6 +6,7 @@ from helpers.meshes import square
 from helpers.tensor_meshes import disk
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, flux_density_of
 from kohonen_adapt.mesh.measures import area
@@ -82,6 +83,19 @@ def test_a_ball_in_an_applied_field(permeability, height, order, counts, bound):
     errors = [abs(inside(problem.solve(ball(k, height=height)))[1] / exact - 1.0) for k in counts]
     # With permeability 1 the error crosses zero between the first two meshes, so their ratio says nothing.
     assert errors[-1] < bound and errors[-1] < 0.45 * errors[0]
+
+
+@pytest.mark.parametrize(("order", "bound"), [(2, 1e-3), (3, 1e-5)])
+def test_a_ball_with_bent_sides_has_its_field_on_the_axis_and_in_the_mean(order, bound):
+    """B of straight elements lacks what is cut off the ball, 1 % of its volume."""
+    materials, applied = {"iron": Material(5.0), "air": Material()}, {"applied_field": (0.0, APPLIED)}
+    problem = Magnetostatics(materials, open_boundary="outer", axisymmetric=True, order=order, **applied)
+    mesh = ball(8)
+    field = ka.adapt(mesh, problem, passes=2, polish=False).solution
+    z = np.linspace(-0.25, 0.25, 21) * mesh.p[0].max()
+    exact = 15.0 / 7.0 * MU0 * APPLIED
+    np.testing.assert_allclose(field.flux_density_at([0.0 * z, z])[1], exact, rtol=bound)
+    assert inside(field)[1] == pytest.approx(exact, rel=bound)
 
 
 def test_a_ring_of_current_around_an_axis():
