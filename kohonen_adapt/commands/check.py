@@ -83,10 +83,12 @@ def outlines_described(movable: MovableMesh) -> list[str]:
     """Lines about the chains of a mesh by kind, and about what its nodes may do."""
     outline, chains = movable.outline, movable.constraints.chains
     radii = 1.0 / np.abs(chains.curvature[outline.on_circles])
+    splines = len(outline.straight) - np.sum(outline.straight) - len(radii)
     free, sliding, jumps, held = (np.sum(mask) for mask in outline.nodes_by_freedom().values())
     return [
         f"outlines: {counted(len(outline.straight), 'chain')}, {np.sum(outline.straight)} straight, "
-        f"{len(radii)} on arcs{_radii(radii)}, {np.sum(chains.closed)} closed",
+        f"{len(radii)} on arcs{_radii(radii)}, {f'{splines} on splines, ' if splines else ''}"
+        f"{np.sum(chains.closed)} closed",
         f"nodes: {free} free, {sliding} slide on outlines, {jumps} in corners that others may take, "
         f"{held} held for good",
     ]

@@ -13,6 +13,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets, of_kind
 
 __all__ = [
+    "check_bent",
+    "check_middles",
     "corner_places",
     "corners_of",
     "displacements",
@@ -24,6 +26,7 @@ __all__ = [
     "with_middles",
 ]
 
+LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
 OPPOSITE = [1, 2, 0]  # rows of `t2f` by the corner opposite: scikit-fem's facets of an element are corners 01, 12, 02
 
 
@@ -104,3 +107,39 @@ def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
 def cross(u: Floats, w: Floats) -> Floats:
     """Third component of the cross products of vectors (..., 2)."""
     return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
+
+
+def check_middles(mesh: MeshTri) -> None:
+    """Refuse a `MeshTri2` without a mid-side node for every side."""
+    number_facets(mesh)
+    wanted = mesh.nvertices + mesh.facets.shape[1]
+    if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
+        raise ValueError(
+            f"a MeshTri2 must have a finite node for every corner and every side, {wanted} in all; got "
+            f"{int(np.sum(np.isfinite(mesh.p).all(axis=0)))}. Make it with MeshTri2.from_mesh and set its doflocs."
+        )
+
+
+def check_bent(mesh: MeshTri) -> None:
+    """Refuse a `MeshTri2` with an element that its bent sides fold over."""
+    folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
+    if len(folded):
+        raise ValueError(
+            f"the bent sides of a MeshTri2 must not fold its elements over; {len(folded)} are, the first is element "
+            f"{folded[0]}. Draw its mid-side nodes nearer to their chords, as kohonen_adapt.relocate does, or keep its "
+            "corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+        )
+
+
+def least_determinants(mesh: MeshTri) -> Floats:
+    """The least Jacobian determinants of the elements of a `MeshTri2`, or bounds below them that are positive."""
+    corners, bent = corner_places(mesh), displacements(mesh)
+    coefficients = jacobian_coefficients(corners, bent)
+    coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])
+    least = coefficients.min(axis=1)
+    doubtful = np.flatnonzero(least <= 0.0)
+    one, two = (share.ravel() / LATTICE for share in np.mgrid[: LATTICE + 1, : LATTICE + 1])
+    a, b, c = (share[one + two <= 1.0 + 1e-9] for share in (1.0 - one - two, one, two))
+    shares = np.stack([a * a, b * b, c * c, 2.0 * b * c, 2.0 * c * a, 2.0 * a * b])
+    least[doubtful] = (coefficients[doubtful] @ shares).min(axis=1)
+    return least

@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
-
 __all__ = ["is_own_name", "number_facets", "of_kind", "remade", "set_boundaries"]
 
-Names = Mapping[str, Ints] | None
+Names = Mapping[str, NDArray[np.integer]] | None
 
 
 def is_own_name(name: str) -> bool:
@@ -19,14 +17,18 @@ def is_own_name(name: str) -> bool:
     return not name.startswith("gmsh:")
 
 
-def remade(mesh: MeshTri, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
+def remade(mesh: MeshTri, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
     """A mesh of the same kind with other nodes (2, nnodes), elements (3, nelements), neither copied, and names."""
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
-def of_kind(kind: type[MeshTri], p: Floats, mesh: MeshTri) -> MeshTri:
-    """A mesh of that class with the elements and names of another, whose facets are numbered alike."""
-    return kind(p, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshTri:
+    """A mesh of that class with the elements and names of another, and what is known of its facets."""
+    made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+    known = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
+    if np.array_equal(made.t, mesh.t):
+        vars(made).update(known)
+    return made
 
 
 def set_boundaries(mesh: MeshTri, boundaries: Names) -> None:

@@ -8,10 +8,9 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as kernels
-from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved import check_bent, is_second_order
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.mesh.validity import check_bent
 
 __all__ = ["Locator", "find_elements", "holding", "interpolate"]
 

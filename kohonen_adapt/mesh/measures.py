@@ -5,8 +5,14 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.curved import corner_places, displacements, is_second_order, jacobian_coefficients
-from kohonen_adapt.mesh.validity import check_bent, check_middles
+from kohonen_adapt.mesh.curved import (
+    check_bent,
+    check_middles,
+    corner_places,
+    displacements,
+    is_second_order,
+    jacobian_coefficients,
+)
 
 __all__ = [
     "area",

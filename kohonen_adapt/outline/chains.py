@@ -12,8 +12,7 @@ from kohonen_adapt.outline.coarse_arcs import FEWEST_FACETS
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.cutting import lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
-from kohonen_adapt.outline.middles import TOLD, knots_through
-from kohonen_adapt.outline.polylines import Pieces, Runs, nodes_of
+from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, nodes_of
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -24,6 +23,8 @@ FACETS = 5  # of an arc at least, so that it goes on being seen as one; of a coa
 ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
 SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
+SPANS = 4  # of a table between a corner and a mid-side node
+MOST_SHIFT = 0.25  # of a facet: a mid-side node that is farther off its middle folds the element beside it over
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
 
 
@@ -164,6 +165,39 @@ def along(curve: Curve, nodes: Floats, share: Floats, name: str) -> Floats:
     """Projections of points that far, of their length, along the facets between nodes, (f, shares, 2)."""
     points = nodes[:-1, None] + share[:, None] * np.diff(nodes, axis=0)[:, None]
     return projected(curve, points.reshape(-1, 2), name).reshape(points.shape)
+
+
+def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
+    """Knots (s, 5) of a cubic spline through nodes (k + 1, 2) and mid-side nodes (k, 2) so far `off` their chords.
+
+    The parameter is that of the spline, the length of its chords, shifted inside every facet by a smooth bump to have
+    the mid-side node half-way between the corners: so that is where it is looked for again.
+    """
+    points = np.empty((2 * len(nodes) - 1, 2))
+    points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + off
+    if closed:
+        points[-1] = points[0]
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    spline = CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
+    start, middle, end = (rows[:, None] for rows in (length[:-1:2], length[1::2], length[2::2]))
+    share = np.arange(2 * SPANS) / SPANS
+    along = np.where(share <= 1.0, start + share * (middle - start), middle + (share - 1.0) * (end - middle))
+    part, most = (along - start) / (end - start), MOST_SHIFT * (end - start)
+    shift = np.clip(0.5 * (start + end) - middle, -most, most) / bump((middle - start) / (end - start))[0]
+    value, slope = bump(part)
+    parameter, rate = along + shift * value, 1.0 + shift * slope / (end - start)
+    return np.vstack(
+        [
+            np.column_stack([parameter.ravel(), spline(along.ravel()), spline(along.ravel(), 1) / rate.reshape(-1, 1)]),
+            np.concatenate([length[-1:], points[-1], spline(length[-1], 1)]),
+        ]
+    )
+
+
+def bump(share: Floats) -> tuple[Floats, Floats]:
+    """A smooth function of 0 to 1 that is 0 at both ends with its derivative; and that derivative."""
+    beside = 1.0 - share
+    return 16.0 * (share * beside) ** 2, 32.0 * share * beside * (beside - share)
 
 
 def least_radius(knots: Floats) -> float:

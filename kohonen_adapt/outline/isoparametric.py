@@ -3,16 +3,16 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.by_points import LEAST
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.outline.parameters import parameters_of, ways_along
+from kohonen_adapt.outline.parameters import parameters_of, points_on, ways_along
 
 __all__ = ["LEAST", "bent_sides"]
 
 
-def bent_sides(triangulation: Triangulation, outline: Outline) -> Floats:
+def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
     """How far the mid-side nodes of all sides are off their chords, (m, 3, 2): side k is opposite to corner k.
 
     On curved outlines a mid-side node is at the middle of the chain's parameter, everywhere else on its chord. Where an
@@ -21,13 +21,13 @@ def bent_sides(triangulation: Triangulation, outline: Outline) -> Floats:
     """
     elements = triangulation.elements
     bent = np.zeros((*elements.node.shape, 2))
-    curved = np.append(~outline.straight, False)[elements.chain]
+    curved = np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain]
     e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))  # each once; -1 beyond the rim
-    bent[e, k] = off_chords(triangulation, outline, e, k)
+    bent[e, k] = off_chords(triangulation, constraints, e, k)
     there, back = across(triangulation, e, k)
     bent[there, back] = bent[e, k][elements.neighbour[e, k] >= 0]
     rows = np.flatnonzero(curved.any(axis=1))
-    bent[rows] *= factors(triangulation, outline, rows, bent[rows])[:, :, None]
+    bent[rows] *= factors(triangulation, constraints, rows, bent[rows])[:, :, None]
     return bent
 
 
@@ -39,18 +39,18 @@ def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
     return there, np.argmax(neighbour[there] == e[other >= 0][:, None], axis=1)
 
 
-def off_chords(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Floats:
+def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
     """How far the curves are off the middles of sides k of elements e, half-way along, (f, 2)."""
-    position, constraints = triangulation.position, outline.constraints
+    position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
     middle = start + 0.5 * ways_along(chains, chain, start, end)
     length = chains.length[chain]
     round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
-    return outline.points_on(chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
+    return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
 
 
-def factors(triangulation: Triangulation, outline: Outline, rows: Ints, bent: Floats) -> Floats:
+def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, bent: Floats) -> Floats:
     """By what to multiply the displacements `bent` (q, 3, 2) of the sides of elements `rows`, (q, 3), alike where one.
 
     Elements that need it are held back to a factor that suffices whatever smaller ones their sides get from elsewhere;
@@ -58,7 +58,7 @@ def factors(triangulation: Triangulation, outline: Outline, rows: Ints, bent: Fl
     """
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
-    side = np.unique(sides_alike(triangulation, outline, rows), return_inverse=True)[1].reshape(-1, 3)
+    side = np.unique(sides_alike(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
     factor, held = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
     enough = sufficient(corners, bent, doubled)
     while True:
@@ -89,12 +89,12 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
     return np.minimum(1.0, found.min(axis=1))
 
 
-def sides_alike(triangulation: Triangulation, outline: Outline, rows: Ints) -> Ints:
+def sides_alike(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
     """Numbers of the sides of elements, (q, 3), the same for what is one: seen from two elements, or periodic pairs."""
-    elements, twins = triangulation.elements, outline.constraints.twins
+    elements, twins = triangulation.elements, constraints.twins
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
     images = twins.partner[ends]
-    paired = np.append(outline.constraints.chains.paired, False)[elements.chain[rows]]
+    paired = np.append(constraints.chains.paired, False)[elements.chain[rows]]
     ends, images = (np.sort(nodes, axis=0).astype(np.int64) for nodes in (ends, images))
     own, other = (nodes[0] * triangulation.nnodes + nodes[1] for nodes in (ends, images))
     return np.where(paired & (images[0] >= 0), np.minimum(own, other), own)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -12,13 +11,10 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.cutting import BEND, TURN, fitted_circle
 from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge
-from kohonen_adapt.outline.polylines import without_noise
+from kohonen_adapt.outline.polylines import TOLD, without_noise
 
-__all__ = ["TOLD", "Bent", "bent_facets", "joined_alike", "knots_through"]
+__all__ = ["Bent", "bent_facets", "joined_alike"]
 
-TOLD = -2  # in place of the number of a given curve: what the facet is on is told by its mid-side node
-SPANS = 4  # of a table between a corner and a mid-side node
-MOST_SHIFT = 0.25  # of a facet: a mid-side node that is farther off its middle folds the element beside it over
 CIRCULAR = 1e-6  # of the radius: how far corners and mid-side nodes may be off a circle
 
 
@@ -109,36 +105,3 @@ def circle_through(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> 
     found = without_noise(np.array([fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)]))[0]
     off = np.abs(np.hypot(*(points - found[:2]).T) - found[2])
     return found if np.max(off) <= CIRCULAR * found[2] < np.inf else np.full(3, np.nan)
-
-
-def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
-    """Knots (s, 5) of a cubic spline through nodes (k + 1, 2) and mid-side nodes (k, 2) so far `off` their chords.
-
-    The parameter is that of the spline, the length of its chords, shifted inside every facet by a smooth bump to have
-    the mid-side node half-way between the corners: so that is where it is looked for again.
-    """
-    points = np.empty((2 * len(nodes) - 1, 2))
-    points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + off
-    if closed:
-        points[-1] = points[0]
-    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    spline = CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
-    start, middle, end = (rows[:, None] for rows in (length[:-1:2], length[1::2], length[2::2]))
-    share = np.arange(2 * SPANS) / SPANS
-    along = np.where(share <= 1.0, start + share * (middle - start), middle + (share - 1.0) * (end - middle))
-    part, most = (along - start) / (end - start), MOST_SHIFT * (end - start)
-    shift = np.clip(0.5 * (start + end) - middle, -most, most) / bump((middle - start) / (end - start))[0]
-    value, slope = bump(part)
-    parameter, rate = along + shift * value, 1.0 + shift * slope / (end - start)
-    return np.vstack(
-        [
-            np.column_stack([parameter.ravel(), spline(along.ravel()), spline(along.ravel(), 1) / rate.reshape(-1, 1)]),
-            np.concatenate([length[-1:], points[-1], spline(length[-1], 1)]),
-        ]
-    )
-
-
-def bump(share: Floats) -> tuple[Floats, Floats]:
-    """A smooth function of 0 to 1 that is 0 at both ends with its derivative; and that derivative."""
-    beside = 1.0 - share
-    return 16.0 * (share * beside) ** 2, 32.0 * share * beside * (beside - share)

@@ -124,7 +124,7 @@ class MovableMesh:
 
         Rows are those of ``triangulation.elements``, and side k is opposite to corner k.
         """
-        return bent_sides(self.triangulation, self.outline)
+        return bent_sides(self.triangulation, self.constraints)
 
     def copy(self) -> "MovableMesh":
         """The mesh as it is now, which later changes leave alone."""

@@ -31,10 +31,10 @@ from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
-from kohonen_adapt.outline.middles import TOLD, bent_facets, joined_alike
+from kohonen_adapt.outline.middles import bent_facets, joined_alike
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
-from kohonen_adapt.outline.parameters import find_parameters, parameters_of, ways_along
-from kohonen_adapt.outline.polylines import Pieces, Runs, cut
+from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along
+from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, cut
 from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.outline.spline import Spline
 
@@ -170,10 +170,7 @@ class Outline:
 
     def points_on(self, chain: Ints, parameter: Floats) -> Floats:
         """The points of chains (k,) at so much arc length, (k, 2)."""
-        along = self.constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
-        points = np.empty((len(chain), 2))
-        look_up(along, np.arange(len(chain)), points)
-        return points
+        return points_on(self.constraints, chain, parameter)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""

@@ -5,9 +5,9 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, TABLED, Chains, Constraints
 from kohonen_adapt.kernels.compilation import interpreted
-from kohonen_adapt.kernels.triangle.chains import nearest_parameter
+from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
-__all__ = ["find_parameters", "parameters_of", "ways_along"]
+__all__ = ["find_parameters", "parameters_of", "points_on", "ways_along"]
 
 
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
@@ -50,3 +50,11 @@ def ways_along(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Float
     way, length = end - start, chains.length[chain]
     beyond = chains.closed[chain] & (np.abs(way) > 0.5 * length)
     return np.where(beyond, way - np.copysign(length, way), way)
+
+
+def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:
+    """The points of chains (k,) at these parameters, (k, 2)."""
+    along = constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
+    points = np.empty((len(chain), 2))
+    look_up(along, np.arange(len(chain)), points)
+    return points

@@ -15,6 +15,7 @@ from kohonen_adapt.outline.cutting import cut_runs
 
 __all__ = [
     "CORNER",
+    "TOLD",
     "Pieces",
     "Polyline",
     "Runs",
@@ -28,6 +29,7 @@ __all__ = [
 ]
 
 BITS = 43  # of centres and radii of recognised circles
+TOLD = -2  # in place of the number of a given curve: what the facet is on is told by its mid-side node
 CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
 
 

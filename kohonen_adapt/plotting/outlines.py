@@ -33,6 +33,10 @@ STEP = np.deg2rad(2.0)
 """Turn of a circle from one point drawn to the next."""
 
 
+TOLD = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))
+"""Dashes of chains that mid-side nodes tell."""
+
+
 def plot_outlines(
     mesh: MeshTri,
     *,
@@ -45,7 +49,8 @@ def plot_outlines(
     """Draw what the outlines of a mesh are taken for: its chains, and where each node may go.
 
     Chains that meet differ in colour. Straight ones are solid, recognised arcs and circles dashed with their radius,
-    chains on given curves dotted, periodic ones dash-dotted; curves are drawn as they are, their facets in grey.
+    splines through the mid-side nodes of a `skfem.MeshTri2` dash-double-dotted, chains on given curves dotted, periodic
+    ones dash-dotted; curves are drawn as they are, their facets in grey.
     Corners are squares: filled where the node is held for good, hollow where another may take its place (of three
     chains only where edges may flip). Nodes that slide are dots, free ones grey.
 
@@ -120,7 +125,8 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
     with np.errstate(divide="ignore"):  # of straight ones
         radii = in_unit(unit) / np.abs(chains.curvature)
     for mask, style, label in (
-        (plain & ~recognised, "solid", "straight"),
+        (plain & outline.straight, "solid", "straight"),
+        (plain & ~outline.straight & ~recognised, TOLD, "on a spline through mid-side nodes"),
         (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
         (given & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),

@@ -86,7 +86,7 @@ class Chords:
         there = np.where((other >= 0)[:, None], self.constants[elements.region[other]], 0.0)
         change, rows = np.where(inwards[:, None], there - own, own), inwards | (other < 0)
         e, k = e[rows], k[rows]
-        return Slivers(e, k, change[rows], off_chords(triangulation, self.outline, e, k))
+        return Slivers(e, k, change[rows], off_chords(triangulation, self.outline.constraints, e, k))
 
     def value(self, triangulation: Triangulation, values: Floats) -> float:
         """What a function with these values at the nodes, (n,), adds to its functional on the polygons."""
@@ -103,7 +103,7 @@ class Chords:
 
 def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
     """Whether curves are on the element's own side of their chords, sides k of elements e, (f,)."""
-    (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline, e, k)
+    (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline.constraints, e, k)
     way = triangulation.position[b] - triangulation.position[a]
     return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0
 

@@ -3,12 +3,14 @@
 import numpy as np
 from helpers.meshes import disk
 from matplotlib.figure import Figure
+from skfem import MeshTri2
 
+from kohonen_adapt.commands.check import outlines_described
 from kohonen_adapt.display import PARTS, divided, lattice, straight_and_bent
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.plotting import draw_field_lines, draw_indicators, draw_mesh
+from kohonen_adapt.plotting import draw_field_lines, draw_indicators, draw_mesh, plot_outlines
 from kohonen_adapt.report.scene import _mesh
 
 ROUND = MovableMesh.of(disk(3, 1.0), Rules(), curved=True).mesh()
@@ -58,3 +60,12 @@ def test_a_report_has_lines_along_the_arc(monkeypatch):
     assert shown["outline"].shape == (PARTS * len(ROUND.boundary_facets()), 2)
     np.testing.assert_allclose(np.hypot(*places[:, shown["outline"]]), 1.0, atol=FLAT)
     np.testing.assert_array_equal(shown["t"], ROUND.t)
+
+
+def test_chains_are_called_what_they_are():
+    mesh = MeshTri2(ROUND.p * np.array([[2.0], [1.0]]), ROUND.t)
+    words = [text.get_text() for text in plot_outlines(mesh, unit="").get_legend().get_texts()]
+    assert "1 chain on a spline through mid-side nodes" in words
+    assert not any("straight" in word for word in words)
+    lines = outlines_described(MovableMesh.of(mesh, Rules()))
+    assert lines[0] == "outlines: 1 chain, 0 straight, 0 on arcs, 1 on splines, 1 closed"
