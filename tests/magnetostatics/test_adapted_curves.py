@@ -56,6 +56,12 @@ def test_the_estimate_is_near_the_error_of_adapted_curved_elements():
     assert 0.85 < share / MAGNET.error(result.solution, 2) < 1.15
 
 
+def test_scikit_fem_has_nothing_to_warn_of(caplog):
+    """It does of many nodes whose coordinates are not one after the other in memory."""
+    ka.adapt(MAGNET.mesh(20, curved=False), MAGNET.problem(2), passes=1, polish=False)
+    assert not [record for record in caplog.records if record.name.startswith("skfem")]
+
+
 def test_elements_of_order_one_and_meshes_without_curves_stay_straight():
     assert type(ka.adapt(MAGNET.mesh(5, False), MAGNET.problem(1), passes=0).mesh) is MeshTri
     square = MeshTri().refined(2).with_boundaries({"rim": lambda x: x[0] > -1.0}, boundaries_only=True)
