@@ -155,11 +155,9 @@ class Functional:
         held |= ~outline.straight & outline.constraints.chains.paired
         law, tables = laws_of_regions(ritz, number, triangulation, solution)
         constants = constants_of(ritz, number)
-        # beside pairs two stars are one, of whose slivers nothing is known; of laws and fluxes that vary neither
-        plain = ritz.order == 1 and not (ritz.axisymmetric or callable(ritz.flux) or ritz.laws)
-        plain &= not outline.constraints.chains.paired.any()
         level = np.where(whole & (off <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
-        chords = Chords.of(triangulation, outline, constants, ~slides & ~bare & ~boundary.on & plain, given, level)
+        curves = ~slides & ~bare & ~boundary.on & is_plain(ritz, outline)
+        chords = Chords.of(triangulation, outline, constants, curves, given, level)
         linear |= chords.known & given
         alike = bool(np.all(slides | chords.known)) and not np.any(given & ~linear)
         comparable = ritz.comparable and alike and not np.any(fixed & (kind == FREE))
@@ -234,6 +232,15 @@ class Functional:
         held = (kind == FREE) & fixed
         held[sliding] |= self.held[chain[sliding]]
         return np.where(held, HELD, kind).astype(kind.dtype)
+
+
+def is_plain(ritz: Ritz, outline: Outline) -> bool:
+    """Whether what is between chords and curves can be counted: not for laws, fluxes that vary, and an axis.
+
+    Beside pairs two stars are one, of whose slivers nothing is known.
+    """
+    plain = ritz.order == 1 and not (ritz.axisymmetric or callable(ritz.flux) or ritz.laws)
+    return plain and not outline.constraints.chains.paired.any()
 
 
 def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:

@@ -137,10 +137,7 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
 
 
 def independent(of_corners: Ints, count: int) -> list[Ints]:
-    """Numbers up to a count in groups such that no element has two of a group at its corners.
-
-    There is one at every corner, (m, 3), or -1. Those that an element has twice are left out.
-    """
+    """Group numbers at corners, (m, 3), or -1: of no group an element has two; what it has twice is out."""
     beside: list[set[int]] = [set() for _ in range(count)]
     for a, b in ((0, 1), (1, 2), (2, 0)):
         both = (of_corners[:, a] >= 0) & (of_corners[:, b] >= 0)
