@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import HELD, SLIDING, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
+from kohonen_adapt.kernels.arrays import HELD, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
 from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
@@ -50,10 +50,8 @@ def recycle_by_energy(
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
     """Room for what splits and collapses are worth, with those ruled out that would change what is given."""
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
-    straight, chain = movable.outline.straight, movable.constraints.own_chain
-    is_open = straight & ~(functional.held | functional.given | movable.constraints.chains.paired)
-    kind = functional.kinds(movable.outline, fixed)
-    removable = (kind != HELD) & ((kind != SLIDING) | straight[chain]) & (movable.constraints.twins.partner < 0)
+    is_open = ~(functional.held | functional.given | movable.constraints.chains.paired)
+    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.twins.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 

@@ -59,7 +59,7 @@ def polish(
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
     min_quality, pinned, curves, periodic, layers
-        What nodes may do: see `Rules`. Nodes slide on arcs and splines, too, with chords for facets as the notes say.
+        What nodes may do: see `Rules`. Nodes slide on arcs and splines with chords for facets as the notes say.
     seed
         An integer >= 0, as everywhere; nothing here is random.
 
@@ -80,9 +80,9 @@ def polish(
     Where facets are chords of curves, at order 1, what lies between is counted with the material that is there, and the
     function goes on in it, so that the functional is one of the true domain. That needs linear material and a flux that
     does not vary, no pairs, and values that are not given, or on the outside of a convex domain all along the same.
-    Other nodes on such curves, and those whose given values are not linear along their piece of outline, on curved
-    sides not the same all along, stay where they are: elsewhere the mesh would have another set of admissible
-    functions, and a lower functional would say nothing about the error. Energies of nonlinear material are looked up in
+    Other nodes on curves, and those whose given values are not linear along their piece of outline, stay where they
+    are: elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing
+    about the error. Energies of nonlinear material are looked up in
     tables, which makes that true to 1e-10 of the functional.
 
     The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and

@@ -14,8 +14,9 @@ from kohonen_adapt.outline.rules import Rules
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
     "Constraints": {"chains", "twins"},
-    "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "block"},
+    "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
+    "Shapes": {"around"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},
     "Trials": {"one", "other"},
