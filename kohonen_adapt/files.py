@@ -6,8 +6,9 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-__all__ = ["remove_drafts", "whole_file", "whole_files"]
+__all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files"]
 
 
 @contextmanager
@@ -84,3 +85,9 @@ def remove_drafts(folder: Path, *names: str) -> None:
             shutil.rmtree(draft)
         elif pattern.fullmatch(draft.name):
             draft.unlink(missing_ok=True)
+
+
+def save_figure(path: Path, figure: Any) -> None:
+    """Write a figure of matplotlib."""
+    with whole_file(path) as draft:
+        figure.savefig(draft, format="png")

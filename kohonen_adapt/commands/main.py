@@ -26,16 +26,17 @@ from kohonen_adapt.commands.check import (
     points_described,
     unit_doubts,
 )
-from kohonen_adapt.commands.pictures import drawn, write_overview, write_pictures
+from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
-from kohonen_adapt.commands.terminal import Terminal, let_signals_end_the_process
+from kohonen_adapt.commands.terminal import Terminal, drawn, let_signals_end_the_process
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_groups, read_mesh
-from kohonen_adapt.loop.adapt import PASSES, adapt
+from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh

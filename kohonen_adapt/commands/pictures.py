@@ -4,28 +4,23 @@ An OSError says which could not be written, a ModuleNotFoundError that there is 
 """
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.commands.terminal import Terminal
 from kohonen_adapt.display import lattice
-from kohonen_adapt.files import whole_file
-from kohonen_adapt.loop.adapt import PASSES
+from kohonen_adapt.files import save_figure
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
 
-__all__ = ["drawn", "save", "write_overview", "write_pictures"]
-
-Drawn = TypeVar("Drawn")
-
-REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
+__all__ = ["write_overview", "write_pictures"]
 
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
 OUTLINES, ANIMATION, REPORT = "outlines.png", "passes.gif", "report.html"
@@ -41,21 +36,6 @@ CAPTIONS = {
 """Of the pictures in a report, in its order."""
 
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
-
-
-def drawn(
-    terminal: Terminal, folder: Path, draw: Callable[[], Drawn], what: str = "pictures and the report"
-) -> Drawn | None:
-    """Draw, when everything else is written, and return what that gives; None without matplotlib."""
-    terminal.say(f"Results are in {folder}; now {what}, which Ctrl-C leaves out.")
-    terminal.show("draw")
-    try:
-        return draw()
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
-        terminal.say(REMEDY)
-        return None
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
@@ -78,7 +58,7 @@ def write_overview(
     case: Case, before: AdaptResult, after: AdaptResult, picture: Path, report: Path, command: str
 ) -> None:
     """Draw the first of the pictures, and write the report that shows it and names a command."""
-    save(picture, _overview(case, before, after))
+    save_figure(picture, _overview(case, before, after))
     _write_report(report, case, before, after, {CAPTIONS[PICTURE]: picture}, command)
 
 
@@ -98,7 +78,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         ).figure,
     }
     for name, figure in figures.items():
-        save(folder / name, figure)
+        save_figure(folder / name, figure)
     plotting.animate_passes(folder / ANIMATION, after.history, unit=unit)
     return [*figures, ANIMATION]
 
@@ -117,12 +97,6 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
         lines_title="Flux lines",
         unit=_length_unit(after),
     )
-
-
-def save(path: Path, figure: Any) -> None:
-    """Write a figure."""
-    with whole_file(path) as draft:
-        figure.savefig(draft, format="png")
 
 
 def _write_report(

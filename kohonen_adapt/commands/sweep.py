@@ -18,9 +18,8 @@ from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
 from kohonen_adapt.commands.arguments import writable_folder
-from kohonen_adapt.commands.pictures import drawn, save
-from kohonen_adapt.commands.terminal import Terminal
-from kohonen_adapt.files import remove_drafts
+from kohonen_adapt.commands.terminal import Terminal, drawn
+from kohonen_adapt.files import remove_drafts, save_figure
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.sweeps.pool import LocalPool
 from kohonen_adapt.sweeps.result import SweepResult
@@ -125,7 +124,7 @@ def _draw(result: SweepResult, folder: Path) -> list[str]:
 
     if not result.outputs:
         return []
-    save(folder / PICTURE, sweep_figure(result))
+    save_figure(folder / PICTURE, sweep_figure(result))
     return [PICTURE]
 
 

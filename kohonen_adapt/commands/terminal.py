@@ -4,11 +4,17 @@ import logging
 import os
 import signal
 import sys
-from typing import Any, TextIO
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO, TypeVar
 
 PROGRESS = "kohonen_adapt.compiling"  # the logger of `kernels/ahead.py`
 
-__all__ = ["Terminal", "let_signals_end_the_process"]
+__all__ = ["Terminal", "drawn", "let_signals_end_the_process"]
+
+Drawn = TypeVar("Drawn")
+
+REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
 
 
 def let_signals_end_the_process() -> None:
@@ -62,3 +68,18 @@ class Terminal(logging.Handler):
             self.show("")
         stream.write(f"{said}\n")
         stream.flush()
+
+
+def drawn(
+    terminal: Terminal, folder: Path, draw: Callable[[], Drawn], what: str = "pictures and the report"
+) -> Drawn | None:
+    """Draw, when everything else is written, and return what that gives; None without matplotlib."""
+    terminal.say(f"Results are in {folder}; now {what}, which Ctrl-C leaves out.")
+    terminal.show("draw")
+    try:
+        return draw()
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        terminal.say(REMEDY)
+        return None

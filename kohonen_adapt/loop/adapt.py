@@ -10,7 +10,7 @@ from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import Growth, Settings
+from kohonen_adapt.loop.settings import PASSES, Growth, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
@@ -27,10 +27,9 @@ from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, is
 from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
-__all__ = ["PASSES", "adapt"]
+__all__ = ["adapt"]
 
 TOPOLOGY = "recycle"  # the measured best
-PASSES = 4
 
 
 def adapt(

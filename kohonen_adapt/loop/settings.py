@@ -17,9 +17,10 @@ from kohonen_adapt.problem.outputs import Output
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = ["DIGEST", "ONLY_ENDS", "Growth", "Settings", "fingerprint"]
+__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Growth", "Settings", "fingerprint"]
 
 DIGEST = "sha256 "
+PASSES = 4  # by default
 
 ONLY_ENDS = {"only ends": True}
 """Metadata of a setting that says when to end, and changes no pass."""

@@ -13,6 +13,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_facets, of_kind
 
 __all__ = [
+    "AFTER",
+    "BEFORE",
     "check_bent",
     "check_middles",
     "corner_places",
@@ -27,6 +29,7 @@ __all__ = [
 ]
 
 LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
+AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # the corners that the side opposite to each corner joins
 OPPOSITE = [1, 2, 0]  # rows of `t2f` by the corner opposite: scikit-fem's facets of an element are corners 01, 12, 02
 
 
@@ -87,8 +90,7 @@ def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
     """
     along, across = (derivative(corners, bent, corner) for corner in (1, 2))
     at = cross(along, across)
-    i, j = [1, 2, 0], [2, 0, 1]
-    between = 0.5 * (cross(along[:, i], across[:, j]) + cross(along[:, j], across[:, i]))
+    between = 0.5 * (cross(along[:, AFTER], across[:, BEFORE]) + cross(along[:, BEFORE], across[:, AFTER]))
     return np.concatenate([at, between], axis=1)
 
 

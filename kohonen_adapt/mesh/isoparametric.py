@@ -7,9 +7,8 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.curved import corners_of, facet_displacements
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, corners_of, facet_displacements
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.polynomials import AFTER, BEFORE
 
 __all__ = ["CurvedElements", "Isoparametric"]
 

@@ -9,12 +9,11 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes, Reference
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
-    "AFTER",
-    "BEFORE",
     "HAT_SLOPES",
     "LINEAR_FUNCTIONS",
     "AxisReference",
@@ -39,7 +38,6 @@ __all__ = [
 ]
 
 EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
-AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # the corners that the side opposite to each corner joins
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 

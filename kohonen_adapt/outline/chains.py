@@ -8,9 +8,8 @@ from scipy.interpolate import CubicSpline
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
-from kohonen_adapt.outline.coarse_arcs import FEWEST_FACETS
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
-from kohonen_adapt.outline.cutting import lengths_and_angles
+from kohonen_adapt.outline.cutting import FEWEST_FACETS, lengths_and_angles
 from kohonen_adapt.outline.facets import Facets
 from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, nodes_of
 

@@ -6,12 +6,11 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import FIRST, IS_ROUND, LAST
-from kohonen_adapt.outline.cutting import arc_end, circle_of_part
+from kohonen_adapt.outline.cutting import FEWEST_FACETS, arc_end, circle_of_part
 from kohonen_adapt.outline.polylines import Pieces, without_noise
 
-__all__ = ["FEWEST_FACETS", "centres_of", "with_coarse_arcs"]
+__all__ = ["centres_of", "with_coarse_arcs"]
 
-FEWEST_FACETS = 3  # four nodes: any three are on a circle
 ANGLE = 1e-6  # radians: a motion that turns by less is a translation
 CONCENTRIC = 1e-3  # of the radius: centres nearer to each other than that are one
 

@@ -10,6 +10,7 @@ from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 TURN = 1e-6  # radians: where facets turn by no more they are straight
 BEND = 1e-9  # of its length: no node of a straight piece may lie farther off its chord
 FEWEST = 6  # nodes of an arc
+FEWEST_FACETS = 3  # of a coarse one, of four nodes: any three are on a circle
 CLOSE = 0.05  # of the sagitta of its facet: a node nearer than that to a circle lies on it
 LEAVING = 0.5  # of the same: the next node is farther off where an arc ends; it is 4 off where a tangent goes on
 ROUNDING = 1e-15  # of the coordinates: likewise, however short the facet

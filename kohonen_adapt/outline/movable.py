@@ -122,8 +122,10 @@ class MovableMesh:
     def bent_sides(self) -> Floats:
         """How far the mid-side nodes of all sides are off their chords, (m, 3, 2), as `isoparametric` says.
 
-        Rows are those of ``triangulation.elements``, and side k is opposite to corner k.
+        Rows are those of ``triangulation.elements``, and side k is opposite to corner k. 0 where it is not `curved`.
         """
+        if not self.curved:
+            return np.zeros((*self.triangulation.elements.node.shape, 2))
         return bent_sides(self.triangulation, self.constraints)
 
     def copy(self) -> "MovableMesh":

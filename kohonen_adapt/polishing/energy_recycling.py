@@ -98,7 +98,8 @@ class _Higher(_Linear):
         super().__init__(movable, functional, trial, mesh, offers)
         self.modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in trial.modes or ()))
         arrays = mesh.position, mesh.elements, self.star, mesh.constraints, self.trials.one, self.modes
-        self.shared = (*arrays, functional.reference, *shapes_of(functional.ritz, movable, len(mesh.elements.node)))
+        shapes = shapes_of(functional.ritz, movable.bent_sides(), len(mesh.elements.node))
+        self.shared = (*arrays, functional.reference, *shapes)
         self.functions, self.rooms = functional.reference.slope.shape[1], dict[int, Descent]()
 
     def _room(self, thread: int) -> Descent:

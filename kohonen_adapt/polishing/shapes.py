@@ -8,19 +8,20 @@ from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.points import by_points, fields_at
 from kohonen_adapt.mesh.polynomials import gradients, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.surgery import padded
 from kohonen_adapt.problem.ritz import Ritz, integrated
 
 __all__ = ["kinds_of", "shapes_of", "steepest", "without_modes"]
 
 
-def shapes_of(ritz: Ritz, movable: MovableMesh, rows: int) -> tuple[Points, Shapes]:
-    """The points of a functional, and the shapes of all elements, in so many rows; those not in use are straight."""
-    around, m = ritz.axisymmetric, len(movable.triangulation.elements.node)
-    bend = movable.bent_sides() if movable.curved else np.zeros((m, 3, 2))
-    special = np.any(bend != 0.0, axis=(1, 2)) | around
-    return by_points(ritz.order), Shapes(padded(bend, rows, 0.0), padded(special, rows, around), around)
+def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
+    """The points of a functional, and the shapes of all elements, in so many rows; those not in use are straight.
+
+    For the displacements of the sides of those in use, (m, 3, 2).
+    """
+    bend = np.zeros((rows, 3, 2))
+    bend[: len(bent)] = bent
+    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    return by_points(ritz.order), Shapes(bend, special, ritz.axisymmetric)
 
 
 def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:

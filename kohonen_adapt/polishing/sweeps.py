@@ -140,7 +140,7 @@ class Higher:
         self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descent]()
         arrays = triangulation.position, triangulation.elements, triangulation.star, constraints
         self.trials, self.modes = functional.trials(triangulation, trial), modes
-        points, self.shapes = shapes_of(functional.ritz, movable, len(modes.bubble))
+        points, self.shapes = shapes_of(functional.ritz, movable.bent_sides(), len(modes.bubble))
         self.arrays = (*arrays, self.trials.one, modes, functional.reference, points, self.shapes)
         self.functions = functional.reference.slope.shape[1]
 

@@ -7,11 +7,10 @@ from scipy.sparse.csgraph import connected_components
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
 from kohonen_adapt.kernels.triangle.locate import barycentric
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.isoparametric import CurvedElements
 from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.polynomials import (
-    AFTER,
-    BEFORE,
     TrialFunction,
     evaluated,
     local_coefficients,
