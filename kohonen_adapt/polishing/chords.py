@@ -70,6 +70,13 @@ class Chords:
         unknown[elements.chain[e, k][(elements.neighbour[e, k] >= 0) | inwards | loaded]] = True
         return cls(outline, constants, curves & ~unknown, given)
 
+    def cut_sources(self, triangulation: Triangulation) -> bool:
+        """Whether a source ends at one of these curves: that of a given total is another one on every polygon."""
+        elements = triangulation.elements
+        e, k = np.nonzero(on_chains(elements.chain, self.known))
+        other, source = elements.neighbour[e, k], self.constants[elements.region, 1]
+        return bool(np.any(source[e] != np.where(other >= 0, source[other], 0.0)))
+
     def nodes(self, triangulation: Triangulation) -> Mask:
         """Nodes that slide on these curves, (n,)."""
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
