@@ -8,7 +8,7 @@ from skfem import ElementTriP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import Modes, Reference
+from kohonen_adapt.kernels.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
@@ -19,9 +19,11 @@ __all__ = [
     "AxisReference",
     "TrialFunction",
     "axis_reference",
+    "by_points",
     "count_unknowns",
     "evaluated",
     "facets_of_sides",
+    "fields_at",
     "functions_at",
     "functions_near_axis",
     "gradients",
@@ -38,6 +40,7 @@ __all__ = [
 ]
 
 EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
+SIDES = slice(3, None)  # of the functions of order 2
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
@@ -259,3 +262,31 @@ def evaluated(coefficients: Floats, share: Floats, kind: Ints | None = None) -> 
 
 
 LINEAR_FUNCTIONS = reference(1, 0)
+
+
+@cache
+def by_points(order: int) -> Points:
+    """The points, and the functions of that order there, of elements of every kind."""
+    (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
+    value = [functions_near_axis(np.full(len(share[kind]), kind), share[kind], order) for kind in kinds]
+    slope = [slopes_near_axis(kind, share[kind], order) for kind in kinds]
+    even = [functions_at(share[kind], 2)[:, SIDES, None] for kind in kinds]
+    sides = [np.concatenate([even[kind], slopes_at(share[kind], 2)[:, SIDES]], axis=2) for kind in kinds]
+    return Points(weight, share, np.stack(value), np.stack(slope), np.stack(sides))
+
+
+def fields_at(
+    points: Points, kind: int, corners: Floats, bend: Floats, coefficients: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Elements of one kind at their points: doubled area, x and values (points, m), gradients (2, points, m).
+
+    For corners (m, 3, 2), bends of their sides (m, 3, 2) and coefficients (m, functions).
+    """
+    side = points.side[kind]
+    way = np.einsum("id,mic->mcd", HAT_SLOPES, corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], bend)
+    x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ bend[:, :, 0].T
+    along, aside = np.einsum("qid,mi->dqm", points.slope[kind], coefficients)
+    (ax, bx), (ay, by) = np.moveaxis(way, (2, 3), (0, 1))
+    doubled = ax * by - bx * ay
+    slope = np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
+    return doubled, x, points.value[kind] @ coefficients.T, slope

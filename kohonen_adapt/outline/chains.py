@@ -15,7 +15,7 @@ from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, nodes_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["chains_of", "curve_of_facets", "pair_chains", "without_corner"]
+__all__ = ["chains_of", "curve_of_facets", "on_chains", "pair_chains", "without_corner"]
 
 WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
 FACETS = 5  # of an arc at least, so that it goes on being seen as one; of a coarse one FEWEST_FACETS
@@ -230,3 +230,8 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
     for array in (table.length, table.curvature, table.reach, table.merged, table.bulge, table.even):
         array[image] = array[first]
     table.curvature[image] *= np.sign(np.linalg.det(turn))  # a mirror image bends the other way
+
+
+def on_chains(chain: Ints, chains: Mask) -> Mask:
+    """Which of the sides of elements, that are on these chains (m, 3) or -1, are on some of all chains (c,)."""
+    return (chain >= 0) & chains[chain]

@@ -9,14 +9,14 @@ from scipy.sparse.linalg import spsolve
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes, Reference
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
-from kohonen_adapt.mesh.points import by_points, fields_at
-from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, trace_columns
+from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.problem.ritz import Ritz, flux_on, value_on
 from kohonen_adapt.problem.robin import added_on_sides, facet_terms
 from kohonen_adapt.problem.tables import looked_up
 
-__all__ = ["BoundaryTerms", "on_chains"]
+__all__ = ["BoundaryTerms"]
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,3 @@ def sides_on(chain: Ints, chains: Mask) -> tuple[Ints, Ints]:
     """Elements and corners opposite to sides on some chains, for the chains of all sides, (m, 3)."""
     e, k = np.nonzero(on_chains(chain, chains))
     return e, k
-
-
-def on_chains(chain: Ints, chains: Mask) -> Mask:
-    """Which of the sides of elements, that are on these chains (m, 3) or -1, are on some of all chains (c,)."""
-    return (chain >= 0) & chains[chain]

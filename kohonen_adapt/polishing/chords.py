@@ -14,9 +14,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.isoparametric import off_chords
 from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.polishing.boundary import on_chains
 
 __all__ = ["CENTROID", "Chords", "Slivers", "segment_areas"]
 

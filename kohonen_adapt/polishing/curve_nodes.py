@@ -12,9 +12,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING
 from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.parameters import parameters_of, ways_along
-from kohonen_adapt.polishing.boundary import on_chains
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import independent

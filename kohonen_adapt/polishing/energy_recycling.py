@@ -16,8 +16,8 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery, padded
+from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.shapes import shapes_of
 
 __all__ = ["recycle_by_energy"]
 

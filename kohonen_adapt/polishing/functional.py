@@ -18,14 +18,19 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.polishing.boundary import BoundaryTerms, on_chains
-from kohonen_adapt.polishing.chain_values import hold_unpaired, line_of_chains, nodes_of_chains, signs_of_chains
+from kohonen_adapt.polishing.boundary import BoundaryTerms
+from kohonen_adapt.polishing.chain_values import (
+    hold_unpaired,
+    line_of_chains,
+    nodes_of_chains,
+    signs_of_chains,
+)
 from kohonen_adapt.polishing.chords import Chords
+from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, without_modes
 from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.polishing.flux_polynomials import expanded
-from kohonen_adapt.polishing.shapes import kinds_of, steepest, without_modes
 from kohonen_adapt.problem.ritz import Ritz, check_fits, integrated, parts_of, value_on
 from kohonen_adapt.problem.tables import EnergyLaw
 

@@ -15,10 +15,9 @@ from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainf
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.curve_nodes import descend_curves
+from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, Patch, descend_pairs, tie
-from kohonen_adapt.polishing.shapes import shapes_of
 from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
@@ -89,7 +88,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         gain += flip_downhill(movable, downhill)
         bend = movable.bent_sides() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, bend)
-    return gain + descend_curves(movable, functional, trial)
+    return gain
 
 
 def loops_of(problem: Problem) -> tuple[str, ...]:

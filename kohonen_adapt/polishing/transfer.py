@@ -19,10 +19,10 @@ from kohonen_adapt.mesh.polynomials import (
     set_sides,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.boundary import on_chains
+from kohonen_adapt.polishing.elements import kinds_of, without_modes
 from kohonen_adapt.polishing.functional import Functional, first_of_regions
-from kohonen_adapt.polishing.shapes import kinds_of, without_modes
 
 __all__ = ["carried"]
 

@@ -15,9 +15,10 @@ from kohonen_adapt.mesh.curved import displacements, is_second_order
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
-from kohonen_adapt.mesh.points import by_points, fields_at
 from kohonen_adapt.mesh.polynomials import (
+    by_points,
     count_unknowns,
+    fields_at,
     gradients,
     local_coefficients,
     modes_of,

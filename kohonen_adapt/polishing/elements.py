@@ -1,0 +1,98 @@
+"""Work out of elements what the polish looks up: curved sides, points around an axis, fluxes that vary inside."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import (
+    CENTRE_X,
+    CONSTANTS,
+    HALF_FLUX_X,
+    RATES_X,
+    RATES_Y,
+    VARYING,
+    Modes,
+    Points,
+    Shapes,
+)
+from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.near_axis import kinds_at_axis
+from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, by_points, fields_at, gradients, local_coefficients
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.problem.ritz import Ritz, integrated
+from kohonen_adapt.problem.tables import flux_at
+
+__all__ = ["expanded", "kinds_of", "shapes_of", "steepest", "without_modes"]
+
+
+def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
+    """The points of a functional, and the shapes of all elements, in so many rows; those not in use are straight.
+
+    For the displacements of the sides of those in use, (m, 3, 2).
+    """
+    bend = np.zeros((rows, 3, 2))
+    bend[: len(bent)] = bent
+    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    return by_points(ritz.order), Shapes(bend, special, ritz.axisymmetric)
+
+
+def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
+    """The kinds of all elements around an axis, (m,); None in the plane."""
+    return kinds_at_axis(triangulation.position[triangulation.elements.node, 0]) if ritz.axisymmetric else None
+
+
+def without_modes(m: int) -> Modes:
+    """The modes of functions of order 1, of which there are none."""
+    return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), dtype=np.bool_))
+
+
+def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Modes | None) -> float:
+    """The largest gradient of a function, around an axis by x."""
+    node = triangulation.elements.node
+    coefficients, corners = local_coefficients(values[node], modes), triangulation.position[node]
+    kind = kinds_of(ritz, triangulation)
+    if kind is None:
+        return float(np.hypot(*gradients(corners, coefficients, integrated(ritz))[1]).max(initial=0.0))
+    points, largest = by_points(ritz.order), 0.0
+    for one in np.unique(kind):
+        rows = np.flatnonzero(kind == one)
+        _, x, _, slope = fields_at(points, int(one), corners[rows], np.zeros_like(corners[rows]), coefficients[rows])
+        largest = max(largest, float((np.hypot(*slope) / x).max()))
+    return largest
+
+
+def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """What `Trial` calls its data, (m, VARYING), where a function gives the flux, of the constants (m, CONSTANTS).
+
+    The polynomial has the values of the function at the points of `inner_points` and at the middles between them. Its
+    mean over the element is that of the function over the three points, as in the functional itself. The function is
+    asked inside of elements only: an element moves by less than its size until it is asked again.
+    """
+    points = inner_points(corners)
+    sampled = flux_at(np.concatenate([points, 0.5 * (points + np.roll(points, -1, axis=1))], axis=1), number, flux)
+    data = np.zeros((len(constants), VARYING))
+    data[:, :CONSTANTS] = constants
+    data[:, CENTRE_X : CENTRE_X + 2] = corners.mean(axis=1).T
+    for part, rates in enumerate((RATES_X, RATES_Y)):
+        value, increase = polynomial(points, 0.5 * sampled[part])
+        data[:, HALF_FLUX_X + part] = value
+        data[:, rates : rates + len(increase)] = increase.T
+    return data
+
+
+def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The quadratic polynomial of values (6, m) at corners (2, 3, m) and then at the middles after each.
+
+    Returns its value at the centre (m,), and gradient and Hessian there, by x, y, xx, xy and yy, (5, m).
+    """
+    corner, middle = values[:3], values[3:]
+    hat = np.stack(
+        [gradients(points.T, np.tile(unit, (points.shape[2], 1)), LINEAR_FUNCTIONS)[1][:, 0] for unit in np.eye(3)]
+    )
+    after = np.roll(hat, -1, axis=0)
+    slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
+    bend = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
+    value = (4.0 * middle.sum(axis=0) - corner.sum(axis=0)) / 9.0
+    return value, np.stack([*slope / 3.0, 4.0 * bend[0, 0], 2.0 * (bend[0, 1] + bend[1, 0]), 4.0 * bend[1, 1]])
