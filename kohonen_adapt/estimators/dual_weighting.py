@@ -171,9 +171,11 @@ def _contributions(
     mesh: MeshTri, reluctivity: ArrayLike, fixed: ArrayLike | None, primal: Given, dual: Given
 ) -> Floats:
     """``int_K t_u . t_z / nu`` of every element, with its sign, in the unit of J."""
-    discrete, one = equilibrated_correction(mesh, primal[0], reluctivity, *primal[1:], fixed)
-    _, other = _of_dual(mesh, reluctivity, fixed, dual)
-    return weighted_product(discrete, one, other)
+    flux, varying = mean_and_rest(mesh, "flux", primal[2])
+    dual_flux, dual_varying = mean_and_rest(mesh, "dual_flux", dual[2])
+    discrete, one = equilibrated_correction(mesh, primal[0], reluctivity, primal[1], flux, fixed)
+    _, other = _of_dual(mesh, reluctivity, fixed, (*dual[:2], dual_flux))
+    return weighted_product(discrete, one + varying, other + dual_varying)
 
 
 def _of_dual(
