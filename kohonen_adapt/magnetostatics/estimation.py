@@ -1,6 +1,7 @@
 """Estimate the error of a magnetic field: of its energy as that of a scalar problem, of a goal by the dual one."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from skfem import MeshTri
@@ -15,6 +16,7 @@ from kohonen_adapt.estimators import (
     residual,
 )
 from kohonen_adapt.estimators.explicit import ENDS, OPPOSITE
+from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
     Conditions,
@@ -233,21 +235,17 @@ def outward(shape: Isoparametric) -> Floats:
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
-    """Indicators of a goal, (nelements,), unsquared, in the root of its unit.
-
-    Around an axis B falls like 1 / r inside elements, too, where the exact field does not: what differs from the mean
-    there is a part of the errors of field and dual.
-    """
+    """Indicators of a goal, (nelements,), unsquared, in the root of its unit."""
     pair = _pair(field, goal, boundaries, newton)
-    if field.axisymmetric:
-        for name, strength in zip(("flux", "dual_flux"), _at_corners(field, pair["dual"]), strict=True):
+    if isinstance(field.elements, AroundAxis):  # there B falls like 1 / r inside elements, too
+        for name, strength in zip(("flux", "dual_flux"), _at_corners(field, field.elements, pair["dual"]), strict=True):
             pair[name] = pair[name][:, None] - strength + strength.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
 
 
-def _at_corners(field: Field, dual: Floats) -> tuple[Floats, Floats]:
+def _at_corners(field: Field, elements: AroundAxis, dual: Floats) -> tuple[Floats, Floats]:
     """The field strength at the corners of the elements, turned, and how a dual changes it, (2, 3, nelements) each."""
-    elements, symmetry, at = field.elements, field.symmetry, field.at_corners
+    symmetry, at = field.symmetry, field.at_corners
     element = np.tile(np.arange(field.mesh.t.shape[1]), 3)
     inside = elements.inside(element, np.repeat(np.eye(3), field.mesh.t.shape[1], axis=1))
     x, slope = elements.shape.points(element, inside), elements.gradient_at(dual, element, inside)
@@ -282,7 +280,7 @@ def better_values(
     return values
 
 
-def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Floats | Mask]:
+def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:
     """A field and its dual as two problems ``-div(nu grad u - flux) = source`` of one scalar nu, by argument.
 
     Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The

@@ -70,18 +70,26 @@ class Chords:
         unknown[elements.chain[e, k][(elements.neighbour[e, k] >= 0) | inwards | loaded]] = True
         return cls(outline, constants, curves & ~unknown, given)
 
-    def cut_sources(self, triangulation: Triangulation) -> bool:
-        """Whether a source ends at one of these curves: that of a given total is another one on every polygon."""
-        elements = triangulation.elements
+    def cut_sources(self, triangulation: Triangulation) -> Mask:
+        """Which of these curves a source ends at, (c,): that of a given total is another one on every polygon."""
+        elements, found = triangulation.elements, np.zeros(len(self.known), dtype=np.bool_)
         e, k = np.nonzero(on_chains(elements.chain, self.known))
         other, source = elements.neighbour[e, k], self.constants[elements.region, 1]
-        return bool(np.any(source[e] != np.where(other >= 0, source[other], 0.0)))
+        found[elements.chain[e, k][source[e] != np.where(other >= 0, source[other], 0.0)]] = True
+        return found
 
     def nodes(self, triangulation: Triangulation) -> Mask:
         """Nodes that slide on these curves, (n,)."""
+        return self._sliding(triangulation, self.known)
+
+    def moving(self, triangulation: Triangulation) -> Mask:
+        """Those of them that the polish moves: where no source ends, (n,)."""
+        return self._sliding(triangulation, self.known & ~self.cut_sources(triangulation))
+
+    def _sliding(self, triangulation: Triangulation, chains: Mask) -> Mask:
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
         slides = constraints.kind == SLIDING
-        found[slides] = self.known[constraints.own_chain[slides]]
+        found[slides] = chains[constraints.own_chain[slides]]
         return found
 
     def slivers(self, triangulation: Triangulation) -> Slivers:

@@ -28,7 +28,7 @@ FARTHEST = 0.4  # of that way: how far a node may go in a sweep, less than half 
 def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFunction) -> float:
     """Move nodes on curves whose slivers are known; returns the gain of the moves. The values of the nodes follow."""
     triangulation, gain = movable.triangulation, 0.0
-    nodes = np.flatnonzero(functional.chords.nodes(triangulation))
+    nodes = np.flatnonzero(functional.chords.moving(triangulation))
     if not len(nodes):
         return 0.0
     number = np.full(triangulation.nnodes, -1)

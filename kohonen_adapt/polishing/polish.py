@@ -12,6 +12,7 @@ from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Pinned, Rules, holding
 from kohonen_adapt.outline.surgery import Recycled
+from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
@@ -168,6 +169,7 @@ def descend(
         state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
         before = functional.value(movable.triangulation, trial)
         gain = sweep(movable, functional, trial, min(KNOWN, sweeps - done), eager)
+        gain += descend_curves(movable, functional, trial)
         fallen = before - functional.value(movable.triangulation, trial)
         if not fallen > 0.0:
             movable.restore(state)

@@ -76,7 +76,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
     tie(movable, trial, functional.sign)
-    beyond = pairs | on_robin | functional.chords.nodes(movable.triangulation)
+    beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
