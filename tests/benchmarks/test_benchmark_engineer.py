@@ -30,7 +30,7 @@ BOUNDS = [  # in percent, of the mesh adapted by default and of the one that is 
     (QUADRATIC, undulator.FORCE, 0.05, None),
     (MOTOR, slotless_motor.TORQUE, 0.6, 0.3),
     (TORQUE, magnet_torque.TORQUE, 0.15, 0.05),
-    (COIL, thick_coil.INDUCTANCE, 0.4, 0.5),
+    (COIL, thick_coil.INDUCTANCE, 0.4, 0.6),
     (COIL, thick_coil.RECOVERED, 8.0, 3.0),
     (GETDP, getdp_magnet.THROUGH_GAP, 0.8, None),
     (GETDP, getdp_magnet.THROUGH_MAGNET, 0.1, None),
