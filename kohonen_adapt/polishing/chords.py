@@ -32,6 +32,9 @@ class Slivers(NamedTuple):
     off: Floats  # (s, 2): from the middle of the chord to the curve
 
 
+FLAT = 1e-9  # of its length: a facet that is no farther off its curve is on it
+
+
 @dataclass(frozen=True)
 class Chords:
     """The curves of which the slivers are known, on a triangulation wherever its nodes have gone.
@@ -75,7 +78,11 @@ class Chords:
         elements, found = triangulation.elements, np.zeros(len(self.known), dtype=np.bool_)
         e, k = np.nonzero(on_chains(elements.chain, self.known))
         other, source = elements.neighbour[e, k], self.constants[elements.region, 1]
-        found[elements.chain[e, k][source[e] != np.where(other >= 0, source[other], 0.0)]] = True
+        ends = source[e] != np.where(other >= 0, source[other], 0.0)
+        off = off_chords(triangulation, self.outline.constraints, e, k)
+        start, end = (triangulation.position[node] for node in elements.ends(e, k))
+        ends &= np.sum(off**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
+        found[elements.chain[e, k][ends]] = True
         return found
 
     def nodes(self, triangulation: Triangulation) -> Mask:
