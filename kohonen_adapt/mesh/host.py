@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import reduce
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
-__all__ = ["is_own_name", "number_facets", "of_kind", "remade", "set_boundaries"]
+__all__ = ["ascending", "is_own_name", "number_facets", "of_kind", "remade", "set_boundaries"]
 
+Host = TypeVar("Host", bound=Mesh)
 Names = Mapping[str, NDArray[np.integer]] | None
 
 
@@ -17,8 +20,8 @@ def is_own_name(name: str) -> bool:
     return not name.startswith("gmsh:")
 
 
-def remade(mesh: MeshTri, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> MeshTri:
-    """A mesh of the same kind with other nodes (2, nnodes), elements (3, nelements), neither copied, and names."""
+def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> Host:
+    """A mesh of the same kind with other nodes (d, nnodes), elements (d + 1, nelements), neither copied, and names."""
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
@@ -31,32 +34,40 @@ def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshT
     return made
 
 
-def set_boundaries(mesh: MeshTri, boundaries: Names) -> None:
+def set_boundaries(mesh: Mesh, boundaries: Names) -> None:
     """Name the boundaries of a mesh in place: a copy, as `with_boundaries` makes, would number its facets again."""
     mesh._boundaries = boundaries
 
 
-def number_facets(mesh: MeshTri) -> None:
+def number_facets(mesh: Mesh) -> None:
     """Give a mesh, whose elements have nodes that exist, its `facets`, `t2f` and `f2t`, unless it has them already.
 
-    scikit-fem sorts pairs of nodes; sorting one whole number for each pair gives the same arrays in a fraction of the
-    time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere one day, it would
-    work them out itself.
+    scikit-fem sorts pairs or triples of nodes; sorting one whole number for each gives the same arrays in a fraction of
+    the time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere one day, it
+    would work them out itself, as it does where these numbers would be too large.
     """
-    if hasattr(mesh, "_facets"):
+    count, corners = mesh.p.shape[1], mesh.t[np.asarray(mesh.elem.refdom.facets).T]
+    if hasattr(mesh, "_facets") or float(count) ** len(corners) > np.iinfo(np.int64).max:
         return
-    count, start, end = mesh.p.shape[1], mesh.t, mesh.t[[1, 2, 0]]
-    pair = np.minimum(start, end).astype(np.int64) * count + np.maximum(start, end)
-    number, side = np.unique(pair, return_inverse=True)
-    mesh._facets = np.stack(np.divmod(number, count)).astype(mesh.t.dtype)
-    mesh._t2f = side.reshape(pair.shape)
+    code = np.zeros(corners.shape[1:], dtype=np.int64)
+    for node in ascending(*corners):
+        code = code * count + node
+    number, side = np.unique(code, return_inverse=True)
+    mesh._facets = np.stack(np.unravel_index(number, (count,) * len(corners))).astype(mesh.t.dtype)
+    mesh._t2f = side.reshape(code.shape)
     mesh._f2t = elements_of(mesh._t2f, number.size)
+
+
+def ascending(*rows: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The two or three numbers of every column in order: many times faster than a sort of short columns."""
+    low, high = reduce(np.minimum, rows), reduce(np.maximum, rows)
+    return np.stack([low, sum(rows) - low - high, high] if len(rows) == 3 else [low, high])
 
 
 def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """The first and the last element, by number, at each of `count` facets, (2, count); -1 for last at a boundary.
 
-    `facet` is (3, nelements), the facets of the elements.
+    `facet` is (d + 1, nelements), the facets of the elements.
     """
     side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
     elements = np.empty((2, count), dtype=np.int32)

@@ -1,17 +1,27 @@
-"""Look up the names of a mesh, and number the sets of names that its elements and facets carry."""
+"""Look up the names of a mesh; number sets of names, and regions, whose elements carry one set and get it back."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.host import is_own_name
 
-__all__ = ["codes_of_names", "combinations", "named", "named_sets", "nodes_of_points"]
+__all__ = [
+    "codes_of_names",
+    "combinations",
+    "named",
+    "named_sets",
+    "nodes_of_points",
+    "regions_of",
+    "subdomains_of",
+]
 
 SAME = 1e-9  # of the size of the mesh: nodes nearer than that to a point are there
 
@@ -77,3 +87,39 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
     members = [np.flatnonzero(column) for column in within.T]
     order = sorted(range(len(members)), key=lambda number: members[number].tolist())
     return np.argsort(order)[combination], [members[number] for number in order]
+
+
+def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
+
+    They are numbered in the order of their first elements. `neighbour` (m, d + 1) is -1 outside.
+    """
+    m = len(neighbour)
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
+    e, k = np.nonzero(neighbour > np.arange(m)[:, None])
+    other = neighbour[e, k]
+    alike = codes[e] == codes[other]
+    graph = coo_array((np.ones(np.count_nonzero(alike), dtype=np.int8), (e[alike], other[alike])), shape=(m, m))
+    label = connected_components(graph, directed=False)[1]
+    _, first, region = np.unique(label, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[region].astype(np.int32)
+
+
+def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, Ints] | None:
+    """The elements of every name of a mesh when its elements are of these regions; one carries the names of its region.
+
+    `region_of_input` are those of the elements that the mesh has itself. What is no name of the user's is kept only
+    while there are as many elements as that.
+    """
+    if mesh.subdomains is None:
+        return None
+    found = {}
+    for name, rows in mesh.subdomains.items():
+        if not is_own_name(name):
+            if len(region) == len(region_of_input):
+                found[name] = np.array(rows)
+            continue
+        named = np.zeros(region_of_input.max() + 1, dtype=bool)
+        named[region_of_input[rows]] = True
+        found[name] = np.flatnonzero(named[region]).astype(np.asarray(rows).dtype)
+    return found

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -14,8 +12,8 @@ from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.mesh.curved import corners_of
-from kohonen_adapt.mesh.host import is_own_name, remade
-from kohonen_adapt.mesh.names import codes_of_names, named_sets
+from kohonen_adapt.mesh.host import ascending, remade
+from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]
@@ -104,22 +102,8 @@ class Triangulation:
         t, node = self.mesh.t, ascending(*self.elements.node.T)
         t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
         position = np.ascontiguousarray(self.position.T)
-        return remade(self.mesh, position, t, boundaries=None, subdomains=self._subdomains())
-
-    def _subdomains(self) -> dict[str, Ints] | None:
-        """The elements of every name, as many as there are now: an element carries the names of its region."""
-        if self.mesh.subdomains is None:
-            return None
-        found = {}
-        for name, rows in self.mesh.subdomains.items():
-            if not is_own_name(name):
-                if len(self.elements.node) == len(self.region_of_input):
-                    found[name] = np.array(rows)
-                continue
-            named = np.zeros(self.region_of_input.max() + 1, dtype=bool)
-            named[self.region_of_input[rows]] = True
-            found[name] = np.flatnonzero(named[self.elements.region]).astype(np.asarray(rows).dtype)
-        return found
+        subdomains = subdomains_of(self.mesh, self.region_of_input, self.elements.region)
+        return remade(self.mesh, position, t, boundaries=None, subdomains=subdomains)
 
 
 def counter_clockwise(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
@@ -129,12 +113,6 @@ def counter_clockwise(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
     clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
     node[clockwise, 1:] = node[clockwise, :0:-1]
     return node
-
-
-def ascending(a: Ints, b: Ints, c: Ints) -> Ints:
-    """The corners of elements from the least to the greatest, (3, m): many times faster than a sort of short rows."""
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    return np.stack([low, a + b + c - low - high, high])
 
 
 def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -170,19 +148,3 @@ def fill(star: Star, node: Ints, cuts: Sequence[int]) -> None:
     cursor = np.empty(len(star.start) - 1, dtype=np.int32)
     find_starts(node, star.start)
     shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), cuts)
-
-
-def regions_of(mesh: MeshTri, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
-
-    They are numbered in the order of their first elements.
-    """
-    m = len(neighbour)
-    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
-    e, k = np.nonzero(neighbour > np.arange(m)[:, None])
-    other = neighbour[e, k]
-    alike = codes[e] == codes[other]
-    graph = coo_array((np.ones(np.count_nonzero(alike), dtype=np.int8), (e[alike], other[alike])), shape=(m, m))
-    label = connected_components(graph, directed=False)[1]
-    _, first, region = np.unique(label, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[region].astype(np.int32)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import skfem
 from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 
 import kohonen_adapt
 from kohonen_adapt import density_from_sizes, relocate
@@ -20,6 +20,7 @@ MESHES = {
     "holed": holed(6),
     "comb": comb(10),
     "slit": slit(6),
+    "tetrahedra": MeshTet().refined(1),
 }
 
 
@@ -29,7 +30,7 @@ def turned(mesh, seed):
     number = rng.permutation(mesh.p.shape[1])
     position = np.empty_like(mesh.p)
     position[:, number] = mesh.p
-    return MeshTri(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)
+    return type(mesh)(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)
 
 
 def assert_numbered_as_scikit_fem_does(mesh):
@@ -44,7 +45,7 @@ def assert_numbered_as_scikit_fem_does(mesh):
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_facets_are_those_of_scikit_fem(name, seed):
     mesh = MESHES[name] if seed is None else turned(MESHES[name], seed)
-    fresh = MeshTri(mesh.p, mesh.t, sort_t=False)
+    fresh = type(mesh)(mesh.p, mesh.t, sort_t=False)
     number_facets(fresh)
     assert_numbered_as_scikit_fem_does(fresh)
 

@@ -1,0 +1,89 @@
+"""Find the faces that hold nodes, on the outer boundary, between regions and named, and how they meet along edges."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
+from kohonen_adapt.outline.facets import labels, manners_of
+
+__all__ = ["Edges", "Faces", "Seams", "constrained_faces", "edges_of", "seams_of"]
+
+
+class Faces(NamedTuple):
+    """The constrained faces, a row each, running counter-clockwise seen from outside their element."""
+
+    element: Ints  # (f,)
+    corner: Ints  # (f,) local number of the element's corner opposite to the face
+    nodes: Ints  # (f, 3)
+    label: Ints  # (f, 2) seen from the element and from the other side: alike where regions and names there are
+    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT (of the element) or RIGHT
+    regions: Ints  # (f, 2) of the element and of the one across, -1 outside
+
+
+class Edges(NamedTuple):
+    """The edges of the constrained faces, a row each."""
+
+    ends: Ints  # (g, 2) the nodes, ascending
+    start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
+    face: Ints  # (3 f,)
+    forth: Mask  # (3 f,) whether the face runs along the edge from its first to its second node
+
+    @property
+    def faces_around(self) -> Ints:
+        """How many faces meet in each, (g,)."""
+        return np.diff(self.start)
+
+
+class Seams(NamedTuple):
+    """The edges in which just two constrained faces meet."""
+
+    edge: Ints  # (j,)
+    faces: Ints  # (j, 2)
+    turn: Floats  # (j,) between the faces, in radians, 0 where the one goes on straight into the other
+    alike: Mask  # (j,) the same names and regions on both sides
+
+
+def constrained_faces(tet: Tetrahedralization) -> Faces:
+    """Faces on the outer boundary, between regions, and in named boundaries."""
+    mesh, tetrahedra = tet.mesh, tet.tetrahedra
+    across, own = tetrahedra.neighbour, tetrahedra.region[:, None]
+    other = np.where(across >= 0, tetrahedra.region[across], -1)
+    marked = other != own
+    boundaries = mesh.boundaries or {}
+    facet = facet_of_face(mesh, tetrahedra.node) if boundaries else None
+    if facet is not None:
+        named = np.zeros(mesh.facets.shape[1], dtype=bool)
+        named[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
+        marked |= named[facet]
+    e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
+    nodes = np.take_along_axis(tetrahedra.node[e], FACES[k], axis=1)
+    sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
+    regions = np.stack([tetrahedra.region[e], other[e, k]], axis=1)
+    label = labels(regions[:, 0], regions[:, 1], list(sides.values()))
+    return Faces(e, k, nodes, label, sides, regions)
+
+
+def edges_of(faces: Faces, nnodes: int) -> Edges:
+    """The edges of faces, in the order of their nodes."""
+    start, end = faces.nodes.ravel(), np.roll(faces.nodes, -1, axis=1).ravel()
+    code = np.minimum(start, end).astype(np.int64) * nnodes + np.maximum(start, end)
+    order = np.argsort(code, kind="stable")
+    first = np.flatnonzero(np.append(True, np.diff(code[order]) != 0)[: len(order)])
+    ends = np.stack(np.divmod(code[order][first], nnodes), axis=1)
+    return Edges(ends, np.append(first, len(order)), order // 3, (start < end)[order])
+
+
+def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
+    """Pair the faces at every edge in which just two meet."""
+    edge = np.flatnonzero(edges.faces_around == 2)
+    slot = edges.start[edge]
+    one, other = edges.face[slot], edges.face[slot + 1]
+    opposite = edges.forth[slot] != edges.forth[slot + 1]  # then the elements of both are on the same side
+    normal = normals(position, faces.nodes)
+    here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
+    turn = np.arctan2(np.linalg.norm(np.cross(here, there), axis=1), np.einsum("ij,ij->i", here, there))
+    alike = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
+    return Seams(edge, np.stack([one, other], axis=1), turn, alike)

@@ -1,0 +1,160 @@
+"""Take a mesh of tetrahedra apart into what moves: its elements, and the patches and ridges, which hold nodes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.kernels.arrays import UNGUARDED
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Freedom, Surfaces
+from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
+from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seams_of
+from kohonen_adapt.outline.facets import LEFT, turned
+from kohonen_adapt.outline.patches import Patches, patches_of
+from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
+from kohonen_adapt.outline.rules import Rules, pinned_nodes
+
+__all__ = ["MovableSolid"]
+
+# The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
+BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "tetrahedra.patch")
+STATE_NAMES = ("position", *BY_ELEMENT, "freedom.number", "freedom.place", "freedom.pinned")
+
+
+@dataclass
+class MovableSolid:
+    """A mesh of tetrahedra with where its nodes may go; whatever moves nodes changes it in place.
+
+    Attributes
+    ----------
+    tetrahedralization
+        Nodes and elements, whose constrained faces carry the number of their patch.
+    surfaces
+        Where patches and ridges are; that never changes.
+    freedom
+        What every node may do.
+    patches
+        Which names each patch carries, and which side is its front.
+    floor
+        The quality that no change may leave anything below, unless it was there before.
+    flips
+        Whether elements may be swapped.
+    """
+
+    tetrahedralization: Tetrahedralization
+    surfaces: Surfaces
+    freedom: Freedom
+    patches: Patches
+    floor: float
+    flips: bool
+
+    @classmethod
+    def of(cls, mesh: MeshTet, rules: Rules) -> "MovableSolid":
+        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name."""
+        tet = Tetrahedralization.of(mesh)
+        pinned = pinned_nodes(mesh, rules.pinned)
+        faces = constrained_faces(tet)
+        edges = edges_of(faces, tet.nnodes)
+        patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position)
+        ridges = ridges_of(edges, patches, tet.position)
+        mark_faces(tet, faces, patches.of_face)
+        floor = UNGUARDED if rules.min_quality is None else float(rules.min_quality)
+        freedom = freedom_of(faces, patches, ridges, pinned)
+        return cls(tet, surfaces_of(patches, ridges), freedom, patches, floor, rules.flips)
+
+    @property
+    def nnodes(self) -> int:
+        """Number of nodes."""
+        return self.tetrahedralization.nnodes
+
+    @property
+    def came_from(self) -> MeshTet:
+        """The mesh that was taken apart."""
+        return self.tetrahedralization.mesh
+
+    def mesh(self) -> MeshTet:
+        """The mesh as it is now, with every name it came with."""
+        mesh = self.tetrahedralization.to_mesh()
+        if self.came_from.boundaries is not None:
+            facet = facet_of_face(mesh, self.tetrahedralization.tetrahedra.node[self.tetrahedralization.used])
+            set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
+        return mesh
+
+    def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
+        """The facets of the patches that carry a name; with their sides if it had them."""
+        tet, used = self.tetrahedralization, self.tetrahedralization.used
+        patch, manner = tet.tetrahedra.patch[used], self.patches.names[name]
+        e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
+        number, first = np.unique(facet[e, k], return_index=True)
+        if not isinstance(self.came_from.boundaries[name], OrientedBoundary):
+            return number
+        e, k = e[first], k[first]
+        side = turned(manner[patch[e, k]], self.on_front(used[e], k))
+        return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
+
+    def on_front(self, element: Ints, corner: Ints) -> Mask:
+        """Whether elements are on the front of the patch that the face opposite to these corners is part of."""
+        tet = self.tetrahedralization
+        patch = tet.tetrahedra.patch[element, corner]
+        nodes = np.take_along_axis(tet.tetrahedra.node[element], FACES[corner], axis=1)
+        out, front = normals(tet.position, nodes), self.patches.front[patch]
+        outward = np.einsum("ij,ij->i", out, self.patches.axis[patch]) > 0.0
+        return np.where(front >= 0, tet.tetrahedra.region[element] == front, outward)
+
+    def copy(self) -> "MovableSolid":
+        """The mesh as it is now, which later changes leave alone."""
+        freedom = Freedom(*(array.copy() for array in self.freedom))
+        return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
+        records = {"tetrahedra": self.tetrahedralization.tetrahedra, "freedom": self.freedom}
+        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
+        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
+        return {"position": self.tetrahedralization.position, **arrays}
+
+    def become(self, own: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the arrays of a state."""
+
+        def arrays(record: str) -> dict[str, Any]:
+            return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
+
+        tet = self.tetrahedralization
+        tet.become(own["position"], tet.tetrahedra._replace(**arrays("tetrahedra.")))
+        self.freedom = self.freedom._replace(**arrays("freedom."))
+
+    def can_move(self) -> bool:
+        """Whether any node is free to move or to slide."""
+        return bool(np.any(self.freedom.number != HELD))
+
+
+def mark_faces(tet: Tetrahedralization, faces: Faces, patch: Ints) -> None:
+    """Write the patch of every constrained face into the elements on both of its sides."""
+    tetrahedra = tet.tetrahedra
+    tetrahedra.patch[faces.element, faces.corner] = patch
+    across = tetrahedra.neighbour[faces.element, faces.corner]
+    inside = across >= 0
+    e, own = across[inside], faces.element[inside]
+    k = np.argmax(tetrahedra.neighbour[e] == own[:, None], axis=1)
+    tetrahedra.patch[e, k] = patch[inside]
+
+
+def surfaces_of(patches: Patches, ridges: Ridges) -> Surfaces:
+    """Patches and ridges as loops take them."""
+    return Surfaces(
+        shape=patches.shape,
+        origin=patches.origin,
+        axis=patches.axis,
+        size=patches.size,
+        meets=ridges.meets,
+        ridge_shape=ridges.shape,
+        ridge_origin=ridges.origin,
+        ridge_axis=ridges.axis,
+        ridge_size=ridges.size,
+    )

@@ -1,0 +1,147 @@
+"""Meshes of tetrahedra, and surgery on them by hand, in plain Python."""
+
+import numpy as np
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+BY_NODE = ("position", "freedom.number", "freedom.place", "freedom.pinned")
+EVEN = np.array([[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [1, 0, 3, 2], [3, 1, 0, 2], [2, 3, 0, 1]])
+
+
+def box(nx=3, ny=None, nz=None):
+    """The unit cube in so many cells along each axis, each of six tetrahedra."""
+    return MeshTet.init_tensor(*(np.linspace(0, 1, n + 1) for n in (nx, ny or nx, nz or ny or nx)))
+
+
+def l_shape(n=2):
+    """A cube of side 2 without the quarter of x and y above 1."""
+    mesh = MeshTet.init_tensor(*[np.linspace(0, 2, 2 * n + 1)] * 3)
+    return mesh.restrict(mesh.elements_satisfying(lambda x: (x[0] < 1) | (x[1] < 1)))
+
+
+def two_regions(n=4):
+    """A cube in two halves, with the wall between them and a part of the top named, the wall with a side."""
+    mesh = box(n).with_subdomains({"low": lambda x: x[2] < 0.5, "high": lambda x: x[2] > 0.5})
+    mesh = mesh.with_boundaries({"left": lambda x: x[0] == 0.0, "top": lambda x: x[2] == 1.0})
+    wall = mesh.facets_around("low")
+    inner = mesh.f2t[1, wall] >= 0
+    wall = OrientedBoundary(np.asarray(wall)[inner], wall.ori[inner])
+    middle = mesh.p[:, mesh.facets].mean(axis=1)
+    part = np.flatnonzero((middle[2] == 1.0) & (middle[0] < 0.5))
+    return named(mesh, {**mesh.boundaries, "wall": wall, "part": part})
+
+
+def cut(n=4):
+    """A cube of one region with a named sheet half-way through it, whose faces look up."""
+    mesh = box(n)
+    middle = mesh.p[:, mesh.facets].mean(axis=1)
+    sheet = np.flatnonzero((np.abs(middle[2] - 0.5) < 1e-9) & (middle[0] < 0.5))
+    below = mesh.p[2][mesh.t].mean(axis=0)[mesh.f2t[0, sheet]] < 0.5
+    return named(mesh, {"sheet": OrientedBoundary(sheet, (~below).astype(np.int32))})
+
+
+def named(mesh, boundaries):
+    """The mesh with these boundaries, oriented ones as they are."""
+    return MeshTet(mesh.p, mesh.t, _boundaries=boundaries, _subdomains=mesh.subdomains)
+
+
+def volumes(mesh):
+    """Signed volumes of the elements of a mesh."""
+    a, b, c, d = mesh.p[:, mesh.t].transpose(1, 2, 0)
+    return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
+
+
+def boundary_facts(mesh):
+    """Per boundary the corners of every facet, sorted, and the middle of the element on its side if it has one."""
+    facts = {}
+    for name, rows in mesh.boundaries.items():
+        places = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(2, 1, 0)
+        corners = [tuple(sorted(map(tuple, place.tolist()))) for place in places]
+        side = [None] * len(corners)
+        if isinstance(rows, OrientedBoundary):
+            inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1).T
+            side = [tuple(np.round(place, 9).tolist()) for place in inside]
+        facts[name] = dict(zip(corners, side, strict=True))
+    return facts
+
+
+def element_facts(mesh):
+    """Per subdomain the corners of its elements, sorted."""
+    places = mesh.p[:, mesh.t].transpose(2, 1, 0).tolist()
+    corners = [tuple(sorted(map(tuple, place))) for place in places]
+    return {name: {corners[e] for e in np.asarray(rows).tolist()} for name, rows in (mesh.subdomains or {}).items()}
+
+
+def neighbours(node):
+    """The element across the face opposite to every corner, by comparing sets."""
+    found, at = np.full(node.shape, -1, dtype=np.int32), {}
+    for e, row in enumerate(node.tolist()):
+        for k in range(4):
+            face = frozenset(row[:k] + row[k + 1 :])
+            if row[0] >= 0 and face in at:
+                other, j = at.pop(face)
+                found[e, k], found[other, j] = other, e
+            elif row[0] >= 0:
+                at[face] = e, k
+    return found
+
+
+def scramble(solid, seed=0):
+    """Number nodes, elements and the corners of each anew, and leave rows between them unused, in place."""
+    rng, state = np.random.default_rng(seed), solid.state()
+    used = solid.tetrahedralization.used
+    n, m = len(state["position"]), len(used)
+    place, row, turn = rng.permutation(n), rng.permutation(m + 3), EVEN[rng.integers(len(EVEN), size=m)]
+    own = {name: np.empty_like(state[name]) for name in BY_NODE}
+    for name, array in own.items():
+        array[place] = state[name]
+    node = np.full((m + 3, 4), -1, dtype=np.int32)
+    region, patch = np.zeros(m + 3, dtype=np.int32), np.full((m + 3, 4), -1, dtype=np.int32)
+    node[row[:m]] = np.take_along_axis(place[state["tetrahedra.node"][used]], turn, axis=1)
+    patch[row[:m]] = np.take_along_axis(state["tetrahedra.patch"][used], turn, axis=1)
+    region[row[:m]] = state["tetrahedra.region"][used]
+    set_elements(solid, own, node, region, patch)
+
+
+def set_elements(solid, own, node, region, patch):
+    """Let a solid become these arrays by node and these elements."""
+    elements = {"node": node, "neighbour": neighbours(node), "region": region, "patch": patch}
+    solid.become({**own, **{f"tetrahedra.{name}": array for name, array in elements.items()}})
+
+
+def split_edge(solid, a, b):
+    """Put a node into the middle of an edge, held there, in place."""
+    state, tetrahedra = solid.state(), solid.tetrahedralization.tetrahedra
+    position = state["position"]
+    own = {
+        "position": np.vstack([position, position[[a, b]].mean(axis=0)]),
+        "freedom.number": np.append(state["freedom.number"], np.int8(0)),
+        "freedom.place": np.append(state["freedom.place"], np.int32(-1)),
+        "freedom.pinned": np.append(state["freedom.pinned"], False),
+    }
+    at = np.flatnonzero(np.any(tetrahedra.node == a, axis=1) & np.any(tetrahedra.node == b, axis=1))
+    node, patch = (np.concatenate([array, array[at]]) for array in (tetrahedra.node, tetrahedra.patch))
+    for rows, lost, other in ((at, b, a), (np.arange(len(at)) + len(tetrahedra.node), a, b)):
+        k, opposite = (np.argmax(node[rows] == v, axis=1) for v in (lost, other))
+        node[rows, k] = len(position)
+        patch[rows, opposite] = -1  # the face between the halves
+    set_elements(solid, own, node, np.concatenate([tetrahedra.region, tetrahedra.region[at]]), patch)
+
+
+def collapse_edge(solid, a, b):
+    """Take node a away, whose elements then end in b, in place."""
+    state, tetrahedra = solid.state(), solid.tetrahedralization.tetrahedra
+    kept = np.arange(len(state["position"])) != a
+    number = np.cumsum(kept) - 1
+    gone = np.any(tetrahedra.node == a, axis=1) & np.any(tetrahedra.node == b, axis=1)
+    patch = tetrahedra.patch.copy()
+    for e in np.flatnonzero(gone).tolist():  # the faces with a and with b become one
+        i, j = (int(np.argmax(tetrahedra.node[e] == v)) for v in (a, b))
+        for lost, stays in ((i, j), (j, i)):
+            other = tetrahedra.neighbour[e, stays]
+            if other >= 0 and tetrahedra.patch[e, lost] >= 0:
+                patch[other, np.argmax(tetrahedra.neighbour[other] == e)] = tetrahedra.patch[e, lost]
+    node = np.where(tetrahedra.node == a, b, tetrahedra.node)
+    node = np.where(node >= 0, number[node], -1).astype(np.int32)[~gone]
+    own = {name: state[name][kept] for name in BY_NODE}
+    set_elements(solid, own, node, tetrahedra.region[~gone], patch[~gone])
