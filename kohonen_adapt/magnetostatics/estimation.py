@@ -238,20 +238,10 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
     """Indicators of a goal, (nelements,), unsquared, in the root of its unit."""
     pair = _pair(field, goal, boundaries, newton)
     if isinstance(field.elements, AroundAxis):  # there B falls like 1 / r inside elements, too
-        for name, strength in zip(("flux", "dual_flux"), _at_corners(field, field.elements, pair["dual"]), strict=True):
-            pair[name] = pair[name][:, None] - strength + strength.mean(axis=1, keepdims=True)
+        for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
+            turned = field.symmetry.flux(strength)
+            pair[name] = pair[name][:, None] - turned + turned.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
-
-
-def _at_corners(field: Field, elements: AroundAxis, dual: Floats) -> tuple[Floats, Floats]:
-    """The field strength at the corners of the elements, turned, and how a dual changes it, (2, 3, nelements) each."""
-    symmetry, at = field.symmetry, field.at_corners
-    element = np.tile(np.arange(field.mesh.t.shape[1]), 3)
-    inside = elements.inside(element, np.repeat(np.eye(3), field.mesh.t.shape[1], axis=1))
-    x, slope = elements.shape.points(element, inside), elements.gradient_at(dual, element, inside)
-    change = at.change_of_strength(symmetry.flux_density(x, slope))
-    one, other = (symmetry.flux(strength).reshape(2, 3, -1) for strength in (at.field_strength, change))
-    return one, other
 
 
 def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, solve_from: SolveFrom) -> float:

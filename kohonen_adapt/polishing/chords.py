@@ -21,6 +21,7 @@ from kohonen_adapt.outline.outline import Outline
 __all__ = ["CENTROID", "Chords", "Slivers", "segment_areas"]
 
 CENTROID = 0.4  # of the height: how far the centroid of a sliver is from its chord
+FLAT = 1e-9  # of its length: a facet that is no farther off its curve is on it
 
 
 class Slivers(NamedTuple):
@@ -30,9 +31,6 @@ class Slivers(NamedTuple):
     corner: Ints  # (s,): opposite to the chord
     change: Floats  # (s, 4): coefficient, source and flux that are there, less what is counted already
     off: Floats  # (s, 2): from the middle of the chord to the curve
-
-
-FLAT = 1e-9  # of its length: a facet that is no farther off its curve is on it
 
 
 @dataclass(frozen=True)
@@ -49,12 +47,15 @@ class Chords:
         Curves whose slivers can be counted, (c,) bool.
     given
         Of those the ones with given values, (c,) bool: these are the same all along, and are what goes on beyond.
+    cut
+        Of the known the ones that a source ends at, (c,) bool: that of a given total is another one on every polygon.
     """
 
     outline: Outline
     constants: Floats
     known: Mask
     given: Mask
+    cut: Mask
 
     @classmethod
     def of(
@@ -71,32 +72,14 @@ class Chords:
         loaded = constants[elements.region[e], 1] * level[elements.chain[e, k]] != 0.0
         unknown = given & np.isnan(level)
         unknown[elements.chain[e, k][(elements.neighbour[e, k] >= 0) | inwards | loaded]] = True
-        return cls(outline, constants, curves & ~unknown, given)
-
-    def cut_sources(self, triangulation: Triangulation) -> Mask:
-        """Which of these curves a source ends at, (c,): that of a given total is another one on every polygon."""
-        elements, found = triangulation.elements, np.zeros(len(self.known), dtype=np.bool_)
-        e, k = np.nonzero(on_chains(elements.chain, self.known))
-        other, source = elements.neighbour[e, k], self.constants[elements.region, 1]
-        ends = source[e] != np.where(other >= 0, source[other], 0.0)
-        off = off_chords(triangulation, self.outline.constraints, e, k)
-        start, end = (triangulation.position[node] for node in elements.ends(e, k))
-        ends &= np.sum(off**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
-        found[elements.chain[e, k][ends]] = True
-        return found
-
-    def nodes(self, triangulation: Triangulation) -> Mask:
-        """Nodes that slide on these curves, (n,)."""
-        return self._sliding(triangulation, self.known)
+        known = curves & ~unknown
+        return cls(outline, constants, known, given, cut_sources(triangulation, outline, constants, known))
 
     def moving(self, triangulation: Triangulation) -> Mask:
-        """Those of them that the polish moves: where no source ends, (n,)."""
-        return self._sliding(triangulation, self.known & ~self.cut_sources(triangulation))
-
-    def _sliding(self, triangulation: Triangulation, chains: Mask) -> Mask:
+        """Nodes that the polish moves along these curves: those on which no source ends, (n,)."""
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
         slides = constraints.kind == SLIDING
-        found[slides] = chains[constraints.own_chain[slides]]
+        found[slides] = (self.known & ~self.cut)[constraints.own_chain[slides]]
         return found
 
     def slivers(self, triangulation: Triangulation) -> Slivers:
@@ -121,6 +104,19 @@ class Chords:
         density = 0.5 * change[:, 0] * np.sum(slope**2, axis=1) - change[:, 1] * mean
         density -= np.sum(change[:, 2:] * slope, axis=1)
         return float(np.sum(segment_areas(triangulation.position[b] - triangulation.position[a], off) * density))
+
+
+def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, known: Mask) -> Mask:
+    """Which of some curves, (c,), a source ends at, where facets are off them."""
+    elements, found = triangulation.elements, np.zeros(len(known), dtype=np.bool_)
+    e, k = np.nonzero(on_chains(elements.chain, known))
+    other, source = elements.neighbour[e, k], constants[elements.region, 1]
+    ends = source[e] != np.where(other >= 0, source[other], 0.0)
+    off = off_chords(triangulation, outline.constraints, e, k)
+    start, end = (triangulation.position[node] for node in elements.ends(e, k))
+    ends &= np.sum(off**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
+    found[elements.chain[e, k][ends]] = True
+    return found
 
 
 def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:

@@ -165,7 +165,7 @@ class Functional:
         chords = Chords.of(triangulation, outline, constants, curves, given, level)
         linear |= chords.known & given
         alike = bool(np.all(followed | chords.known)) and not np.any(given & ~linear)
-        alike = alike and not np.any(chords.cut_sources(triangulation))
+        alike = alike and not chords.cut.any()
         comparable = ritz.comparable and alike and not np.any(fixed & (kind == FREE))
         if modes is not None:
             modes.given[on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)] = True

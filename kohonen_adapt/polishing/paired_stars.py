@@ -31,7 +31,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
 
-__all__ = ["Patch", "descend_pairs", "independent", "tie"]
+__all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "tie"]
 
 
 class Patch(NamedTuple):

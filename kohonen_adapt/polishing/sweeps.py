@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes, Shapes, Trials
+from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.paired_stars import Freedom, Patch, descend_pairs, tie
+from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, tie
 from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
@@ -36,20 +36,8 @@ UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
 SWEEPS = 8
 
 
-class Downhill(Protocol):
+class Downhill(Descending, Protocol):
     """What a sweep is made of, at one order of elements; `thread` is the one that calls."""
-
-    @property
-    def trials(self) -> Trials:
-        """The function, and what it is judged by."""
-
-    @property
-    def modes(self) -> Modes | None:
-        """The other unknowns of the function, of order 2 and 3."""
-
-    @property
-    def shapes(self) -> Shapes | None:
-        """Which elements have curved sides or are around an axis, None where none can."""
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in this order; returns the gain."""
@@ -59,9 +47,6 @@ class Downhill(Protocol):
 
     def descend_flips(self, gainful: Mask) -> tuple[float, int]:
         """Flip edges of marked elements; returns the gain and how many."""
-
-    def descend_patch(self, patch: Patch) -> float:
-        """Move the nodes of some stars; returns the gain."""
 
 
 def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:

@@ -116,13 +116,26 @@ class LocalField:
         axis what it tends to in the element.
         """
         x = self.elements.shape.points(element, share)
-        if isinstance(self.elements, Linear):
-            density = self.at_quadrature.flux_density[:, element]
-        else:
-            there = self.elements.inside(element, share)
-            off_axis = x if there is share else self.elements.shape.points(element, there)
-            density = self.symmetry.flux_density(off_axis, self.elements.gradient_at(self.unknown, element, there))
+        density = self._density_of(self.unknown, element, share)
         return PointField(element, x, density, self.coefficients.at_points(element))
+
+    def _density_of(self, unknown: Floats, element: Ints, share: Floats) -> Floats:
+        """B of a function like `unknown` at such points, (2, n)."""
+        if isinstance(self.elements, Linear):
+            slope = self.elements.gradient(unknown)
+            return self.symmetry.flux_density(self.elements.points, slope)[:, element]
+        there = self.elements.inside(element, share)
+        slope = self.elements.gradient_at(unknown, element, there)
+        return self.symmetry.flux_density(self.elements.shape.points(element, there), slope)
+
+    def strength_at_corners(self, other: Floats) -> tuple[Floats, Floats]:
+        """H at the corners of the elements, and how another unknown, (nunknowns,), would change it.
+
+        (2, 3, nelements) in A/m each.
+        """
+        at = self.at_corners
+        change = at.change_of_strength(self._density_of(other, *self._in_each(np.eye(3))))
+        return at.field_strength.reshape(2, 3, -1), change.reshape(2, 3, -1)
 
     def at_each(self, share: Floats) -> PointField:
         """The field at the points of these barycentric coordinates (3, k) in every element, from inside it.
