@@ -9,11 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.records import record
 
 PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches; nodes on PROJECTED ones are held by loops
 LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges; an INTERSECTION is on both of its patches and nothing more
 HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: how many directions a node has
+
+MOST = 1024  # elements around a node that surgery takes on: nodes with more stay what they are
+RING = 8  # nodes in a ring around an edge that swaps take on
 
 
 @record
@@ -51,3 +55,90 @@ class Freedom(NamedTuple):
     number: np.ndarray  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
     place: np.ndarray  # (n,) int32: the ridge or patch that a node slides on, -1 for others
     pinned: np.ndarray  # (n,) bool: held because the user says so; an edge between two of them is not split
+
+
+@record
+class Star(NamedTuple):
+    """Elements around node v stand in rows start[v] to start[v + 1]; (v, *link) are the corners of a positive one."""
+
+    start: np.ndarray  # (n + 1,) int32
+    element: np.ndarray  # (4 m,) int32
+    link: np.ndarray  # (4 m, 3) int32
+
+    @classmethod
+    def of(cls, nodes: int, elements: int) -> "Star":
+        """Room for a mesh with so many nodes and elements, to be filled."""
+        shapes = (nodes + 1,), (4 * elements,), (4 * elements, 3)
+        return cls(*(np.zeros(shape, dtype=np.int32) for shape in shapes))
+
+
+@record
+class Origins(NamedTuple):
+    """What surgery knows of nodes, patches and ridges beside where they are."""
+
+    fineness: np.ndarray  # (n,) cube root of the wanted nodes per volume
+    old: np.ndarray  # (n,) int32: number before, -1 for a new node
+    hint: np.ndarray  # (n,) int32: an element before that is near
+    pinched: np.ndarray  # (n,) bool: its elements do not all hang together by their faces
+    bulge: np.ndarray  # (p,) how far middles of edges on a patch may be off it
+
+
+@record
+class Cavity(NamedTuple):
+    """Scratch of surgery: what is taken out, and what is put in its place."""
+
+    element_stamp: np.ndarray  # (m,) int64, compared with a counter that only grows, as the next one
+    node_stamp: np.ndarray  # (n,) int64
+    counter: np.ndarray  # (1,) int64
+    around: np.ndarray  # (MOST,) int32: elements around a node
+    around_other: np.ndarray  # (MOST,) int32: around another one
+    old: np.ndarray  # (MOST,) int32: elements to be taken out
+    new: np.ndarray  # (2 MOST, 4) int32: nodes of those to be put in
+    region: np.ndarray  # (2 MOST,) int32: their regions
+    patch: np.ndarray  # (2 MOST, 4) int32: patches of their faces, where these are not on the cavity's border
+    made: np.ndarray  # (2 MOST,) int32: where they were put
+    face: np.ndarray  # (12 MOST, 5) int32: three nodes ascending, the element beyond and its corner, of faces
+    face_patch: np.ndarray  # (12 MOST,) int32
+    ring: np.ndarray  # (2, RING) int32: nodes around an edge, in each of up to two regions
+    fan: np.ndarray  # (2, RING) int32: elements around it
+    worth: np.ndarray  # (2, RING, RING) of the best triangulation of a part of a ring
+    apex: np.ndarray  # (2, RING, RING) int32: of the triangle on the side of that part
+    stack: np.ndarray  # (4 RING, 2) int32
+    meeting: np.ndarray  # (5,) int32: patches that meet at an edge, and how many constrained faces
+
+    @classmethod
+    def of(cls, nodes: int, elements: int) -> "Cavity":
+        """Scratch for a mesh with rows for so many nodes and elements."""
+        small = (MOST,), (MOST,), (MOST,), (2 * MOST, 4), (2 * MOST,), (2 * MOST, 4), (2 * MOST,)
+        faces = (12 * MOST, 5), (12 * MOST,), (2, RING), (2, RING)
+        ints = [np.empty(shape, dtype=np.int32) for shape in (*small, *faces)]
+        stamps = [np.zeros(count, dtype=np.int64) for count in (elements, nodes, 1)]
+        last = [np.empty(shape, dtype=np.int32) for shape in ((2, RING, RING), (4 * RING, 2), (5,))]
+        return cls._make([*stamps, *ints, np.empty((2, RING, RING)), *last])
+
+
+@record
+class OpenTetrahedra(NamedTuple):
+    """A mesh of tetrahedra with room for more nodes and elements."""
+
+    position: np.ndarray  # (n, 3)
+    elements: Tetrahedra
+    surfaces: Surfaces
+    freedom: Freedom
+    pool: Pool
+    origins: Origins
+    cavity: Cavity
+
+
+@record
+class Queue(NamedTuple):
+    """Elements whose edges and faces are to be looked at, the first come the first."""
+
+    waiting: np.ndarray  # (m,) bool
+    element: np.ndarray  # (m,) int32: a ring
+    state: np.ndarray  # (2,) int64: where the first is, and how many there are
+
+    @classmethod
+    def of(cls, elements: int) -> "Queue":
+        """An empty queue for a mesh with rows for so many elements."""
+        return cls(np.zeros(elements, dtype=np.bool_), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))

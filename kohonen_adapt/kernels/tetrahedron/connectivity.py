@@ -1,0 +1,107 @@
+"""Walk through tetrahedra: corners, faces, the elements around a node and around an edge."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import MOST
+
+# Row k: the other corners, such that (k, *row) is positive.
+OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+# The corners of the six edges, each followed by the two other corners, such that the four are positive.
+EDGES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
+
+
+@inner_kernel
+def corner_of(node, e, v):
+    """Which corner of element e node v is, -1 for none."""
+    for k in range(4):
+        if node[e, k] == v:
+            return k
+    return -1
+
+
+@inner_kernel
+def corner_towards(node, other, a, b, c):
+    """The corner of an element opposite to its face with these nodes, in any order."""
+    for k in range(4):
+        v = node[other, k]
+        if v != a and v != b and v != c:
+            return k
+    return -1
+
+
+@inner_kernel
+def fourth_node(node, e, a, b, c):
+    """The node of an element beside three."""
+    return np.int64(node[e, 0]) + node[e, 1] + node[e, 2] + node[e, 3] - a - b - c
+
+
+@inner_kernel
+def gather_around(mesh, v, around):
+    """List the elements around v that hang together by faces; returns how many, -1 if there are more than `MOST`."""
+    node, neighbour, cavity = mesh.elements.node, mesh.elements.neighbour, mesh.cavity
+    cavity.counter[0] += 1
+    stamp = cavity.counter[0]
+    around[0] = mesh.pool.anchor[v]
+    cavity.element_stamp[around[0]] = stamp
+    count, at = 1, 0
+    while at < count:
+        e = np.int64(around[at])
+        at += 1
+        for k in range(4):
+            across = np.int64(neighbour[e, k])
+            if across < 0 or node[e, k] == v or cavity.element_stamp[across] == stamp:
+                continue
+            if count == MOST:
+                return -1
+            cavity.element_stamp[across] = stamp
+            around[count] = across
+            count += 1
+    return count
+
+
+@inner_kernel
+def gather_edge(mesh, a, b, shell):
+    """List the elements with the edge ab; returns how many, 0 if there is none, -1 if a has too many to tell."""
+    if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0:
+        return 0
+    count, found = gather_around(mesh, a, mesh.cavity.around), 0
+    for i in range(count):
+        e = mesh.cavity.around[i]
+        if corner_of(mesh.elements.node, e, b) >= 0:
+            shell[found] = e
+            found += 1
+    return found if count > 0 else -1
+
+
+@kernel
+def mark_pinched(mesh, star, pinched):
+    """Mark the nodes whose elements do not all hang together by faces, or are too many, (n,)."""
+    for v in range(star.start.shape[0] - 1):
+        pinched[v] = gather_around(mesh, v, mesh.cavity.around) != star.start[v + 1] - star.start[v]
+
+
+@kernel
+def fill_star(node, star):
+    """List the elements around every node, in ascending order; rows that are not in use begin with -1."""
+    start = star.start
+    nodes = start.shape[0] - 1
+    for v in range(nodes + 1):
+        start[v] = 0
+    for e in range(node.shape[0]):
+        if node[e, 0] >= 0:
+            for k in range(4):
+                start[node[e, k]] += 1
+    for v in range(nodes):
+        start[v + 1] += start[v]
+    for e in range(node.shape[0] - 1, -1, -1):
+        if node[e, 0] < 0:
+            continue
+        for k in range(4):
+            v = node[e, k]
+            start[v] -= 1
+            row = start[v]
+            star.element[row] = e
+            for j in range(3):
+                star.link[row, j] = node[e, OPPOSITE[k, j]]

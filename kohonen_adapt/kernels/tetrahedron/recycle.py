@@ -1,0 +1,159 @@
+"""Split the longest edges and collapse the shortest, in pairs, at a constant number of nodes.
+
+As `kernels/triangle/recycle.py`, in the metric |e|^2 (rho_a rho_b)^(1/3) of a density of nodes per volume.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.heap import insert, remove_first
+from kohonen_adapt.kernels.tetrahedron.arrays import MOST
+from kohonen_adapt.kernels.tetrahedron.connectivity import corner_of, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.surgery import (
+    NOWHERE,
+    collapse,
+    metric_length,
+    prepare_collapse,
+    prepare_split,
+    split,
+)
+from kohonen_adapt.kernels.tetrahedron.swap import enter
+
+UNLIMITED = np.inf
+
+
+@inner_kernel
+def enter_edge(mesh, longest, shortest, a, b):
+    """Put an edge into both heaps."""
+    length = metric_length(mesh, a, b)
+    insert(longest, -length, a, b)
+    insert(shortest, length, a, b)
+
+
+@inner_kernel
+def enter_edges(mesh, longest, shortest, v, higher):
+    """Put the edges of node v into both heaps, if `higher` only those to nodes of higher number."""
+    node, cavity = mesh.elements.node, mesh.cavity
+    count = gather_around(mesh, v, cavity.around)
+    cavity.counter[0] += 1
+    cavity.node_stamp[v] = cavity.counter[0]
+    for i in range(count):
+        for k in range(4):
+            other = np.int64(node[cavity.around[i], k])
+            if cavity.node_stamp[other] != cavity.counter[0]:
+                cavity.node_stamp[other] = cavity.counter[0]
+                if other > v or not higher:
+                    enter_edge(mesh, longest, shortest, v, other)
+
+
+@kernel
+def fill_heaps(mesh, longest, shortest):
+    """Enter every edge once, that of a pinched node perhaps not."""
+    longest.size[0] = shortest.size[0] = 0
+    for v in range(mesh.pool.anchor.shape[0]):
+        if mesh.pool.anchor[v] >= 0:
+            enter_edges(mesh, longest, shortest, v, True)
+
+
+@inner_kernel
+def next_edge(mesh, heap, sign):
+    """Take edges out of a heap until one is still there as it was; returns its ends and key, (-1, -1, 0) if none.
+
+    `sign` turns a metric length into the heap's key. Rows of nodes are used again, and the length tells.
+    """
+    while heap.size[0] > 0:
+        key, a, b = remove_first(heap)
+        if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0 or sign * metric_length(mesh, a, b) != key:
+            continue
+        if gather_edge(mesh, a, b, mesh.cavity.old) > 0:
+            return a, b, key
+    return NOWHERE, NOWHERE, 0.0
+
+
+@inner_kernel
+def next_split(mesh, longest, least, floor):
+    """The longest edge that may be split, if longer than `least`; returns its ends and length, (-1, -1, 0) if none."""
+    while longest.size[0] > 0 and -longest.key[0] > least:
+        a, b, key = next_edge(mesh, longest, -1.0)
+        if a >= 0 and -key > least and prepare_split(mesh, a, b, floor) > 0:
+            return a, b, -key
+    return NOWHERE, NOWHERE, 0.0
+
+
+@inner_kernel
+def holds_edge(mesh, count, a, b):
+    """Whether one of the `count` elements to be taken out has the edge ab."""
+    node, old = mesh.elements.node, mesh.cavity.old
+    for i in range(count):
+        if corner_of(node, old[i], a) >= 0 and corner_of(node, old[i], b) >= 0:
+            return True
+    return False
+
+
+@inner_kernel
+def collapse_next(mesh, queue, shortest, most, longest, a, b, floor):
+    """Collapse the shortest edge that may be, if shorter than `most` and the elements with the edge ab stay.
+
+    Of its two ends that goes which leaves the better worst element. Returns the one left, or -1.
+    """
+    while shortest.size[0] > 0 and shortest.key[0] < most:
+        v, w, key = next_edge(mesh, shortest, 1.0)
+        if v < 0 or not key < most:
+            break
+        quality, _, _ = prepare_collapse(mesh, v, w, floor, longest)
+        other, count, new = prepare_collapse(mesh, w, v, floor, longest)
+        if quality > other or (quality > 0.0 and holds_edge(mesh, count, a, b)):
+            v, w = w, v
+            other, count, new = prepare_collapse(mesh, w, v, floor, longest)
+        if other > 0.0 and not holds_edge(mesh, count, a, b):
+            collapse(mesh, w, count, new)
+            enter_made(mesh, queue, new)
+            return v
+    return NOWHERE
+
+
+@inner_kernel
+def enter_made(mesh, queue, count):
+    """Have the elements that were made looked at for swaps."""
+    for i in range(count):
+        enter(queue, np.int64(mesh.cavity.made[i]))
+
+
+@inner_kernel
+def split_prepared(mesh, queue, longest, shortest, a, b, floor):
+    """Split the edge ab, which may be, and enter what is new."""
+    count = prepare_split(mesh, a, b, floor)
+    p = split(mesh, a, b, count)
+    enter_made(mesh, queue, 2 * count)
+    enter_edges(mesh, longest, shortest, p, False)
+
+
+@kernel
+def recycle(mesh, queue, longest, shortest, missing, ratio, floor, limit):
+    """Split and collapse until the longest edge in the metric is no longer than `ratio` times the shortest.
+
+    With `missing` nodes as many splits come first, without a collapse; if it is negative, collapses. `floor` is cubed.
+    Heaps and queue are kept up to date. Stops after `limit` of either kind, and for want of room. Returns (splits,
+    collapses, finished).
+    """
+    splits = collapses = 0
+    while splits < limit and collapses < limit:
+        if mesh.pool.height[1] < MOST or mesh.pool.height[0] == 0:
+            return splits, collapses, True
+        if splits - collapses > missing:
+            if collapse_next(mesh, queue, shortest, UNLIMITED, UNLIMITED, NOWHERE, NOWHERE, floor) < 0:
+                return splits, collapses, True
+            collapses += 1
+            continue
+        a, b, length = next_split(mesh, longest, 0.0, floor)
+        if a < 0:
+            return splits, collapses, True
+        if splits - collapses == missing:
+            v = collapse_next(mesh, queue, shortest, length / (ratio * ratio), length, a, b, floor)
+            if v < 0:
+                return splits, collapses, True
+            collapses += 1
+            enter_edges(mesh, longest, shortest, v, False)
+        split_prepared(mesh, queue, longest, shortest, a, b, floor)
+        splits += 1
+    return splits, collapses, False

@@ -1,0 +1,198 @@
+"""Smooth a mesh of tetrahedra by sweeps: each node goes where the elements around it are best for the density.
+
+What is lowered is the sum over elements of w S^4 / |K|, with S the sum of the squared edges and the weight
+w = rho^(5/3). Of good elements that is, up to a constant, the squared interpolation error |K|^(5/3) rho^(5/3) of a
+function for whose second derivatives the density is optimal, as in optimal Delaunay smoothing (Chen and Xu, "Optimal
+Delaunay triangulations", J. Comput. Math. 22, 2004), times the fourth power of 1 / quality: slivers, which have good
+edges and no volume, cost ever more. In the position of one node S is quadratic and |K| linear, so the sum is convex,
+and Newton's method needs no help.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, PLANE
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed
+from kohonen_adapt.kernels.tetrahedron.surfaces import (
+    has_formula,
+    onto_patch,
+    onto_ridge,
+    signed_distance,
+    tangent_of_ridge,
+)
+
+HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+
+
+@inner_kernel
+def star_energy(position, star, weight, v, x, y, z):
+    """The sum over the star of v were it at (x, y, z), and the worst cubed quality; if that is flat, it stops there."""
+    total, worst = 0.0, 2.0
+    for j in range(star.start[v], star.start[v + 1]):
+        b, c, d = star.link[j, 0], star.link[j, 1], star.link[j, 2]
+        ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+        vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+        wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
+        volume = ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
+        squares = sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz)
+        quality = 432.0 * volume * abs(volume) / (squares * squares * squares)
+        if not quality >= worst:
+            worst = quality
+            if not quality > FLAT:
+                break
+        squares *= squares
+        total += weight[star.element[j]] * squares * squares / volume
+    return total, worst
+
+
+@inner_kernel
+def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
+    """Of the lengths of the six edges of the tetrahedron that three vectors span."""
+    x, y, z = ux + vx + wx, uy + vy + wy, uz + vz + wz
+    own = (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
+    return 4.0 * own - (x * x + y * y + z * z)
+
+
+@inner_kernel
+def derivatives(position, star, weight, v):
+    """Gradient and Hessian, upper triangle, of the sum over the star of v by its position."""
+    x, y, z = position[v, 0], position[v, 1], position[v, 2]
+    gx = gy = gz = xx = xy = xz = yy = yz = zz = 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        b, c, d = star.link[j, 0], star.link[j, 1], star.link[j, 2]
+        ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+        vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+        wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
+        px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
+        volume = ux * px + uy * py + uz * pz
+        squares = sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz)
+        px += (wy * uz - wz * uy) + (uy * vz - uz * vy)  # the volume has the slope -p
+        py += (wz * ux - wx * uz) + (uz * vx - ux * vz)
+        pz += (wx * uy - wy * ux) + (ux * vy - uy * vx)
+        energy, per_volume, per_square = squares * squares, -1.0 / volume, -2.0 / squares
+        energy *= energy * weight[star.element[j]] / volume
+        px, py, pz = per_volume * px, per_volume * py, per_volume * pz
+        sx, sy, sz = per_square * (ux + vx + wx), per_square * (uy + vy + wy), per_square * (uz + vz + wz)
+        gx += energy * (4.0 * sx - px)
+        gy += energy * (4.0 * sy - py)
+        gz += energy * (4.0 * sz - pz)
+        # 12 s s - 4 (s p + p s) + 2 p p = 2 (p - 2 s) (p - 2 s) + 4 s s
+        px, py, pz = px - 2.0 * sx, py - 2.0 * sy, pz - 2.0 * sz
+        even = 24.0 / squares
+        xx += energy * (2.0 * px * px + 4.0 * sx * sx + even)
+        xy += energy * (2.0 * px * py + 4.0 * sx * sy)
+        xz += energy * (2.0 * px * pz + 4.0 * sx * sz)
+        yy += energy * (2.0 * py * py + 4.0 * sy * sy + even)
+        yz += energy * (2.0 * py * pz + 4.0 * sy * sz)
+        zz += energy * (2.0 * pz * pz + 4.0 * sz * sz + even)
+    return gx, gy, gz, xx, xy, xz, yy, yz, zz
+
+
+@inner_kernel
+def step_inside(gx, gy, gz, xx, xy, xz, yy, yz, zz):
+    """Newton's step of a node inside: minus gradient by Hessian."""
+    a, b, c = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+    d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    scale = -1.0 / (xx * a + xy * b + xz * c)
+    return (
+        scale * (a * gx + b * gy + c * gz),
+        scale * (b * gx + d * gy + e * gz),
+        scale * (c * gx + e * gy + f * gz),
+    )
+
+
+@inner_kernel
+def along(tx, ty, tz, xx, xy, xz, yy, yz, zz):
+    """The Hessian times a vector."""
+    return xx * tx + xy * ty + xz * tz, xy * tx + yy * ty + yz * tz, xz * tx + yz * ty + zz * tz
+
+
+@inner_kernel
+def step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz):
+    """Newton's step in the plane with that normal."""
+    if abs(nx) <= abs(ny) and abs(nx) <= abs(nz):
+        tx, ty, tz = 0.0, nz, -ny
+    elif abs(ny) <= abs(nz):
+        tx, ty, tz = -nz, 0.0, nx
+    else:
+        tx, ty, tz = ny, -nx, 0.0
+    scale = 1.0 / np.sqrt(tx * tx + ty * ty + tz * tz)
+    tx, ty, tz = scale * tx, scale * ty, scale * tz
+    sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    hx, hy, hz = along(tx, ty, tz, xx, xy, xz, yy, yz, zz)
+    tt, st = tx * hx + ty * hy + tz * hz, sx * hx + sy * hy + sz * hz
+    hx, hy, hz = along(sx, sy, sz, xx, xy, xz, yy, yz, zz)
+    ss, gt, gs = sx * hx + sy * hy + sz * hz, gx * tx + gy * ty + gz * tz, gx * sx + gy * sy + gz * sz
+    scale = -1.0 / (tt * ss - st * st)
+    t, s = scale * (ss * gt - st * gs), scale * (tt * gs - st * gt)
+    return t * tx + s * sx, t * ty + s * sy, t * tz + s * sz
+
+
+@inner_kernel
+def newton_step(position, star, surfaces, freedom, weight, v):
+    """Where Newton's method would take a node, in the directions that it has."""
+    x, y, z = position[v, 0], position[v, 1], position[v, 2]
+    gx, gy, gz, xx, xy, xz, yy, yz, zz = derivatives(position, star, weight, v)
+    place = np.int64(freedom.place[v])
+    if freedom.number[v] == INSIDE:
+        return step_inside(gx, gy, gz, xx, xy, xz, yy, yz, zz)
+    if freedom.number[v] == ON_PATCH:
+        _, nx, ny, nz = signed_distance(surfaces, place, x, y, z)
+        return step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz)
+    tx, ty, tz = tangent_of_ridge(surfaces, place, x, y, z)
+    hx, hy, hz = along(tx, ty, tz, xx, xy, xz, yy, yz, zz)
+    way = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
+    return way * tx, way * ty, way * tz
+
+
+@inner_kernel
+def back_onto(surfaces, freedom, v, x, y, z):
+    """Where a node that slides comes to be after a step along its tangent."""
+    place = np.int64(freedom.place[v])
+    if freedom.number[v] == INSIDE:
+        return x, y, z
+    if freedom.number[v] == ON_PATCH:
+        return onto_patch(surfaces, place, x, y, z) if surfaces.shape[place] != PLANE else (x, y, z)
+    return onto_ridge(surfaces, place, x, y, z) if surfaces.ridge_shape[place] != LINE else (x, y, z)
+
+
+@inner_kernel
+def may_slide(surfaces, freedom, v):
+    """Whether loops can move a node: not where it is held, or on a patch without a formula."""
+    if freedom.number[v] == HELD or freedom.pinned[v]:
+        return False
+    place = np.int64(freedom.place[v])
+    if freedom.number[v] == INSIDE:
+        return True
+    if freedom.number[v] == ON_PATCH:
+        return has_formula(surfaces, place)
+    for i in range(surfaces.meets.shape[1]):
+        if surfaces.meets[place, i] >= 0 and not has_formula(surfaces, surfaces.meets[place, i]):
+            return False
+    return True
+
+
+@kernel
+def smooth_nodes(position, star, surfaces, freedom, weight, floor, order, deep, which):
+    """Take Newton's step, or half of it and so on, where it lowers the sum and the guard lets it.
+
+    `weight` (m,) is rho^(5/3) up to a factor, `floor` is cubed. Of the nodes in `order` those move for which `deep` is
+    as `which` says. Returns how many have moved.
+    """
+    moved = 0
+    for node in order:
+        v = np.int64(node)
+        if deep[v] != which or not may_slide(surfaces, freedom, v):
+            continue
+        x, y, z = position[v, 0], position[v, 1], position[v, 2]
+        before, worst_before = star_energy(position, star, weight, v, x, y, z)
+        dx, dy, dz = newton_step(position, star, surfaces, freedom, weight, v)
+        for _ in range(HALVINGS + 1):
+            nx, ny, nz = back_onto(surfaces, freedom, v, x + dx, y + dy, z + dz)
+            after, worst = star_energy(position, star, weight, v, nx, ny, nz)
+            if allowed(worst, worst_before, floor) and after < before:
+                position[v, 0], position[v, 1], position[v, 2] = nx, ny, nz
+                moved += 1
+                break
+            dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+    return moved

@@ -1,0 +1,124 @@
+"""Put points on patches and ridges, and say in which directions nodes may go there."""
+
+import math
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import CIRCLE, CYLINDER, LINE, PLANE, PROJECTED, SPHERE
+
+STEPS = 20  # of Newton's method onto two patches at once
+NEAR = 1e-15  # of the size of the mesh's coordinates: a point this near is on both
+
+
+@inner_kernel
+def signed_distance(surfaces, p, x, y, z):
+    """Signed distance from a patch that has a formula, and its gradient, a unit vector."""
+    px, py, pz = x - surfaces.origin[p, 0], y - surfaces.origin[p, 1], z - surfaces.origin[p, 2]
+    ax, ay, az = surfaces.axis[p, 0], surfaces.axis[p, 1], surfaces.axis[p, 2]
+    along, shape, size = px * ax + py * ay + pz * az, surfaces.shape[p], surfaces.size[p]
+    if shape == PLANE:
+        return along, ax, ay, az
+    if shape == SPHERE:
+        radius = math.sqrt(px * px + py * py + pz * pz)
+        return radius - size, px / radius, py / radius, pz / radius
+    rx, ry, rz = px - along * ax, py - along * ay, pz - along * az
+    radius = math.sqrt(rx * rx + ry * ry + rz * rz)
+    rx, ry, rz = rx / radius, ry / radius, rz / radius
+    if shape == CYLINDER:
+        return radius - size, rx, ry, rz
+    cosine, sine = math.cos(size), math.sin(size)
+    return radius * cosine - along * sine, cosine * rx - sine * ax, cosine * ry - sine * ay, cosine * rz - sine * az
+
+
+@inner_kernel
+def has_formula(surfaces, p):
+    """Whether a patch has one: others are known by projections in Python only."""
+    return surfaces.shape[p] != PROJECTED
+
+
+@inner_kernel
+def onto_patch(surfaces, p, x, y, z):
+    """The nearest point of a patch with a formula."""
+    distance, nx, ny, nz = signed_distance(surfaces, p, x, y, z)
+    return x - distance * nx, y - distance * ny, z - distance * nz
+
+
+@inner_kernel
+def onto_ridge(surfaces, r, x, y, z):
+    """The nearest point of a line or circle; a near one of the intersection of two patches with formulas."""
+    px, py, pz = x - surfaces.ridge_origin[r, 0], y - surfaces.ridge_origin[r, 1], z - surfaces.ridge_origin[r, 2]
+    ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
+    along = px * ax + py * ay + pz * az
+    if surfaces.ridge_shape[r] == LINE:
+        off = along
+        return (
+            surfaces.ridge_origin[r, 0] + off * ax,
+            surfaces.ridge_origin[r, 1] + off * ay,
+            surfaces.ridge_origin[r, 2] + off * az,
+        )
+    if surfaces.ridge_shape[r] == CIRCLE:
+        rx, ry, rz = px - along * ax, py - along * ay, pz - along * az
+        scale = surfaces.ridge_size[r] / math.sqrt(rx * rx + ry * ry + rz * rz)
+        return (
+            surfaces.ridge_origin[r, 0] + scale * rx,
+            surfaces.ridge_origin[r, 1] + scale * ry,
+            surfaces.ridge_origin[r, 2] + scale * rz,
+        )
+    return onto_both(surfaces, surfaces.meets[r, 0], surfaces.meets[r, 1], x, y, z)
+
+
+@inner_kernel
+def onto_both(surfaces, p, q, x, y, z):
+    """A point on two patches at once: Newton's method, each step the shortest that solves both linear equations."""
+    for _ in range(STEPS):
+        f, ax, ay, az = signed_distance(surfaces, p, x, y, z)
+        g, bx, by, bz = signed_distance(surfaces, q, x, y, z)
+        if abs(f) + abs(g) <= NEAR * (abs(x) + abs(y) + abs(z)):
+            break
+        between = ax * bx + ay * by + az * bz
+        share = 1.0 / max(1.0 - between * between, NEAR)
+        s, t = share * (f - between * g), share * (g - between * f)
+        x, y, z = x - s * ax - t * bx, y - s * ay - t * by, z - s * az - t * bz
+    return x, y, z
+
+
+@inner_kernel
+def tangent_of_ridge(surfaces, r, x, y, z):
+    """Unit vector along a ridge at a point of it."""
+    ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
+    if surfaces.ridge_shape[r] == LINE:
+        return ax, ay, az
+    if surfaces.ridge_shape[r] == CIRCLE:
+        bx, by, bz = x - surfaces.ridge_origin[r, 0], y - surfaces.ridge_origin[r, 1], z - surfaces.ridge_origin[r, 2]
+    else:
+        _, ax, ay, az = signed_distance(surfaces, surfaces.meets[r, 0], x, y, z)
+        _, bx, by, bz = signed_distance(surfaces, surfaces.meets[r, 1], x, y, z)
+    tx, ty, tz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    scale = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
+    return scale * tx, scale * ty, scale * tz
+
+
+@inner_kernel
+def ridge_distance(surfaces, r, x, y, z):
+    """Squared distance from a line or circle, 0 from an intersection."""
+    if surfaces.ridge_shape[r] != LINE and surfaces.ridge_shape[r] != CIRCLE:
+        return 0.0
+    qx, qy, qz = onto_ridge(surfaces, r, x, y, z)
+    return (x - qx) ** 2 + (y - qy) ** 2 + (z - qz) ** 2
+
+
+@inner_kernel
+def bulges(mesh, p, a, b):
+    """Whether the middle of the edge ab would be farther off a curved patch than any may be."""
+    if mesh.surfaces.shape[p] == PLANE:
+        return False
+    if not has_formula(mesh.surfaces, p):
+        return True
+    return off_patch(mesh, p, a, b) > mesh.origins.bulge[p]
+
+
+@inner_kernel
+def off_patch(mesh, p, a, b):
+    """How far the middle of the edge ab is off a patch with a formula."""
+    position = mesh.position
+    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
+    return abs(signed_distance(mesh.surfaces, p, 0.5 * x, 0.5 * y, 0.5 * z)[0])

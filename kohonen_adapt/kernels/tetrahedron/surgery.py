@@ -1,0 +1,385 @@
+"""Split edges and collapse them: every change of a mesh of tetrahedra goes through `replace`."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE
+from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE, corner_of, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import (
+    allowed,
+    element_quality,
+    element_volumes,
+    rounded,
+    squared_distance,
+)
+from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, onto_patch, onto_ridge, ridge_distance
+
+NOWHERE = -1
+EQUAL = 1e-9  # relative: volumes this near to one another count as the same
+AT_ONCE = 4  # patches that may meet in a ridge
+
+
+@inner_kernel
+def metric_length(mesh, a, b):
+    """Square of the length of an edge in the metric, |e|^2 (rho_a rho_b)^(1/3), whichever end comes first."""
+    fineness = mesh.origins.fineness
+    return rounded(squared_distance(mesh.position, a, b) * (fineness[a] * fineness[b]))
+
+
+@inner_kernel
+def write_face(mesh, row, e, k, beyond, patch):
+    """Write a face into a row of the list of faces, its nodes in ascending order."""
+    face, node = mesh.cavity.face, mesh.elements.node
+    a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
+    low, high = min(a, min(b, c)), max(a, max(b, c))
+    face[row, 0], face[row, 1], face[row, 2] = low, a + b + c - low - high, high
+    face[row, 3], face[row, 4] = beyond, k
+    mesh.cavity.face_patch[row] = patch
+
+
+@inner_kernel
+def same_face(face, row, other):
+    """Whether two rows of the list have the same nodes."""
+    return face[row, 2] == face[other, 2] and face[row, 1] == face[other, 1] and face[row, 0] == face[other, 0]
+
+
+@inner_kernel
+def write_border(mesh, count):
+    """List the faces between the `count` elements to be taken out and all others; returns how many.
+
+    Each comes with the element beyond it and the corner of that, or -1.
+    """
+    elements, cavity = mesh.elements, mesh.cavity
+    cavity.counter[0] += 1
+    stamp, faces = cavity.counter[0], 0
+    for i in range(count):
+        cavity.element_stamp[cavity.old[i]] = stamp
+    for i in range(count):
+        e = np.int64(cavity.old[i])
+        for k in range(4):
+            across = np.int64(elements.neighbour[e, k])
+            if across >= 0 and cavity.element_stamp[across] == stamp:
+                continue
+            write_face(mesh, faces, e, k, across, elements.patch[e, k])
+            if across >= 0:
+                for j in range(4):
+                    if elements.neighbour[across, j] == e and faces_match(mesh, faces, across, j):
+                        cavity.face[faces, 4] = j
+            faces += 1
+    return faces
+
+
+@inner_kernel
+def faces_match(mesh, row, e, k):
+    """Whether the face of e opposite to corner k has the nodes of a row of the list of faces."""
+    face, node = mesh.cavity.face, mesh.elements.node
+    for j in range(3):
+        v = node[e, OPPOSITE[k, j]]
+        if v != face[row, 0] and v != face[row, 1] and v != face[row, 2]:
+            return False
+    return True
+
+
+@inner_kernel
+def replace(mesh, count_old, count_new):
+    """Put the tetrahedra `cavity.new` in place of the elements `cavity.old`; returns False, and does nothing, for want
+    of room.
+
+    Faces on the border of the cavity keep the patches they have, the others have those of `cavity.patch`. Where the new
+    ones stand is in `cavity.made` then.
+    """
+    elements, cavity, pool = mesh.elements, mesh.cavity, mesh.pool
+    if pool.height[1] + count_old < count_new:
+        return False
+    border = write_border(mesh, count_old)
+    for i in range(count_old):
+        elements.node[cavity.old[i], 0] = -1
+        pool.free_elements[pool.height[1]] = cavity.old[i]
+        pool.height[1] += 1
+    for i in range(count_new):
+        pool.height[1] -= 1
+        e = pool.free_elements[pool.height[1]]
+        cavity.made[i], elements.region[e] = e, cavity.region[i]
+        for k in range(4):
+            elements.node[e, k], elements.neighbour[e, k] = cavity.new[i, k], -1
+            elements.patch[e, k], pool.anchor[cavity.new[i, k]] = cavity.patch[i, k], e
+    faces = border
+    for i in range(count_new):
+        for k in range(4):
+            faces = join_face(mesh, np.int64(cavity.made[i]), k, border, faces)
+    return True
+
+
+@inner_kernel
+def join_face(mesh, e, k, border, faces):
+    """Join the face of a new element to one in the list, or add it for its neighbour to come; returns their number."""
+    elements, cavity = mesh.elements, mesh.cavity
+    write_face(mesh, faces, e, k, e, elements.patch[e, k])
+    for row in range(faces):
+        if same_face(cavity.face, row, faces):
+            across, j = np.int64(cavity.face[row, 3]), np.int64(cavity.face[row, 4])
+            elements.neighbour[e, k] = across
+            if across >= 0:
+                elements.neighbour[across, j] = e
+            if row < border:
+                elements.patch[e, k] = cavity.face_patch[row]
+            return faces
+    return faces + 1
+
+
+@inner_kernel
+def patches_at(mesh, shell, count, a, b):
+    """Put the patches that meet at the edge ab, ascending, into `cavity.meeting`, then -1; returns how many constrained
+    faces there are, and how many patches.
+
+    `shell` has its `count` elements.
+    """
+    elements, meeting = mesh.elements, mesh.cavity.meeting
+    faces = patches = 0
+    for i in range(meeting.shape[0]):
+        meeting[i] = -1
+    for i in range(count):
+        e = np.int64(shell[i])
+        for k in range(4):
+            v, patch = elements.node[e, k], elements.patch[e, k]
+            if v in (a, b) or patch < 0 or 0 <= elements.neighbour[e, k] < e:  # an inner one counts once
+                continue
+            faces += 1
+            at = 0
+            while at < patches and meeting[at] < patch:
+                at += 1
+            if at < patches and meeting[at] == patch:
+                continue
+            if patches <= AT_ONCE:
+                for j in range(patches, at, -1):
+                    meeting[j] = meeting[j - 1]
+                meeting[at] = patch
+                patches += 1
+    return faces, patches
+
+
+@inner_kernel
+def is_ridge(mesh, r):
+    """Whether the patches that meet in ridge r are those of `cavity.meeting`."""
+    for i in range(AT_ONCE):
+        if mesh.surfaces.meets[r, i] != mesh.cavity.meeting[i]:
+            return False
+    return True
+
+
+@inner_kernel
+def ridge_of(mesh, x, y, z):
+    """The ridge in which the patches of `cavity.meeting` meet, the nearest one of several, -1 for none."""
+    found, least = NOWHERE, np.inf
+    for r in range(mesh.surfaces.meets.shape[0]):
+        if is_ridge(mesh, r):
+            distance = ridge_distance(mesh.surfaces, r, x, y, z)
+            if distance < least:
+                found, least = r, distance
+    return found
+
+
+@inner_kernel
+def place_of_edge(mesh, shell, count, a, b):
+    """What a node on the edge ab could do, as `Freedom.number` and `Freedom.place`; HELD where that is not known."""
+    faces, patches = patches_at(mesh, shell, count, a, b)
+    if faces == 0:
+        return INSIDE, NOWHERE
+    p = np.int64(mesh.cavity.meeting[0])
+    if faces == 2 and patches == 1:
+        return (ON_PATCH, p) if has_formula(mesh.surfaces, p) else (HELD, NOWHERE)
+    if patches > AT_ONCE:
+        return HELD, NOWHERE
+    for i in range(patches):
+        if not has_formula(mesh.surfaces, mesh.cavity.meeting[i]):
+            return HELD, NOWHERE
+    position = mesh.position
+    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
+    r = ridge_of(mesh, 0.5 * x, 0.5 * y, 0.5 * z)
+    return (ON_RIDGE, r) if r >= 0 else (HELD, NOWHERE)
+
+
+@inner_kernel
+def put_between(mesh, p, a, b, number, place):
+    """Put node p between two others, on their patch or ridge."""
+    position = mesh.position
+    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
+    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    if number == ON_PATCH and mesh.surfaces.shape[place] != PLANE:
+        x, y, z = onto_patch(mesh.surfaces, place, x, y, z)
+    if number == ON_RIDGE:
+        x, y, z = onto_ridge(mesh.surfaces, place, x, y, z)
+    position[p, 0], position[p, 1], position[p, 2] = x, y, z
+
+
+@inner_kernel
+def prepare_split(mesh, a, b, floor):
+    """Write down what splitting the edge ab by the node on top of the stack would replace; returns how many elements,
+    0 where it is not allowed.
+    """
+    elements, cavity, pool, freedom = mesh.elements, mesh.cavity, mesh.pool, mesh.freedom
+    count = gather_edge(mesh, a, b, cavity.old)
+    if count <= 0 or pool.height[0] == 0 or (freedom.pinned[a] and freedom.pinned[b]):
+        return 0
+    if mesh.origins.pinched[a] or mesh.origins.pinched[b]:
+        return 0
+    number, place = place_of_edge(mesh, cavity.old, count, a, b)
+    if number == HELD:
+        return 0
+    p = np.int64(pool.free_nodes[pool.height[0] - 1])
+    put_between(mesh, p, a, b, number, place)
+    freedom.number[p], freedom.place[p] = number, place
+    before, after, new = 2.0, 2.0, 0
+    for i in range(count):
+        e = np.int64(cavity.old[i])
+        before = min(before, element_quality(mesh.position, elements.node, e))
+        for end, other in ((a, b), (b, a)):
+            for k in range(4):
+                v = elements.node[e, k]
+                cavity.new[new, k] = p if v == end else v
+                cavity.patch[new, k] = -1 if v == other else elements.patch[e, k]
+            cavity.region[new] = elements.region[e]
+            after = min(after, element_quality(mesh.position, cavity.new, new))
+            new += 1
+    return count if allowed(after, before, floor) else 0
+
+
+@inner_kernel
+def split(mesh, a, b, count):
+    """Split the edge ab as it was prepared, where there is room; returns the new node."""
+    pool, origins = mesh.pool, mesh.origins
+    pool.height[0] -= 1
+    p = np.int64(pool.free_nodes[pool.height[0]])
+    replace(mesh, count, 2 * count)
+    origins.fineness[p] = np.sqrt(origins.fineness[a] * origins.fineness[b])
+    origins.old[p], origins.hint[p] = -1, origins.hint[a]
+    mesh.freedom.pinned[p] = origins.pinched[p] = False
+    return p
+
+
+@inner_kernel
+def may_leave(mesh, v, w, count):
+    """Whether v may go along its edge to w: to any neighbour from inside, else along its own patch or ridge only.
+
+    The `count` elements with that edge stand in `cavity.around_other`.
+    """
+    freedom, origins, surfaces = mesh.freedom, mesh.origins, mesh.surfaces
+    number = freedom.number[v]
+    if number == HELD or freedom.pinned[v] or origins.pinched[v] or origins.pinched[w]:
+        return False
+    faces, patches = patches_at(mesh, mesh.cavity.around_other, count, v, w)
+    if number == INSIDE:
+        return faces == 0
+    for i in range(min(patches, AT_ONCE)):
+        if not has_formula(surfaces, mesh.cavity.meeting[i]):
+            return False
+    if number == ON_PATCH:
+        return faces == 2 and patches == 1 and mesh.cavity.meeting[0] == freedom.place[v]
+    return not (faces == 2 and patches == 1) and patches <= AT_ONCE and is_ridge(mesh, freedom.place[v])
+
+
+@inner_kernel
+def prepare_collapse(mesh, v, w, floor, longest):
+    """Write down what merging v into its neighbour w would replace; returns the worst quality, cubed, that would be
+    left, 0 where it is not allowed, and the numbers of elements before and after.
+
+    No new edge may be as long in the metric as `longest`. The only nodes that v and w have both for neighbours must be
+    those of the elements with their edge (link condition), or the mesh would be pinched.
+    """
+    elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
+    count, shell = gather_around(mesh, v, cavity.old), 0
+    for i in range(count):
+        if corner_of(elements.node, cavity.old[i], w) >= 0:
+            cavity.around_other[shell] = cavity.old[i]
+            shell += 1
+    if shell == 0 or not may_leave(mesh, v, w, shell):
+        return 0.0, 0, 0
+    before, volume, planar = 2.0, 0.0, True
+    for i in range(count):
+        e = np.int64(cavity.old[i])
+        before = min(before, element_quality(position, elements.node, e))
+        volume += element_volumes(position, elements.node, e)
+        for j in range(4):
+            patch = elements.patch[e, j]
+            if patch >= 0 and elements.node[e, j] != v and mesh.surfaces.shape[patch] != PLANE:
+                planar = False
+    new, after, volume_after = 0, 2.0, 0.0
+    for i in range(count):
+        e = np.int64(cavity.old[i])
+        k, kw = corner_of(elements.node, e, v), corner_of(elements.node, e, w)
+        if kw >= 0:
+            if elements.patch[e, kw] >= 0:
+                return 0.0, 0, 0
+            continue
+        for j in range(4):
+            cavity.new[new, j], cavity.patch[new, j] = elements.node[e, j], elements.patch[e, j]
+        cavity.new[new, k], cavity.region[new] = w, elements.region[e]
+        after = min(after, element_quality(position, cavity.new, new))
+        if not allowed(after, before, floor):
+            return 0.0, 0, 0
+        volume_after += element_volumes(position, cavity.new, new)
+        for j in range(4):
+            if j != k and (metric_length(mesh, w, cavity.new[new, j]) >= longest or new_bulge(mesh, new, j, w)):
+                return 0.0, 0, 0
+        new += 1
+    if new == 0 or (planar and abs(volume_after - volume) > EQUAL * volume):
+        return 0.0, 0, 0
+    if shared_neighbours(mesh, v, w, count) != shell_nodes(mesh, v, w, shell):
+        return 0.0, 0, 0
+    return after, count, new
+
+
+@inner_kernel
+def new_bulge(mesh, new, j, w):
+    """Whether a face of a new element, opposite to its corner j, has an edge from w too far off its curved patch."""
+    p = np.int64(mesh.cavity.patch[new, j])
+    if p < 0 or mesh.surfaces.shape[p] == PLANE:
+        return False
+    for i in range(4):
+        v = mesh.cavity.new[new, i]
+        if i != j and v != w and bulges(mesh, p, w, v):
+            return True
+    return False
+
+
+@inner_kernel
+def shell_nodes(mesh, v, w, count):
+    """How many nodes beside v and w the elements with their edge have, which stand in `cavity.around_other`."""
+    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    cavity.counter[0] += 1
+    for i in range(count):
+        for k in range(4):
+            a = node[cavity.around_other[i], k]
+            if a != v and a != w and cavity.node_stamp[a] != cavity.counter[0]:
+                cavity.node_stamp[a] = cavity.counter[0]
+                found += 1
+    return found
+
+
+@inner_kernel
+def shared_neighbours(mesh, v, w, count):
+    """How many nodes are neighbours of both v, the elements around which stand in `cavity.old`, and w."""
+    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    around = gather_around(mesh, w, cavity.around)
+    cavity.counter[0] += 2
+    mark = cavity.counter[0]
+    for i in range(count):
+        for k in range(4):
+            cavity.node_stamp[node[cavity.old[i], k]] = mark
+    cavity.node_stamp[v] = cavity.node_stamp[w] = 0
+    for i in range(around):
+        for k in range(4):
+            a = node[cavity.around[i], k]
+            if cavity.node_stamp[a] == mark:
+                cavity.node_stamp[a] = mark - 1
+                found += 1
+    return found
+
+
+@inner_kernel
+def collapse(mesh, v, count, new):
+    """Merge v as it was prepared."""
+    replace(mesh, count, new)  # there are fewer elements than before
+    mesh.pool.anchor[v] = -1
+    mesh.pool.free_nodes[mesh.pool.height[0]] = v
+    mesh.pool.height[0] += 1

@@ -1,0 +1,299 @@
+"""Swap edges and faces until no swap makes the worst element that it touches better.
+
+Edge removal: the ring of nodes around an edge is triangulated anew by the dynamic program of Klincsek ("Minimal
+triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest least quality; Shewchuk, "Two
+discrete optimization algorithms for the topological improvement of tetrahedral meshes" (2002). An edge on an outer
+patch has an open ring, one on a patch between regions has two.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, RING
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, cubed_quality, element_quality, element_volumes
+from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, off_patch
+from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
+
+BETTER = 1.02  # times the cube of the quality: less is not worth a swap, and may be rounding
+
+
+@inner_kernel
+def enter(queue, e):
+    """Put an element at the end of the queue, unless it waits already."""
+    if not queue.waiting[e]:
+        rows = queue.element.shape[0]
+        queue.element[(queue.state[0] + queue.state[1]) % rows] = e
+        queue.state[1] += 1
+        queue.waiting[e] = True
+
+
+@inner_kernel
+def take_first(queue):
+    """Take the first element of a queue that is not empty."""
+    e = np.int64(queue.element[queue.state[0]])
+    queue.state[0] = (queue.state[0] + 1) % queue.element.shape[0]
+    queue.state[1] -= 1
+    queue.waiting[e] = False
+    return e
+
+
+@inner_kernel
+def first_of_fan(mesh, e, a, b, first, second):
+    """The first element of the fan around the edge ab that e = (a, b, first, second) is in, from one constrained face
+    to the next, and its two other nodes; e itself where there is none. -1 if the fan has too many elements.
+    """
+    elements, start = mesh.elements, e
+    for _ in range(RING):
+        k = corner_of(elements.node, e, second)
+        across = np.int64(elements.neighbour[e, k])
+        if elements.patch[e, k] >= 0 or across < 0:
+            return e, first, second
+        e, first, second = across, fourth_node(elements.node, across, a, b, first), first
+        if e == start:
+            return e, first, second
+    return NOWHERE, first, second
+
+
+@inner_kernel
+def walk_fan(mesh, queue, side, e, a, b, first, second):
+    """List the fan around the edge ab from its first element e = (a, b, first, second) on, and the ring of its nodes;
+    returns how many there are of each, or (0, 0) if they are too many, or an element waits for its turn.
+
+    A fan that closes has as many nodes as elements, any other one more.
+    """
+    elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
+    start, count = e, 0
+    while count < RING - 1 and not queue.waiting[e]:
+        fan[side, count], ring[side, count] = e, first
+        count += 1
+        k = corner_of(elements.node, e, first)
+        across = np.int64(elements.neighbour[e, k])
+        if elements.patch[e, k] >= 0 or across < 0:
+            ring[side, count] = second
+            return count + 1, count
+        if across == start:
+            return count, count
+        e, first, second = across, second, fourth_node(elements.node, across, a, b, second)
+    if (
+        count == RING - 1
+        and not queue.waiting[e]
+        and elements.neighbour[e, corner_of(elements.node, e, first)] == start
+    ):
+        fan[side, count], ring[side, count] = e, first
+        return RING, RING
+    return 0, 0
+
+
+@inner_kernel
+def triangulate(mesh, side, count, a, b, least):
+    """Find the triangulation of a ring of `count` nodes whose worst element, cubed quality, is best; returns that, or
+    -1 if none is better than `least`. Elements are triangles of the ring with a and with b.
+    """
+    position, ring, worth, apex = mesh.position, mesh.cavity.ring, mesh.cavity.worth, mesh.cavity.apex
+    for i in range(count - 1):
+        worth[side, i, i + 1] = 2.0
+    for length in range(2, count):
+        for i in range(count - length):
+            k, best = i + length, -1.0
+            for j in range(i + 1, k):
+                value = min(worth[side, i, j], worth[side, j, k])
+                if not value > max(best, least):
+                    continue
+                p, q, r = ring[side, i], ring[side, j], ring[side, k]
+                value = min(value, cubed_quality(position, p, q, r, b))
+                if not value > max(best, least):
+                    continue
+                value = min(value, cubed_quality(position, p, r, q, a))
+                if value > max(best, least):
+                    best, apex[side, i, k] = value, j
+            worth[side, i, k] = best
+    return worth[side, 0, count - 1]
+
+
+@inner_kernel
+def write_triangulation(mesh, side, count, a, b, patch, new):
+    """Write the elements of the best triangulation of a ring; returns how many there are to be put in then.
+
+    `patch` is that of the faces between the first and the last node of the ring and each end of the edge.
+    """
+    cavity, ring = mesh.cavity, mesh.cavity.ring
+    region = mesh.elements.region[cavity.fan[side, 0]]
+    cavity.stack[0, 0], cavity.stack[0, 1], height = 0, count - 1, 1
+    while height > 0:
+        height -= 1
+        i, k = np.int64(cavity.stack[height, 0]), np.int64(cavity.stack[height, 1])
+        if k - i < 2:
+            continue
+        j = np.int64(cavity.apex[side, i, k])
+        on_base = patch if i == 0 and k == count - 1 else -1
+        p, q, r = ring[side, i], ring[side, j], ring[side, k]
+        for corners, end, third in (((p, q, r), b, 1), ((p, r, q), a, 2)):
+            for corner in range(3):
+                cavity.new[new, corner], cavity.patch[new, corner] = corners[corner], -1
+            cavity.new[new, 3], cavity.patch[new, 3], cavity.patch[new, third] = end, -1, on_base
+            cavity.region[new] = region
+            new += 1
+        cavity.stack[height, 0], cavity.stack[height, 1] = i, j
+        cavity.stack[height + 1, 0], cavity.stack[height + 1, 1] = j, k
+        height += 2
+    return new
+
+
+@inner_kernel
+def enter_fan(mesh, side, count, old):
+    """Add a fan to the elements to be taken out; returns how many these are then, and the worst quality of all."""
+    cavity, worst = mesh.cavity, 2.0
+    for i in range(count):
+        cavity.old[old + i] = cavity.fan[side, i]
+    for i in range(old + count):
+        worst = min(worst, element_quality(mesh.position, mesh.elements.node, cavity.old[i]))
+    return old + count, worst
+
+
+@inner_kernel
+def other_fan(mesh, queue, a, b, nodes):
+    """List the fan beyond the faces that the first one of `nodes` nodes ends at; returns the numbers of its nodes and
+    elements, (0, 0) if there is nothing beyond, and the patch of both faces, -1 where the edge must stay.
+    """
+    elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
+    begin, end = np.int64(fan[0, 0]), np.int64(fan[0, nodes - 2])
+    k_begin, k_end = corner_of(elements.node, begin, ring[0, 1]), corner_of(elements.node, end, ring[0, nodes - 2])
+    patch = np.int64(elements.patch[begin, k_begin])
+    if nodes < 3 or patch < 0 or patch != elements.patch[end, k_end] or stays(mesh, patch, a, b, nodes):
+        return 0, 0, NOWHERE
+    back, across = np.int64(elements.neighbour[begin, k_begin]), np.int64(elements.neighbour[end, k_end])
+    if across < 0:
+        return 0, 0, (patch if back < 0 else NOWHERE)
+    first = np.int64(ring[0, nodes - 1])
+    second = fourth_node(elements.node, across, a, b, first)
+    count, found = walk_fan(mesh, queue, 1, across, a, b, first, second)
+    if count < 3 or count == found or ring[1, count - 1] != ring[0, 0] or fan[1, found - 1] != back:
+        return 0, 0, NOWHERE
+    return count, found, patch
+
+
+@inner_kernel
+def stays(mesh, patch, a, b, nodes):
+    """Whether an edge on a patch stays, because the one instead of it would be farther off the patch than any is."""
+    if not has_formula(mesh.surfaces, patch):
+        return True
+    p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
+    return bulges(mesh, patch, p, q) and off_patch(mesh, patch, p, q) > off_patch(mesh, patch, a, b)
+
+
+@inner_kernel
+def remove_edge(mesh, queue, e, edge, below):
+    """Remove an edge of element e if that makes the worst element around it, if worse than `below`, better; returns
+    how many elements are made.
+    """
+    elements = mesh.elements
+    a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
+    first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
+    e, first, second = first_of_fan(mesh, e, a, b, first, second)
+    if e < 0:
+        return 0
+    nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
+    if nodes < 3:
+        return 0
+    other, found_other, patch = 0, 0, NOWHERE
+    if nodes > found:
+        other, found_other, patch = other_fan(mesh, queue, a, b, nodes)
+        if patch < 0:
+            return 0
+    old, before = enter_fan(mesh, 0, found, 0)
+    if other > 0:
+        old, before = enter_fan(mesh, 1, found_other, old)
+    least = max(FLAT, BETTER * before)
+    if before >= below or not triangulate(mesh, 0, nodes, a, b, least) > 0.0:
+        return 0
+    if other > 0 and not triangulate(mesh, 1, other, a, b, least) > 0.0:
+        return 0
+    new = write_triangulation(mesh, 0, nodes, a, b, patch, 0)
+    if patch >= 0 and mesh.surfaces.shape[patch] == PLANE and not fills(mesh, 0, found, 0, new):
+        return 0
+    if other > 0:
+        more = write_triangulation(mesh, 1, other, a, b, patch, new)
+        if mesh.surfaces.shape[patch] == PLANE and not fills(mesh, found, old, new, more):
+            return 0
+        new = more
+    return new if replace(mesh, old, new) else 0
+
+
+@inner_kernel
+def fills(mesh, first, last, first_new, last_new):
+    """Whether some new elements have the volume of those that they are to replace."""
+    volume = change = 0.0
+    for i in range(first, last):
+        volume += element_volumes(mesh.position, mesh.elements.node, mesh.cavity.old[i])
+    for i in range(first_new, last_new):
+        change += element_volumes(mesh.position, mesh.cavity.new, i)
+    return abs(change - volume) <= EQUAL * volume
+
+
+@inner_kernel
+def swap_face(mesh, queue, e, k, below):
+    """Put three elements in place of two with a common face if the worst is then better; returns 3 or 0."""
+    elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
+    across = np.int64(elements.neighbour[e, k])
+    if across < 0 or elements.patch[e, k] >= 0 or queue.waiting[across]:
+        return 0
+    before = min(element_quality(position, elements.node, e), element_quality(position, elements.node, across))
+    if before >= below:
+        return 0
+    a, b = np.int64(elements.node[e, OPPOSITE[k, 0]]), np.int64(elements.node[e, OPPOSITE[k, 1]])
+    c, top = np.int64(elements.node[e, OPPOSITE[k, 2]]), np.int64(elements.node[e, k])
+    bottom, least = fourth_node(elements.node, across, a, b, c), max(FLAT, BETTER * before)
+    cavity.old[0], cavity.old[1] = e, across
+    for new, (p, q) in enumerate(((a, b), (b, c), (c, a))):
+        if not cubed_quality(position, top, bottom, p, q) > least:
+            return 0
+        cavity.new[new, 0], cavity.new[new, 1], cavity.new[new, 2], cavity.new[new, 3] = top, bottom, p, q
+        cavity.region[new] = elements.region[e]
+        for j in range(4):
+            cavity.patch[new, j] = -1
+    return 3 if replace(mesh, 2, 3) else 0
+
+
+@inner_kernel
+def swap_at(mesh, queue, e, below):
+    """Do the first swap at element e that is good, and enter what it makes; returns whether there was one."""
+    made = 0
+    for edge in range(6):
+        made = remove_edge(mesh, queue, e, edge, below)
+        if made > 0:
+            break
+    if made == 0:
+        for k in range(4):
+            made = swap_face(mesh, queue, e, k, below)
+            if made > 0:
+                break
+    for i in range(made):
+        enter(queue, np.int64(mesh.cavity.made[i]))
+    return made > 0
+
+
+@kernel
+def enter_worse(mesh, queue, below):
+    """Enter the elements whose cubed quality is below that."""
+    for e in range(mesh.elements.node.shape[0]):
+        if mesh.elements.node[e, 0] >= 0 and element_quality(mesh.position, mesh.elements.node, e) < below:
+            enter(queue, e)
+
+
+@kernel
+def swap_waiting(mesh, queue, below, limit):
+    """Look at edges and faces of so many elements that wait, and swap where the worst of what is touched, if its cubed
+    quality is `below` that, gets better; returns the number of swaps. It is done when no element waits.
+
+    What a swap makes waits again: nobody else's surroundings have changed. An edge is looked at when the last of its
+    elements has its turn.
+    """
+    swaps = 0
+    for _ in range(limit):
+        if queue.state[1] == 0:
+            break
+        e = take_first(queue)
+        if mesh.elements.node[e, 0] >= 0 and swap_at(mesh, queue, e, below):
+            swaps += 1
+    return swaps

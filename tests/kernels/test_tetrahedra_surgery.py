@@ -1,0 +1,192 @@
+"""No sequence of swaps, exchanges and sweeps spoils a mesh of tetrahedra; each does what it says."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers.boxes import check, jittered, opened, qualities, volumes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.tetrahedron import smooth, swap
+from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue, Star
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
+from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
+from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+
+FLOOR = 0.2
+
+
+def swaps(mesh, below=1.0, limit=1000):
+    queue, total = Queue.of(len(mesh.elements.node)), 0
+    enter_worse(mesh, queue, below**3)
+    while queue.state[1]:
+        total += swap_waiting(mesh, queue, below**3, limit)
+    assert not queue.waiting.any()
+    return total
+
+
+def exchange(mesh, missing=0, ratio=2.2, limit=10):
+    queue, rows = Queue.of(len(mesh.elements.node)), len(mesh.elements.node)
+    heaps, net, total, done = (Heap.of(4 * rows), Heap.of(4 * rows)), 0, 0, False
+    fill_heaps(mesh, *heaps)
+    while not done:
+        splits, collapses, done = recycle(mesh, queue, *heaps, missing - net, ratio, FLOOR**3, limit)
+        net, total = net + splits - collapses, total + splits
+    return net, total
+
+
+def sweep(mesh, density):
+    node, n = mesh.elements.node, len(mesh.position)
+    star = Star.of(n, len(node))
+    fill_star(node, star)
+    weight = density(mesh.position[node].mean(axis=1)) ** (5 / 3)
+    order = np.flatnonzero(mesh.pool.anchor >= 0).astype(np.int32)
+    rest = star, mesh.surfaces, mesh.freedom, weight, FLOOR**3, order, np.ones(n, dtype=bool), True
+    return smooth_nodes(mesh.position, *rest)
+
+
+def bump(centre, height):
+    return lambda x: 1.0 + height * np.exp(-20.0 * ((x - centre) ** 2).sum(axis=1))
+
+
+def half_named(middle):
+    return abs(middle[2] - 0.5) < 1e-9 and middle[0] < 0.5
+
+
+@st.composite
+def worlds(draw):
+    cells = draw(st.sampled_from([(2, 2, 2), (2, 3, 4), (4, 2, 2), (4, 4, 2)]))
+    position, node = jittered(cells, draw(st.sampled_from([0.0, 0.3, 0.7])), draw(st.integers(0, 1000)))
+    region = position[node].mean(axis=1)[:, 0] > 0.5 if draw(st.booleans()) and cells[0] % 2 == 0 else None
+    named = half_named if draw(st.booleans()) and cells[2] % 2 == 0 else None
+    density = bump(draw(st.sampled_from([0.0, 0.4, 1.0])), draw(st.sampled_from([0.0, 30.0, 1000.0])))
+    return opened(position, node, region, named, density), density
+
+
+@settings(max_examples=12)
+@given(worlds(), st.lists(st.sampled_from(["swap", "recycle", "more", "fewer", "smooth"]), min_size=2, max_size=5))
+def test_what_a_mesh_promises_holds_after_anything(world, steps):
+    mesh, density = world
+    count, by_region, by_patch = check(mesh)
+    floor = min(FLOOR, qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min())
+    for step in steps:
+        if step == "swap":
+            swaps(mesh)
+        elif step == "smooth":
+            sweep(mesh, density)
+        else:
+            missing = {"more": 1, "fewer": -1}.get(step, 0)
+            net, _ = exchange(mesh, missing)
+            count += net
+            assert net == missing or (missing < 0 and net == 0)  # it may be that nothing can go
+        now, regions, patches = check(mesh, floor)
+        assert now == count
+        assert regions == pytest.approx(by_region, rel=1e-12)
+        assert patches == pytest.approx(by_patch, rel=1e-12)
+
+
+def test_exchanging_brings_nodes_to_where_they_are_wanted():
+    position, node = jittered((6, 6, 6), 0.0, 0)
+    density = bump(0.5, 100.0)
+    mesh = opened(position, node, density=density)
+    before = nodes_near(mesh)
+    net, number = exchange(mesh)
+    assert net == 0 and number > 20 and nodes_near(mesh) > 2 * before
+    check(mesh, FLOOR)
+
+
+def nodes_near(mesh):
+    used = mesh.position[mesh.pool.anchor >= 0]
+    return int(np.sum(np.abs(used - 0.5).max(axis=1) < 0.2))
+
+
+def test_when_no_element_waits_no_swap_is_left():
+    mesh = opened(*jittered((4, 4, 4), 0.7, 3))
+    before = qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min()
+    assert swaps(mesh, limit=7) > 50
+    assert swaps(mesh) == 0
+    assert qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min() > before
+
+
+@pytest.mark.parametrize("count", range(3, RING + 1))
+def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
+    """Every triangulation of the polygon is looked at, and the dynamic program finds none worse than the best."""
+    rng = np.random.default_rng(count)
+    angles = np.sort(rng.uniform(0.0, 2 * np.pi, count)) if count > 5 else np.arange(count) * 2 * np.pi / count
+    ring = np.column_stack([np.cos(angles), np.sin(angles), rng.uniform(-0.1, 0.1, count)])
+    position = np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]])
+    mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
+    mesh.cavity.ring[0, :count] = np.arange(count)
+    found = interpreted(swap.triangulate)(mesh, 0, count, count, count + 1, 0.0)
+    best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
+    assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else -1.0)
+    if found > 0:
+        new = interpreted(swap.write_triangulation)(mesh, 0, count, count, count + 1, -1, 0)
+        made = mesh.cavity.new[:new]
+        assert new == 2 * (count - 2)
+        assert qualities(position, made).min() ** 3 == pytest.approx(found)
+        around = [(count, count + 1, a, b) for a, b in pairwise([*range(count), 0])]
+        assert volumes(position, made).sum() == pytest.approx(volumes(position, np.array(around)).sum())
+
+
+def triangulations(i, k):
+    """All of the polygon of nodes i to k, as lists of triangles."""
+    if k - i < 2:
+        return [[]]
+    pairs = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
+    return [[*one, *other, (i, j, k)] for one, other, j in pairs]
+
+
+def worst(position, triangles):
+    below, above = len(position) - 2, len(position) - 1
+    elements = [t for i, j, k in triangles for t in ((i, j, k, above), (i, k, j, below))]
+    return qualities(position, np.array(elements)).min()
+
+
+def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences():
+    position, node = jittered((2, 2, 2), 0.5, 1)
+    star, v, step = Star.of(len(position), len(node)), 13, 1e-5
+    fill_star(node, star)
+    weight = np.random.default_rng(0).uniform(0.5, 2.0, len(node))
+
+    def derivatives(way):
+        moved = position.copy()
+        moved[v] += way
+        return np.array(interpreted(smooth.derivatives)(moved, star, weight, v))
+
+    def energy(way):
+        return interpreted(smooth.star_energy)(position, star, weight, v, *(position[v] + way))[0]
+
+    found, units = derivatives(np.zeros(3)), step * np.eye(3)
+    slopes = np.array([energy(way) - energy(-way) for way in units]) / (2 * step)
+    assert found[:3] == pytest.approx(slopes, rel=1e-6, abs=1e-6 * np.abs(slopes).max())
+    hessian = np.array([derivatives(way)[:3] - derivatives(-way)[:3] for way in units]) / (2 * step)
+    upper = hessian[np.triu_indices(3)]
+    assert found[3:] == pytest.approx(upper, rel=1e-6, abs=1e-6 * np.abs(upper).max())
+    assert np.linalg.eigvalsh(hessian).min() > 0
+
+
+def test_smoothing_lowers_what_it_says():
+    mesh = opened(*jittered((3, 3, 3), 0.7, 5))
+    before = [qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])]
+    for _ in range(4):
+        assert sweep(mesh, bump(0.5, 0.0)) > 0
+    after = qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])
+    assert after.mean() > before[0].mean() and after.min() >= min(FLOOR, before[0].min())
+
+
+def test_nodes_between_elements_that_share_no_face_are_known():
+    """Two boxes that have one edge in common: its nodes hold two fans each."""
+    position, node = jittered((2, 2, 1), 0.0, 0)
+    middle = position[node].mean(axis=1)
+    node = node[(middle[:, 0] < 0.5) == (middle[:, 1] < 0.5)]
+    used = np.unique(node)
+    mesh = opened(position[used], np.searchsorted(used, node).astype(np.int32))
+    star, pinched = Star.of(len(used), len(node)), np.zeros(len(used), dtype=bool)
+    fill_star(mesh.elements.node[: len(node)], star)
+    mark_pinched(mesh, star, pinched)
+    assert np.array_equal(pinched, (position[used][:, :2] == 0.5).all(axis=1))
