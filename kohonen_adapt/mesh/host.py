@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh, MeshTri
 
-__all__ = ["ascending", "is_own_name", "number_facets", "of_kind", "remade", "set_boundaries"]
+__all__ = ["ascending", "is_own_name", "keys_of", "number_facets", "of_kind", "remade", "set_boundaries"]
 
 Host = TypeVar("Host", bound=Mesh)
 Names = Mapping[str, NDArray[np.integer]] | None
@@ -42,20 +42,30 @@ def set_boundaries(mesh: Mesh, boundaries: Names) -> None:
 def number_facets(mesh: Mesh) -> None:
     """Give a mesh, whose elements have nodes that exist, its `facets`, `t2f` and `f2t`, unless it has them already.
 
-    scikit-fem sorts pairs or triples of nodes; sorting one whole number for each gives the same arrays in a fraction of
-    the time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere one day, it
-    would work them out itself, as it does where these numbers would be too large.
+    scikit-fem sorts columns of two or three nodes; sorting one whole number for each gives the same arrays in a
+    fraction of the time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere
+    one day, it would work them out itself.
     """
-    count, corners = mesh.p.shape[1], mesh.t[np.asarray(mesh.elem.refdom.facets).T]
-    if hasattr(mesh, "_facets") or float(count) ** len(corners) > np.iinfo(np.int64).max:
+    if hasattr(mesh, "_facets"):
         return
-    code = np.zeros(corners.shape[1:], dtype=np.int64)
-    for node in ascending(*corners):
-        code = code * count + node
-    number, side = np.unique(code, return_inverse=True)
-    mesh._facets = np.stack(np.unravel_index(number, (count,) * len(corners))).astype(mesh.t.dtype)
-    mesh._t2f = side.reshape(code.shape)
-    mesh._f2t = elements_of(mesh._t2f, number.size)
+    corners = np.array(mesh.elem.refdom.facets).T
+    rows = ascending(*mesh.t[corners])
+    key, side = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)
+    one = np.empty(key.size, dtype=np.int64)
+    one[side.ravel()] = np.arange(side.size)  # any of a facet's sides: its nodes are the same
+    mesh._facets = np.take(rows.reshape(len(rows), -1), one, axis=1)
+    mesh._t2f = side.reshape(rows.shape[1:])
+    mesh._f2t = elements_of(mesh._t2f, key.size)
+
+
+def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
+    """One number for each column of node numbers (k, ...) below `count`: they come in the order of the columns."""
+    key = rows[0].astype(np.int64)
+    for row in rows[1:]:
+        if int(key.max(initial=0)) >= np.iinfo(np.int64).max // count - 1:
+            key = np.unique(key, return_inverse=True)[1].reshape(key.shape)
+        key = key * count + row
+    return key
 
 
 def ascending(*rows: NDArray[np.integer]) -> NDArray[np.integer]:

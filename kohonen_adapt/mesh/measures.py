@@ -1,10 +1,13 @@
-"""Measure the triangles of a mesh: area, orientation, quality, and gradients of P1 functions."""
+"""Measure the elements of a mesh: area or volume, orientation, quality, and gradients of P1 functions."""
+
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.curved import (
     check_bent,
     check_middles,
@@ -17,6 +20,7 @@ from kohonen_adapt.mesh.curved import (
 __all__ = [
     "area",
     "directed",
+    "edges_of",
     "gradient",
     "hat_gradients",
     "inner_points",
@@ -26,18 +30,27 @@ __all__ = [
 ]
 
 
-def signed_area(mesh: MeshTri) -> Floats:
+def signed_area(mesh: Mesh) -> Floats:
     """Signed area of every element, (nelements,) in mesh units squared, positive where its nodes run counter-clockwise.
 
+    Of tetrahedra it is the volume, in mesh units cubed, positive where three run so seen from the fourth's far side.
     scikit-fem sorts the nodes of an element, so about half of a good mesh's signed areas are negative. An element is
     overturned when its sign differs from the one it had before its nodes moved. Of a `MeshTri2` it is the corners'.
     """
-    x, y = mesh.p[:, mesh.t]
-    return 0.5 * ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+    cell = cell_of(mesh)
+    return cell.determinant(mesh.p[:, mesh.t]) / factorial(cell.dim)
 
 
-def area(mesh: MeshTri) -> Floats:
+def edges_of(mesh: Mesh) -> Floats:
+    """The edges of every element as vectors, (d, nedges, nelements), in the order of `Cell.edges`."""
+    corners, (one, other) = mesh.p[:, mesh.t], np.transpose(cell_of(mesh).edges)
+    return corners[:, one] - corners[:, other]
+
+
+def area(mesh: Mesh) -> Floats:
     """Area |K| of every element, (nelements,), in mesh units squared; of a `MeshTri2` between its bent sides.
+
+    Of tetrahedra it is the volume, in mesh units cubed.
 
     The mean of the Bernstein coefficients of a determinant is twice the area.
     """
@@ -63,16 +76,18 @@ def directed(mesh: MeshTri, facets: Ints, which: Ints) -> Ints:
     return np.where(left, ends, ends[::-1]).T
 
 
-def quality(mesh: MeshTri) -> Floats:
-    """Quality of every element: 1 for an equilateral triangle, 0 for a flat one.
+def quality(mesh: Mesh) -> Floats:
+    """Quality of every element: 1 for a regular one, 0 for a flat one.
 
-    ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` with the edge lengths a, b, c (Bank's measure; Bank and Smith, SIAM J. Numer.
-    Anal. 34, 1997). Of a `skfem.MeshTri2` it is that of the straight triangles between its corners.
+    ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` of a triangle with the edge lengths a, b, c (Bank's measure; Bank and Smith,
+    SIAM J. Numer. Anal. 34, 1997), ``12 (3 |K|)^(2/3) / (sum of the six squared edge lengths)`` of a tetrahedron (the
+    mean ratio; Liu and Joe, BIT 34, 1994). Of a `skfem.MeshTri2` it is that of the straight triangles between its
+    corners.
 
     Parameters
     ----------
     mesh
-        A triangular mesh.
+        A mesh of triangles or of tetrahedra.
 
     Returns
     -------
@@ -82,7 +97,8 @@ def quality(mesh: MeshTri) -> Floats:
     Raises
     ------
     ValueError
-        If the bent sides of a `skfem.MeshTri2` fold an element over: no quality of its corners makes up for that.
+        If the mesh is neither a `skfem.MeshTri`, `skfem.MeshTri2` nor `skfem.MeshTet`, and if the bent sides of a
+        `skfem.MeshTri2` fold an element over: no quality of its corners makes up for that.
 
     Examples
     --------
@@ -90,29 +106,24 @@ def quality(mesh: MeshTri) -> Floats:
     >>> ka.quality(skfem.MeshTri()).round(3).tolist()  # half a square is 0.866
     [0.866, 0.866]
     """
+    check_kind(mesh, bent=True, space=True)
     if is_second_order(mesh):
         check_middles(mesh)
         check_bent(mesh)
-    corners = mesh.p[:, mesh.t]
-    edges = corners - np.roll(corners, 1, axis=1)
-    return 4.0 * np.sqrt(3.0) * np.abs(signed_area(mesh)) / np.sum(edges**2, axis=(0, 1))
+    cell = cell_of(mesh)
+    return cell.regular * np.abs(signed_area(mesh)) ** (2 / cell.dim) / np.sum(edges_of(mesh) ** 2, axis=(0, 1))
 
 
-def hat_gradients(mesh: MeshTri) -> Floats:
-    """Gradients of the three hat functions of every element, constant on it, (2, 3, nelements), per mesh unit.
+def hat_gradients(mesh: Mesh) -> Floats:
+    """Gradients of the hat functions of every element, constant on it, (d, d + 1, nelements), per mesh unit.
 
-    ``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)`` with i, j, k in the order of ``mesh.t`` and the area signed, so
-    the orientation of an element does not matter.
+    They are in the order of ``mesh.t``, and the orientation of an element does not matter.
     """
-    x, y = mesh.p[:, mesh.t]
-    along_x = x[[2, 0, 1]] - x[[1, 2, 0]]
-    along_y = y[[1, 2, 0]] - y[[2, 0, 1]]
-    twice_area = along_y[0] * along_x[1] - along_y[1] * along_x[0]
-    return np.stack((along_y, along_x)) / twice_area
+    return cell_of(mesh).hat_gradients(mesh.p[:, mesh.t])
 
 
-def gradient(mesh: MeshTri, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    """Gradient of the P1 function with these nodal values (nnodes,), (2, nelements), in their units per mesh unit.
+def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:
+    """Gradient of the P1 function with these nodal values (nnodes,), (d, nelements), in their units per mesh unit.
 
     `hats` is what `hat_gradients` returns for this mesh, where it is at hand.
     """

@@ -3,18 +3,21 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from skfem import MeshTet
 from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
+from kohonen_adapt.mesh.adjacency import neighbours_of, positive
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import number_facets, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
+from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FACES", "Tetrahedralization", "facet_of_face", "normals"]
 
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # opposite to each, counter-clockwise from outside
+FACES = np.array(TETRAHEDRON.outward)  # opposite to each, counter-clockwise from outside
 
 
 @dataclass
@@ -40,16 +43,16 @@ class Tetrahedralization:
 
     @classmethod
     def of(cls, mesh: MeshTet) -> "Tetrahedralization":
-        """Take a mesh apart; refused unless it is a `skfem.MeshTet` with no two elements on one another.
+        """Take a mesh apart; refused unless it is a valid `skfem.MeshTet` with no two elements on one another.
 
         No face has a patch yet.
         """
         if type(mesh) is not MeshTet1:
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.")
+        check_mesh(mesh, space=True)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = positive(position, mesh.t)
-        facet = facet_of_face(mesh, node)
-        neighbour = neighbours_of(position, node, facet, mesh.f2t)
+        neighbour = neighbours_of(node)
         region = regions_of(mesh, neighbour)
         return cls(position, Tetrahedra(node, neighbour, region.copy(), np.full_like(node, -1)), mesh, region)
 
@@ -92,15 +95,6 @@ class Tetrahedralization:
         return remade(mesh, position, t, boundaries=None, subdomains=subdomains)
 
 
-def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
-    """Elements as rows of nodes of positive volume, (m, 4); scikit-fem takes them in any order."""
-    node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
-    a, b, c, d = (position[node[:, k]] for k in range(4))
-    mirrored = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) < 0.0
-    node[mirrored, 2:] = node[mirrored, :1:-1]
-    return node
-
-
 def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number of the facet opposite to each corner of the elements, whose corners may stand in another order, (m, 4)."""
     number_facets(mesh)
@@ -109,38 +103,6 @@ def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
         corner = np.argmax(node == mesh.t[3 - row][:, None], axis=1)
         facet[np.arange(len(node)), corner] = mesh.t2f[row]
     return facet
-
-
-def neighbours_of(position: Floats, node: Ints, facet: Ints, elements: Ints) -> NDArray[np.int32]:
-    """The element across every face, (m, 4), -1 outside, from the two `elements` (2, nfacets) at every facet.
-
-    No two elements may lie on one another.
-    """
-    m = len(node)
-    own = np.arange(m, dtype=np.int32)[:, None]
-    first, last = elements[:, facet]
-    neighbour = np.where(first == own, last, first).astype(np.int32)
-    crowded = np.bincount(facet.ravel(), minlength=elements.shape[1])[facet] > 2
-    bad = crowded | ((neighbour > own) & same_side(position, node, neighbour))
-    if bad.any():
-        e = np.flatnonzero(bad.any(axis=1))[0]
-        raise ValueError(
-            f"the mesh is tangled: element {e} shares a face with an element on the same side of it "
-            "(overturned or doubled); repair the mesh before adapting it."
-        )
-    return neighbour
-
-
-def same_side(position: Floats, node: Ints, neighbour: Ints) -> NDArray[np.bool_]:
-    """Whether the element across a face lies on the same side of it as the element itself, (m, 4)."""
-    found = np.zeros(neighbour.shape, dtype=bool)
-    for k in range(4):
-        e = np.flatnonzero(neighbour[:, k] > np.arange(len(node)))
-        other = node[neighbour[e, k]]
-        across = other.sum(axis=1) - node[e][:, FACES[k]].sum(axis=1)  # the corner that is not of the face
-        a, b, c = (position[node[e, corner]] for corner in FACES[k])
-        found[e, k] = np.einsum("ij,ij->i", position[across] - a, np.cross(b - a, c - a)) < 0.0
-    return found
 
 
 def normals(position: Floats, nodes: Ints) -> Floats:

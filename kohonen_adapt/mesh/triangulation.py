@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
+from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import ascending, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
@@ -52,7 +53,7 @@ class Triangulation:
         check_mesh(mesh, bent=True, folded=True)
         mesh = corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
-        node = counter_clockwise(position, mesh.t)
+        node = positive(position, mesh.t)
         neighbour = neighbours_of(node)
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
@@ -104,35 +105,6 @@ class Triangulation:
         position = np.ascontiguousarray(self.position.T)
         subdomains = subdomains_of(self.mesh, self.region_of_input, self.elements.region)
         return remade(self.mesh, position, t, boundaries=None, subdomains=subdomains)
-
-
-def counter_clockwise(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
-    """Elements as rows of nodes in counter-clockwise order; scikit-fem sorts them by number instead."""
-    node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
-    a, b, c = (position[node[:, k]] for k in range(3))
-    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
-    node[clockwise, 1:] = node[clockwise, :0:-1]
-    return node
-
-
-def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The element across the edge opposite to every corner, (m, 3), -1 outside; no two may lie on one another."""
-    m, (a, b) = len(node), (node[:, [1, 2, 0]].ravel(), node[:, [2, 0, 1]].ravel())
-    edge = np.minimum(a, b).astype(np.int64) * (node.max() + 1) + np.maximum(a, b)
-    order = np.argsort(edge, kind="stable")
-    same = edge[order[1:]] == edge[order[:-1]]
-    one, other = order[:-1][same], order[1:][same]
-    # two elements run along their edge in opposite senses, and no third one does
-    bad = (a[one] == a[other]) | np.append(same[1:] & same[:-1], False)[same]
-    if bad.any():
-        fold = min(one[bad].min(), other[bad].min()) // 3
-        raise ValueError(
-            f"the mesh is tangled: element {fold} shares an edge with an element on the same side of it "
-            "(overturned or doubled); repair the mesh before adapting it."
-        )
-    neighbour = np.full(3 * m, -1, dtype=np.int32)
-    neighbour[one], neighbour[other] = other // 3, one // 3
-    return neighbour.reshape(m, 3)
 
 
 def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:

@@ -1,61 +1,47 @@
-"""Refuse what is not a valid mesh of triangles, straight or with bent sides."""
+"""Refuse what is not a valid mesh of triangles, straight or with bent sides, or of tetrahedra."""
 
 import numpy as np
-from skfem import MeshTri
-from skfem.mesh import MeshTri1
+from skfem import Mesh
 
+from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_bent, check_middles, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
 __all__ = ["check_mesh"]
 
 
-def check_mesh(mesh: MeshTri, bent: bool = False, folded: bool = False) -> None:
+def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
     """Refuse what is not a mesh of connected, non-degenerate triangles, straight ones unless `bent` ones will do.
 
-    With `folded`, bent sides may fold elements over, as they do in coarse meshes of second order by Gmsh: whoever moves
-    nodes takes only the curves from such sides, and bends them anew.
+    In `space` a mesh of tetrahedra will do as well. With `folded`, bent sides may fold elements over, as they do in
+    coarse meshes of second order by Gmsh: whoever moves nodes takes only the curves from such sides, and bends them
+    anew.
 
-    It must be exactly a `skfem.MeshTri`, or a `skfem.MeshTri2` if it may be `bent` (the message names the remedy), not
-    empty, without isolated nodes, coordinates that are not finite, elements without area or folded over by their bent
-    sides, or names for elements or facets that do not exist.
+    It must be of a kind that `check_kind` lets pass, not empty, without isolated nodes, coordinates that are not
+    finite, elements without area or volume or folded over by their bent sides, or names for elements or facets that do
+    not exist.
     """
-    if bent and is_second_order(mesh):
+    check_kind(mesh, bent, space)
+    if is_second_order(mesh):
         check_mesh(corners_of(mesh))
         check_middles(mesh)
         if not folded:
             check_bent(mesh)
         return
-    if type(mesh) is not MeshTri1:
-        wanted = "skfem.MeshTri or MeshTri2" if bent else "skfem.MeshTri"
-        raise ValueError(f"mesh must be a {wanted}; got {type(mesh).__name__}. {remedy_for(mesh)}")
+    dim = cell_of(mesh).dim
     if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
         raise ValueError("mesh must have at least one element; got an empty mesh.")
-    if mesh.p.shape[0] != 2:
-        raise ValueError(f"mesh must have coordinates of shape (2, n); got {mesh.p.shape}.")
+    if mesh.p.shape[0] != dim:
+        raise ValueError(f"mesh must have coordinates of shape ({dim}, n); got {mesh.p.shape}.")
     if not np.all(np.isfinite(mesh.p)):
         bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
         raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
     check_nodes_used(mesh)
-    check_areas(mesh)
+    check_sizes(mesh)
     check_names(mesh)
 
 
-def remedy_for(mesh: object) -> str:
-    """What to do with a mesh of another class."""
-    name = type(mesh).__name__
-    if "Quad" in name:
-        return "Split the quadrilaterals: mesh.to_meshtri()."
-    if name.endswith("DG"):
-        return "Connect its elements: MeshTri(mesh.p, mesh.dofs.element_dofs).remove_duplicate_nodes()."
-    if name.startswith("MeshTri"):
-        return "Keep its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
-    if "Tet" in name or "Hex" in name or "Line" in name:
-        return "Only two-dimensional meshes can be adapted."
-    return "Build one with skfem.MeshTri or kohonen_adapt.read_mesh."
-
-
-def check_nodes_used(mesh: MeshTri) -> None:
+def check_nodes_used(mesh: Mesh) -> None:
     """Refuse nodes that belong to no element, and elements whose nodes do not exist."""
     count = mesh.p.shape[1]
     if mesh.t.min() < 0 or mesh.t.max() >= count:
@@ -68,20 +54,25 @@ def check_nodes_used(mesh: MeshTri) -> None:
         )
 
 
-def check_areas(mesh: MeshTri) -> None:
-    """Refuse elements without area: less than 1e-14 of the square of their longest edge."""
-    (ax, bx, cx), (ay, by, cy) = mesh.p[:, mesh.t]
-    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
-    longest = np.maximum(np.maximum(ux**2 + uy**2, vx**2 + vy**2), (cx - bx) ** 2 + (cy - by) ** 2)
-    flat = np.flatnonzero(~(np.abs(ux * vy - vx * uy) > 1e-14 * longest))
+def check_sizes(mesh: Mesh) -> None:
+    """Refuse elements without area or volume.
+
+    In d dimensions that is one below ``1e-14 / d!`` of their longest edge's d-th power.
+    """
+    cell = cell_of(mesh)
+    corners = mesh.p[:, mesh.t]
+    longest = np.zeros(mesh.t.shape[1])
+    for one, other in cell.edges:
+        longest = np.maximum(longest, np.sum((corners[:, one] - corners[:, other]) ** 2, axis=0))
+    flat = np.flatnonzero(~(np.abs(cell.determinant(corners)) > 1e-14 * longest ** (cell.dim / 2)))
     if len(flat):
         raise ValueError(
-            f"every element must have an area above zero; {len(flat)} have none, the first is element {flat[0]}. "
+            f"every element must have {cell.size} above zero; {len(flat)} have none, the first is element {flat[0]}. "
             "Mesh again, or take them out."
         )
 
 
-def check_names(mesh: MeshTri) -> None:
+def check_names(mesh: Mesh) -> None:
     """Refuse named sets that do not hold numbers of elements or facets."""
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
     if boundaries:

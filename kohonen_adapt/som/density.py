@@ -6,6 +6,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
+from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -66,7 +67,7 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     >>> bool(0.4 < total(mesh.refined(3)) / total(mesh.refined(2)) < 0.6)
     True
     """
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, space=True)
     values = per_element(mesh.nelements, indicators, "indicators")
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
@@ -82,8 +83,8 @@ def equidistributing(mesh: MeshTri, values: Floats, order: int, norm: str) -> Fl
         return np.full(len(values), mesh.nvertices / sizes.sum())
     median = np.median(values) or np.median(values[values > 0])
     eta = np.maximum(values, QUIET * median) / values.max()
-    q = 2 * order if norm == "energy" else 2 * order + 2
-    density = (eta**2 / (sizes / sizes.max()) ** (1 + order)) ** (2 / (2 + q))
+    d, q = cell_of(mesh).dim, 2 * order if norm == "energy" else 2 * order + 2
+    density = (eta**2 / (sizes / sizes.max()) ** (1 + 2 * order / d)) ** (d / (d + q))
     return density * (mesh.nvertices / np.sum(sizes * density))
 
 
@@ -114,11 +115,12 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
     >>> ka.density_from_sizes(mesh, np.full(8, 0.1)).round(2)[0]  # equilateral triangles with edges of 0.1
     np.float64(115.47)
     """
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, space=True)
     lengths = per_element(mesh.nelements, sizes, "sizes")
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
-    return 2.0 / (np.sqrt(3.0) * lengths**2)
+    cell = cell_of(mesh)
+    return 1.0 / (cell.share * lengths**cell.dim)
 
 
 def per_element(count: int, values: ArrayLike, name: str) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import holed, square
-from skfem import MeshLine, MeshQuad, MeshTet, MeshTri, MeshTri1DG, MeshTri2
+from skfem import MeshHex, MeshLine, MeshQuad, MeshTet, MeshTet2, MeshTri, MeshTri1DG, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
@@ -101,24 +101,36 @@ OTHER_CLASSES = [
         MeshTri1DG.from_mesh(MESH),
         r"MeshTri1DG\. Connect its elements: MeshTri\(mesh\.p, mesh\.dofs\.element_dofs\)\.remove_dup",
     ),
-    (MeshTet(), r"MeshTet1\. Only two-dimensional meshes can be adapted\."),
-    (MeshLine(), r"MeshLine1\. Only two-dimensional meshes can be adapted\."),
-    ("mesh.msh", r"str\. Build one with skfem\.MeshTri or kohonen_adapt\.read_mesh\."),
-    (None, r"NoneType\. Build one with skfem\.MeshTri or kohonen_adapt\.read_mesh\."),
+    (MeshLine(), r"MeshLine1\. Only two-( and three-)?dimensional meshes can be adapted\."),
+    ("mesh.msh", r"str\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
+    (None, r"NoneType\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
 ]
+PLANE_ONLY = {
+    "relocate": lambda mesh: ka.relocate(mesh, ONES),
+    "map": KohonenMap,
+    "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(25), np.zeros((2, 1))),
+}
+SPACE_TOO = {
+    "indicators": lambda mesh: ka.density_from_indicators(mesh, ONES),
+    "sizes": lambda mesh: ka.density_from_sizes(mesh, ONES),
+    "quality": ka.quality,
+}
 
 
 @pytest.mark.parametrize(("mesh", "message"), OTHER_CLASSES)
-def test_meshes_of_another_class_get_the_remedy(mesh, message):
-    for call in (
-        lambda: ka.relocate(mesh, ONES),
-        lambda: KohonenMap(mesh),
-        lambda: ka.density_from_indicators(mesh, ONES),
-        lambda: ka.density_from_sizes(mesh, ONES),
-        lambda: ka.interpolate(mesh, np.ones(25), np.zeros((2, 1))),
-    ):
-        with pytest.raises(ValueError, match=rf"^mesh must be a skfem\.MeshTri or MeshTri2; got {message}"):
-            call()
+@pytest.mark.parametrize("call", [*PLANE_ONLY, *SPACE_TOO])
+def test_meshes_of_another_class_get_the_remedy(mesh, message, call):
+    kinds = r", MeshTri2 or MeshTet" if call in SPACE_TOO else r" or MeshTri2"
+    with pytest.raises(ValueError, match=rf"^mesh must be a skfem\.MeshTri{kinds}; got {message}"):
+        (PLANE_ONLY | SPACE_TOO)[call](mesh)
+
+
+@pytest.mark.parametrize("call", PLANE_ONLY)
+@pytest.mark.parametrize("mesh", [MeshTet(), MeshTet2(), MeshHex()])
+def test_what_works_in_the_plane_only_says_so(mesh, call):
+    message = rf"^mesh must be a skfem\.MeshTri or MeshTri2; got {type(mesh).__name__}\. Only two-dim"
+    with pytest.raises(ValueError, match=message):
+        PLANE_ONLY[call](mesh)
 
 
 def test_the_remedies_work():

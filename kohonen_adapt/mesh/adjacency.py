@@ -1,0 +1,57 @@
+"""Turn elements the right way round, and find the neighbours of each."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.mesh.host import ascending, keys_of
+
+__all__ = ["neighbours_of", "positive"]
+
+
+def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
+    """Elements as rows of nodes (m, d + 1) of positive area or volume; scikit-fem sorts them by number instead.
+
+    `position` is (n, d), `t` (d + 1, m).
+    """
+    node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
+    negative = CELLS[position.shape[1]].determinant(position.T[:, node.T]) < 0.0
+    node[negative, -2:] = node[negative, :-3:-1]
+    return node
+
+
+def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The element across the facet opposite to every corner, (m, d + 1), -1 outside, of elements from `positive`.
+
+    Raises
+    ------
+    ValueError
+        If two elements lie on the same side of a facet, overturned or one on the other.
+    """
+    (m, corners), cell = node.shape, CELLS[node.shape[1] - 1]
+    facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
+    key = keys_of(ascending(*facet), int(node.max()) + 1).T.ravel()
+    even = _is_even(facet).T.ravel()
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    one, other = order[:-1][same], order[1:][same]
+    # two elements see the nodes of their facet in opposite senses, and no third one does
+    bad = (even[one] == even[other]) | np.append(same[1:] & same[:-1], False)[same]
+    if bad.any():
+        fold = min(one[bad].min(), other[bad].min()) // corners
+        raise ValueError(
+            f"the mesh is tangled: element {fold} shares {cell.facet} with an element on the same side of it "
+            "(overturned or doubled); repair the mesh before adapting it."
+        )
+    neighbour = np.full(corners * m, -1, dtype=np.int32)
+    neighbour[one], neighbour[other] = other // corners, one // corners
+    return neighbour.reshape(m, corners)
+
+
+def _is_even(rows: NDArray[np.int32]) -> Mask:
+    """Whether the entries of every column (k, ...) come into ascending order by an even number of exchanges."""
+    odd = np.zeros(rows.shape[1:], dtype=np.bool_)
+    for k in range(1, len(rows)):
+        odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
+    return ~odd

@@ -1,0 +1,252 @@
+"""Tetrahedra: what is measured of them, their faces and neighbours, and what is refused."""
+
+import numpy as np
+import pytest
+from helpers.solids import box
+from helpers.tetrahedra import REGULAR, comb, fichera, generic_cube, hollow, lone, sixfold, slit, thrown, turned
+from scipy.spatial.transform import Rotation
+from skfem import Basis, ElementTetP1, MeshHex, MeshLine, MeshTet, MeshTet2
+from skfem.mesh import MeshWedge1
+
+import kohonen_adapt as ka
+from kohonen_adapt.mesh.adjacency import neighbours_of, positive
+from kohonen_adapt.mesh.cells import CELLS, TETRAHEDRON, TRIANGLE
+from kohonen_adapt.mesh.host import keys_of, number_facets
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, signed_area
+
+MESHES = {
+    "one": lone(REGULAR),
+    "cube": box(3),
+    "five": MeshTet(),
+    "random": thrown(generic_cube(4), 1),
+    "hollow": hollow(3),
+    "comb": comb(5),
+    "slit": slit(4),
+    "fichera": fichera(2),
+}
+MESH = box(3)
+
+
+@pytest.mark.parametrize("size", [1e-90, 1e-6, 1.0, 1e90])
+def test_a_regular_tetrahedron_has_quality_1_at_any_size_and_turn(size):
+    for seed in range(5):
+        mesh = lone(size * Rotation.random(random_state=seed).as_matrix() @ REGULAR)
+        assert ka.quality(mesh) == pytest.approx([1.0], rel=1e-13)
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-3, 1e-9])
+@pytest.mark.parametrize("kind", ["cap", "sliver", "needle"])
+def test_a_flat_tetrahedron_has_quality_0_and_one_nearly_flat_that_of_the_formula(height, kind):
+    flat = {
+        "cap": [[0, 1, 0.5, 0.5], [0, 0, 1, 0.4], [0, 0, 0, height]],
+        "sliver": [[0, 1, 1, 0], [0, 1, 0, 1], [0, 0, height, height]],
+        "needle": [[0, height, 0, 1], [0, 0, height, 1], [0, 0, 0, 1]],
+    }[kind]
+    p = np.array(flat, dtype=float)
+    squares = sum(np.sum((p[:, i] - p[:, j]) ** 2) for i in range(4) for j in range(i))
+    volume = abs(np.linalg.det(p[:, 1:] - p[:, :1])) / 6
+    assert ka.quality(lone(p)) == pytest.approx([12 * (3 * volume) ** (2 / 3) / squares], rel=1e-6, abs=1e-15)
+    assert (ka.quality(lone(p))[0] == 0.0) == (height == 0.0)
+
+
+def test_no_tetrahedron_is_better_than_the_regular_one():
+    """A small change of any corner lowers the quality, and by the square of the change."""
+    rng = np.random.default_rng(0)
+    for step in (1e-3, 1e-4):
+        lost = [1 - ka.quality(lone(REGULAR + step * rng.normal(size=(3, 4))))[0] for _ in range(50)]
+        assert min(lost) > 0 and max(lost) < 20 * step**2
+    assert 0 < ka.quality(MESHES["random"]).min() < ka.quality(MESHES["random"]).max() < 1
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_volumes_have_the_signs_of_determinants_and_fill_the_domain(name):
+    mesh = MESHES[name]
+    np.testing.assert_allclose(signed_area(mesh), sixfold(mesh.p, mesh.t) / 6, rtol=1e-9, atol=1e-16)
+    np.testing.assert_array_equal(area(mesh), np.abs(signed_area(mesh)))
+    known = {"one": 1 / 3, "hollow": 26 / 27, "comb": 1 - 2 * 0.2 * 0.8, "fichera": 7.0}
+    assert area(mesh).sum() == pytest.approx(known.get(name, 1.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_gradients_are_those_of_linear_functions_and_of_scikit_fem(name):
+    mesh = MESHES[name]
+    slope = np.array([2.0, -3.0, 0.5])
+    assert gradient(mesh, slope @ mesh.p + 7.0) == pytest.approx(slope[:, None] * np.ones(mesh.nelements), abs=1e-8)
+    values = np.random.default_rng(0).normal(size=mesh.p.shape[1])
+    basis = Basis(mesh, ElementTetP1(), intorder=1)
+    theirs = basis.interpolate(values).grad[:, :, 0]
+    np.testing.assert_allclose(gradient(mesh, values), theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
+    np.testing.assert_allclose(hat_gradients(mesh).sum(axis=1), 0.0, atol=1e-9 * np.abs(hat_gradients(mesh)).max())
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_faces_are_those_of_scikit_fem(name, seed):
+    mesh = MESHES[name] if seed is None else turned(MESHES[name], seed)
+    fresh = MeshTet(mesh.p, mesh.t, sort_t=False)
+    number_facets(fresh)
+    facets, t2f = fresh.build_entities(fresh.t, fresh.elem.refdom.facets)
+    for mine, theirs in ((fresh.facets, facets), (fresh.t2f, t2f), (fresh.f2t, fresh.build_inverse(fresh.t, t2f))):
+        np.testing.assert_array_equal(mine, theirs)
+        assert mine.dtype == theirs.dtype and mine.flags.c_contiguous
+
+
+def test_columns_come_in_their_order_however_many_nodes_there_are():
+    rows = np.sort(np.random.default_rng(0).integers(0, 50, (3, 400)), axis=0)
+    order = np.lexsort(rows[::-1])
+    for count in (50, 3_000_000, 2**31 - 1):  # the last two are too many for a number of three digits to that base
+        key = keys_of(rows + count - 50, count)
+        np.testing.assert_array_equal(rows[:, np.argsort(key, kind="stable")], rows[:, order])
+        assert len(np.unique(key)) == len(np.unique(rows, axis=1).T)
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("seed", [None, 0])
+def test_neighbours_share_the_face_opposite_to_a_corner(name, seed):
+    mesh = MESHES[name] if seed is None else turned(MESHES[name], seed)
+    node = positive(np.ascontiguousarray(mesh.p.T), mesh.t)
+    assert sixfold(mesh.p, node.T).min() > 0
+    np.testing.assert_array_equal(np.sort(node.T, axis=0), np.sort(mesh.t, axis=0))
+    neighbour = neighbours_of(node)
+    for e, k in np.ndindex(neighbour.shape):
+        (facet,) = [f for f in mesh.t2f[:, e] if not np.any(mesh.facets[:, f] == node[e, k])]
+        (other,) = set(mesh.f2t[:, facet]) - {e}
+        assert neighbour[e, k] == other
+
+
+def test_the_table_of_cells_says_what_is_so_of_both():
+    for cell in CELLS.values():
+        corners = np.hstack([np.zeros((cell.dim, 1)), np.eye(cell.dim)])[:, :, None]
+        assert cell.determinant(corners) == pytest.approx([1.0])
+        assert len(cell.facets) == cell.dim + 1 and len(cell.edges) == cell.dim * (cell.dim + 1) // 2
+        assert [tuple(each) for each in cell.mesh.elem.refdom.facets] == [tuple(sorted(each)) for each in cell.facets]
+        for facet, opposite in zip(cell.facets, cell.opposite, strict=True):
+            assert {*facet, opposite} == set(range(cell.dim + 1))
+        for k, facet in enumerate(
+            cell.outward
+        ):  # with the corner behind, a facet that is seen from outside is positive
+            along = corners[:, facet[1:], 0] - corners[:, facet[:1], 0]
+            behind = corners[:, facet[:1], 0] - corners[:, [k], 0]
+            assert np.linalg.det(np.hstack([behind, along])) > 0
+    assert (TRIANGLE.floor, TETRAHEDRON.floor) == (0.3, 0.2)
+
+
+def test_the_density_equidistributes_what_the_formula_says():
+    """eta_K^2 = |K|^(1 + 2p/3) g_K with the wanted density of g^(3 / (3 + q)), whatever the mesh."""
+    mesh = thrown(box(4), 2, worst=0.3)
+    wanted = np.exp(np.sin(5 * mesh.p[:, mesh.t].mean(axis=1)).sum(axis=0))
+    for order in (1, 2, 3):
+        for norm, q in (("energy", 2 * order), ("L2", 2 * order + 2)):
+            eta = np.sqrt(area(mesh) ** (1 + 2 * order / 3) * wanted ** ((3 + q) / 3))
+            density = ka.density_from_indicators(mesh, eta, order=order, norm=norm)
+            np.testing.assert_allclose(density / density[0], wanted / wanted[0], rtol=1e-9)
+            assert np.sum(area(mesh) * density) == pytest.approx(mesh.p.shape[1])
+    assert ka.density_from_indicators(mesh, np.zeros(mesh.nelements)) == pytest.approx(mesh.p.shape[1])
+
+
+def test_linear_elements_in_space_have_the_density_of_the_three_fifths():
+    mesh = MESHES["random"]
+    eta = np.random.default_rng(0).uniform(0.1, 1.0, mesh.nelements)
+    density = ka.density_from_indicators(mesh, eta)
+    np.testing.assert_allclose(
+        density / density[0], ((eta**2 / area(mesh) ** (5 / 3)) / (eta**2 / area(mesh) ** (5 / 3))[0]) ** 0.6
+    )
+
+
+def test_sizes_give_as_many_nodes_as_densely_packed_spheres_have_centres():
+    """A face-centred cubic lattice with neighbours at the distance h has 4 nodes in a cube with sides sqrt(2) h."""
+    h = 0.1 + 0.05 * np.arange(MESH.nelements)
+    np.testing.assert_allclose(ka.density_from_sizes(MESH, h), 4 / (np.sqrt(2) * h) ** 3)
+
+
+def moved(node, place):
+    p = MESH.p.copy()
+    p[:, node] = place
+    return MeshTet(p, MESH.t)
+
+
+INNER = MESH.interior_nodes()[0]
+BROKEN = {
+    "tangled": (
+        moved(INNER, (0.9, 0.9, 0.9)),
+        r"the mesh is tangled: element \d+ shares a face with an element on the",
+    ),
+    "doubled": (MeshTet(MESH.p, np.hstack([MESH.t, MESH.t[:, 5:6]])), r"the mesh is tangled: element 5 .*doubled"),
+    "three at a face": (
+        MeshTet(np.hstack([REGULAR, [[2, 2], [2, 3], [2, 4]]]), np.array([[0, 1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 5]]).T),
+        r"the mesh is tangled: element \d shares a face with an element on the same side of it",
+    ),
+    "dangling node": (
+        MeshTet(np.hstack([MESH.p, [[2.0], [2.0], [2.0]]]), MESH.t, validate=False),
+        r"every node must belong to an element; 1 do not, the first is node 64\. Drop them with mesh\.remove_unused",
+    ),
+    "no coordinate": (
+        moved(7, (np.nan, 0.2, 0)),
+        r"mesh must have finite coordinates; node 7 is at \(nan, 0\.2, 0\.0\)",
+    ),
+    "no elements": (MeshTet(np.zeros((3, 4)), np.zeros((4, 0), dtype=int)), r"mesh must have at least one element"),
+    "unknown nodes": (
+        MeshTet(MESH.p, MESH.t + 1, validate=False),
+        r"mesh\.t must hold node numbers from 0 to 63; got 1",
+    ),
+    "in the plane": (MeshTet(MESH.p[:2], MESH.t), r"mesh must have coordinates of shape \(3, n\); got \(2, 64\)\."),
+    "facet in no element": (
+        MeshTet(MESH.p, MESH.t, {"rim": np.array([3, 378])}),
+        r"boundary 'rim' must have indices from 0 to 377; got 3 to 378\.",
+    ),
+    "unknown elements": (
+        MeshTet(MESH.p, MESH.t, None, {"core": np.array([-1, 3])}),
+        r"subdomain 'core' must have indices from 0 to 161; got -1 to 3\.",
+    ),
+}
+FLAT = MESH.p[:, MESH.t[1:, 0]].mean(axis=1)  # in the face opposite to the node
+BROKEN["flat"] = (
+    moved(MESH.t[0, 0], FLAT),
+    r"every element must have a volume above zero; [12] have none, the first is element 0\. Mesh again",
+)
+CALLS = {
+    "indicators": lambda mesh: ka.density_from_indicators(mesh, np.ones(mesh.t.shape[1])),
+    "sizes": lambda mesh: ka.density_from_sizes(mesh, np.ones(mesh.t.shape[1])),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("broken", [name for name, (_, message) in BROKEN.items() if "tangled" not in message])
+def test_broken_meshes(broken, call):
+    mesh, message = BROKEN[broken]
+    with pytest.raises(ValueError, match=f"^{message}"):
+        CALLS[call](mesh)
+
+
+@pytest.mark.parametrize("broken", [name for name, (_, message) in BROKEN.items() if "tangled" in message])
+def test_elements_on_one_another_have_no_neighbours(broken):
+    mesh, message = BROKEN[broken]
+    with pytest.raises(ValueError, match=f"^{message}"):
+        neighbours_of(positive(np.ascontiguousarray(mesh.p.T), mesh.t))
+
+
+OTHER_CLASSES = [
+    (MeshHex(), r"MeshHex1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
+    (MeshWedge1(), r"MeshWedge1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
+    (MeshTet2(), r"MeshTet2\. Keep its corners only: MeshTet\(mesh\.p\[:, :mesh\.nvertices\], mesh\.t\)\."),
+    (MeshLine(), r"MeshLine1\. Only two- and three-dimensional meshes can be adapted\."),
+    ("mesh.msh", r"str\. Build one with skfem\.MeshTri or MeshTet or kohonen_adapt\.read_mesh\."),
+]
+
+
+@pytest.mark.parametrize(("mesh", "message"), OTHER_CLASSES)
+def test_meshes_of_another_class_get_the_remedy(mesh, message):
+    for call in (
+        lambda: ka.quality(mesh),
+        lambda: ka.density_from_indicators(mesh, [1.0]),
+        lambda: ka.density_from_sizes(mesh, [1.0]),
+    ):
+        with pytest.raises(ValueError, match=rf"^mesh must be a skfem\.MeshTri, MeshTri2 or MeshTet; got {message}"):
+            call()
+
+
+def test_the_remedies_work():
+    for solid in (MeshHex(), MeshWedge1()):
+        assert ka.quality(solid.to_meshtet()).min() > 0.5
+    second = MeshTet2.from_mesh(MESH)
+    np.testing.assert_array_equal(ka.quality(MeshTet(second.p[:, : second.nvertices], second.t)), ka.quality(MESH))
