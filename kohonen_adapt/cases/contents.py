@@ -14,6 +14,7 @@ from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
+from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
@@ -106,6 +107,7 @@ class Case:
             If it cannot be read.
         """
         mesh = read_mesh(self.mesh, scale=self.scale)
+        check_kind(mesh, bent=True)
         mesh = corners_of(mesh) if self.turn or self.stated.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 

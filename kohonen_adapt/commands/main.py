@@ -38,6 +38,7 @@ from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
@@ -178,6 +179,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
+    check_kind(mesh, bent=True)
     _doubt(mesh, terminal)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()

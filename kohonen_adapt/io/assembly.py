@@ -1,24 +1,35 @@
 """Make of what a file holds a mesh with names, and its curves through the mid-side nodes of second-order triangles."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.io.content import LINE, TRIANGLE, Content, Rows, check_finite, found_in, pairs_in, shape_of
-from kohonen_adapt.io.groups import DIMENSION, by_group, name_of
+from kohonen_adapt.io.content import (
+    DIMENSION,
+    LINE,
+    TRIANGLE,
+    Content,
+    Rows,
+    check_finite,
+    found_in,
+    sets_in,
+    shape_of,
+)
+from kohonen_adapt.io.groups import by_group, name_of
 from kohonen_adapt.mesh.curved import corners_of, with_middles
 from kohonen_adapt.mesh.curved import is_second_order as has_bent_sides
 from kohonen_adapt.mesh.host import is_own_name
-from kohonen_adapt.mesh.measures import area, directed, is_left
+from kohonen_adapt.mesh.measures import area, directed, is_in_front
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.polylines import polylines_of
 from kohonen_adapt.outline.spline import Spline
 
-__all__ = ["is_second_order", "to_curves", "to_mesh"]
+__all__ = ["by_name", "is_second_order", "listed_once", "oriented", "said_of", "to_curves", "to_mesh"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -53,17 +64,16 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     """
     _check_shapes(content, path)
     rows = content.of_shape(TRIANGLE)
-    triangles, element = _listed_once(rows)
+    triangles, element = listed_once(rows)
     is_used = np.zeros(len(content.points), dtype=bool)
     is_used[triangles] = True
     used = np.flatnonzero(is_used)
     _check_points(content.points[used], path)
     p = np.ascontiguousarray(scale * content.points[used, :2].T)
     bare = MeshTri(p, np.ascontiguousarray((np.cumsum(is_used) - 1)[triangles].T))
-    subdomains = _by_name(rows.group, element, TRIANGLE, content)
-    boundaries = _boundaries(bare, used, content, path)
-    oriented = boundaries and {name: _oriented(bare, codes) for name, codes in boundaries.items()}
-    mesh = MeshTri(bare.p, bare.t, oriented, subdomains)
+    subdomains = by_name(rows.group, element, TRIANGLE, content)
+    boundaries = oriented(bare, _boundaries(bare, used, content, path), _runs_on)
+    mesh = MeshTri(bare.p, bare.t, boundaries, subdomains)
     if is_second_order(content):
         mesh = _with_bent_sides(mesh, content, used, path, scale)
     _report(mesh, content, path)
@@ -81,12 +91,7 @@ def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, sc
 
 
 def _check_shapes(content: Content, path: Path) -> None:
-    counts: dict[str, int] = {}
-    for kind, rows in content.rows.items():
-        counts[shape_of(kind)] = counts.get(shape_of(kind), 0) + len(rows.number)
-    found = ", ".join(f"{number} {shape} elements" for shape, number in sorted(counts.items())) or "no elements"
-    if "3D" in counts:
-        raise ValueError(f"read_mesh expected a plane mesh; '{path}' has {found}. Mesh only the surface: gmsh -2.")
+    counts, found = said_of(content)
     if "quadrilateral" in counts:
         raise ValueError(
             f"read_mesh expected triangles only; '{path}' has {found}. "
@@ -99,7 +104,15 @@ def _check_shapes(content: Content, path: Path) -> None:
         )
 
 
-def _listed_once(rows: Rows) -> tuple[Ints, Ints]:
+def said_of(content: Content) -> tuple[dict[str, int], str]:
+    """How many elements a file has by their shape, and that in words."""
+    counts: dict[str, int] = {}
+    for kind, rows in content.rows.items():
+        counts[shape_of(kind)] = counts.get(shape_of(kind), 0) + len(rows.number)
+    return counts, ", ".join(f"{number} {shape} elements" for shape, number in sorted(counts.items())) or "no elements"
+
+
+def listed_once(rows: Rows) -> tuple[Ints, Ints]:
     """Every element once, in the order of the numbers in the file: its corners, and which element each row is.
 
     MSH 2.2 lists an element of two groups twice, under two numbers.
@@ -122,10 +135,13 @@ def _check_points(points: Floats, path: Path, what: str = "node") -> None:
     extent = np.ptp(points, axis=0)
     if extent[2] > FLAT * extent.max():
         low, high = points[:, 2].min(), points[:, 2].max()
-        raise ValueError(f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'.")
+        raise ValueError(
+            f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'. "
+            "Of a solid, mesh the inside, too: gmsh -3."
+        )
 
 
-def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
+def by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
     """Items by the name of their group; row k says that `item[k]` is in `group[k]`."""
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
     members = by_group(group, item)
@@ -136,7 +152,8 @@ def _by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | No
             sets[name] = np.union1d(sets.get(name, ()), items).astype(np.int32)
     for name, items in sets.items():
         if len(items) == 0:
-            logger.warning("group '%s' has no %s in the mesh.", name, "facet" if shape == LINE else "triangle")
+            what = shape if DIMENSION[shape] == content.dimension else "facet"
+            logger.warning("group '%s' has no %s in the mesh.", name, what)
     return sets or None
 
 
@@ -146,22 +163,27 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     if len(rows.number) == 0 and not content.names:
         return None
     node = found_in(used, rows.nodes)
-    facet = np.where(np.all(node >= 0, axis=1), pairs_in(mesh.facets.T, node), -1)
+    facet = np.where(np.all(node >= 0, axis=1), sets_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
         logger.warning("%d lines of '%s' are no side of a triangle: left out.", np.sum(facet < 0), path)
     group, node, facet = rows.group[facet >= 0], node[facet >= 0], facet[facet >= 0]
     centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
-    second = ~is_left(mesh.p[:, node[:, 0]], mesh.p[:, node[:, 1]], centre) & (mesh.f2t[1, facet] >= 0)
-    return _by_name(group, 2 * facet + second, LINE, content)
+    second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
+    return by_name(group, 2 * facet + second, LINE, content)
 
 
-def _oriented(mesh: MeshTri, codes: Ints) -> Ints:
-    """A boundary as scikit-fem has it: a plain array where it is on the rim, or its lines have no direction."""
-    facets, first = np.unique(codes // 2, return_index=True)
-    side = codes[first] % 2
-    if np.any(mesh.f2t[1, facets] >= 0) and _runs_on(directed(mesh, facets, side)):
-        return OrientedBoundary(facets.astype(np.int32), side)
-    return facets.astype(np.int32)
+def oriented(mesh: MeshTri | MeshTet, boundaries: Sets | None, runs_on: Callable[[Ints], bool]) -> Sets | None:
+    """Boundaries as scikit-fem has them: plain arrays on the rim, or where facets (m, d) have no direction in common.
+
+    They come as twice the number of each facet, and 1 more where its second element is in front of it.
+    """
+    made: Sets = {}
+    for name, codes in (boundaries or {}).items():
+        facets, first = np.unique(codes // 2, return_index=True)
+        side, made[name] = codes[first] % 2, facets.astype(np.int32)
+        if np.any(mesh.f2t[1, facets] >= 0) and runs_on(directed(mesh, facets, side)):
+            made[name] = OrientedBoundary(made[name], side)
+    return made or None
 
 
 def _runs_on(lines: Ints) -> bool:
@@ -258,7 +280,7 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
     """
     middle = np.full(len(ends), -1)
     for side, between in zip(SIDES, MIDDLES, strict=True):
-        facet = pairs_in(ends, triangles[:, side])
+        facet = sets_in(ends, triangles[:, side])
         middle[facet[facet >= 0]] = triangles[facet >= 0, between]
     if np.any(middle < 0):
         count = np.sum(middle < 0)

@@ -11,15 +11,20 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.host import keys_of
 
 __all__ = [
     "ALWAYS",
+    "CORNERS",
+    "DIMENSION",
     "EXACT",
     "LARGEST_TAG",
     "LINE",
     "MSH_VERSION",
     "PACKED",
+    "PLURAL",
     "POINT",
+    "TETRAHEDRON",
     "TRIANGLE",
     "Content",
     "Field",
@@ -29,9 +34,9 @@ __all__ = [
     "found_in",
     "gathered",
     "nodes_of",
-    "pairs_in",
     "parsed",
     "refusing",
+    "sets_in",
     "shape_of",
     "suffix_of",
 ]
@@ -45,8 +50,12 @@ PACKED = 200  # times its size: what a packed file may unpack to, besides...
 ALWAYS = 2**26  # bytes: ...what any may
 SHOWN = 160  # characters of what went wrong: a file may put anything there
 
-POINT, LINE, TRIANGLE = "point", "line", "triangle"
-CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3}
+POINT, LINE, TRIANGLE, TETRAHEDRON = "point", "line", "triangle", "tetrahedron"
+CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3, TETRAHEDRON: 4}
+PLURAL = {TRIANGLE: "triangles", TETRAHEDRON: "tetrahedra"}
+OTHERS = {"quadrilateral": 2, "hexahedron": 3, "prism": 3, "pyramid": 3}
+DIMENSION = {**{shape: corners - 1 for shape, corners in CORNERS.items()}, **OTHERS}
+"""Dimension of every shape; a mesh is made of triangles or tetrahedra, what bounds it of one less."""
 
 # Nodes per element by Gmsh's numbers for element types; the corners always come first.
 _SHAPES = {
@@ -54,7 +63,10 @@ _SHAPES = {
     LINE: {1: 2, 8: 3, 26: 4, 27: 5, 28: 6},
     TRIANGLE: {2: 3, 9: 6, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21},
     "quadrilateral": {3: 4, 10: 9, 16: 8, 36: 16, 37: 25},
-    "3D": {4: 4, 5: 8, 6: 6, 7: 5, 11: 10, 12: 27, 13: 18, 14: 14, 17: 20, 18: 15, 19: 13, 29: 20, 30: 35},
+    TETRAHEDRON: {4: 4, 11: 10, 29: 20, 30: 35},
+    "hexahedron": {5: 8, 12: 27, 17: 20},
+    "prism": {6: 6, 13: 18, 18: 15},
+    "pyramid": {7: 5, 14: 14, 19: 13},
 }
 _TYPES = {number: (shape, nodes) for shape, types in _SHAPES.items() for number, nodes in types.items()}
 
@@ -101,7 +113,7 @@ class Content:
     names
         Names of physical groups by (dimension, tag): the same tag may come once per dimension.
     missing
-        Tags of surfaces of the geometry whose triangles are not in the file.
+        Tags of surfaces of the geometry whose triangles are not in the file, of a solid volumes.
     numbers
         (n,): numbers of the nodes in the file, if it has any.
     version
@@ -115,8 +127,13 @@ class Content:
     numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     version: str = ""
 
+    @property
+    def dimension(self) -> int:
+        """3 where there are solid elements, else 2."""
+        return max([2, *(DIMENSION[shape_of(kind)] for kind, rows in self.rows.items() if len(rows.number))])
+
     def of_shape(self, shape: str) -> Rows:
-        """All points, lines or triangles, whatever their order, by their corners: Gmsh lists these first."""
+        """All elements of a simple shape, whatever their order, by their corners: Gmsh lists these first."""
         parts = [rows for kind, rows in sorted(self.rows.items()) if shape_of(kind) == shape]
         return Rows.joined(parts, CORNERS[shape])
 
@@ -130,9 +147,9 @@ class Field:
     name
         As the file has it.
     nodal
-        Whether it is on nodes, else on triangles.
+        Whether it is on nodes, else on cells.
     values
-        (nodes or triangles, components), of any type.
+        (nodes or cells, components), of any type.
     """
 
     name: str
@@ -142,20 +159,20 @@ class Field:
 
 @dataclass(frozen=True)
 class Sampled:
-    """Triangles with fields.
+    """Cells, triangles or tetrahedra, with fields.
 
     Attributes
     ----------
     points
-        (n, 2 or 3).
-    triangles
-        (m, 3): rows of `points`.
+        (n, 3).
+    cells
+        (m, 3 or 4): rows of `points`.
     fields
         All that the file has; names may come again.
     """
 
     points: Floats
-    triangles: Ints
+    cells: Ints
     fields: list[Field]
 
 
@@ -167,7 +184,7 @@ def gathered(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Con
     tags: dict[tuple[int, str], int] = {}
     found: dict[int, list[Rows]] = {}
     for kind, name, nodes, number in sets:
-        dimension = {POINT: 0, LINE: 1}.get(shape_of(kind), 2)
+        dimension = DIMENSION[shape_of(kind)]
         tag = tags.setdefault((dimension, name), 1 + len(tags)) if name else 0
         found.setdefault(kind, []).append(Rows(nodes, np.full(len(nodes), tag), number))
     rows = {kind: Rows.joined(parts, parts[0].nodes.shape[1]) for kind, parts in found.items()}
@@ -195,11 +212,11 @@ def found_in(known: Ints, wanted: Ints) -> Ints:
     return np.where(known[place] == wanted, place, -1)
 
 
-def pairs_in(known: Ints, wanted: Ints) -> Ints:
-    """Look up the places of pairs of nodes (m, 2) in any order among known ones (k, 2), -1 for none."""
-    nodes = 1 + max(int(known.max(initial=0)), int(wanted.max(initial=0)))
-    keys = [nodes * np.min(pairs, axis=1).astype(np.int64) + np.max(pairs, axis=1) for pairs in (known, wanted)]
-    return found_in(*keys)
+def sets_in(known: Ints, wanted: Ints) -> Ints:
+    """Look up the places of sets of nodes (m, width) in any order among known ones (k, width), -1 for none."""
+    nodes = np.sort(np.vstack([known, wanted]), axis=1).T
+    key = keys_of(nodes, 1 + int(nodes.max(initial=0)))
+    return found_in(key[: len(known)], key[len(known) :])
 
 
 def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:

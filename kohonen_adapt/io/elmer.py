@@ -5,6 +5,7 @@ An element of Elmer is in one body and a side in one boundary, so what overlaps 
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,11 @@ Sets = Mapping[str, Ints]
 HEADER = "mesh.header"
 """The file by which a folder is known to be a mesh of Elmer."""
 
-KINDS = {"101": 15, "202": 1, "203": 8, "303": 2, "306": 9}
+KINDS = {"101": 15, "202": 1, "203": 8, "303": 2, "306": 9, "504": 4, "510": 11}
 """Elmer's number of a type to Gmsh's; the first digit is the shape, the rest the number of nodes."""
 
-SHAPES = {"4": 3, "5": 4, "6": 4, "7": 4, "8": 4}
-"""First digits of what is refused anyhow: quadrilaterals and solids."""
+SHAPES = {"4": 3, "6": 7, "7": 6, "8": 5}
+"""First digits of what is refused anyhow: quadrilaterals, pyramids, prisms and hexahedra."""
 
 NAME = re.compile(r"\$\s*(\S.*?)\s*=\s*([0-9]+)\s*")
 
@@ -45,7 +46,8 @@ def read_elmer(folder: Path) -> Content:
                 raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which is not there")
             parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
         joined = {kind: Rows.joined(rows, nodes_of(kind)) for kind, rows in parts.items()}
-        return Content(nodes[:, 2:], joined, _names(folder), numbers=nodes[:, 0].astype(np.int64))
+        bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(np.int64))
+        return replace(bare, names=_names(folder, bare.dimension))
 
 
 def _text(folder: Path, name: str) -> str:
@@ -65,13 +67,13 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         yield number, Rows(table[:, 2 + before :][:, : nodes_of(number)], table[:, 1], table[:, 0])
 
 
-def _names(folder: Path) -> dict[tuple[int, int], str]:
-    """Names by (dimension, number): of bodies until a comment speaks of boundaries."""
+def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
+    """Names by (dimension, number): of bodies, of this dimension, until a comment speaks of boundaries."""
     names: dict[tuple[int, int], str] = {}
-    dimension = 2
+    dimension = bodies
     for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
         if line.startswith("!"):
-            dimension = 1 if "boundaries" in line else 2
+            dimension = bodies - 1 if "boundaries" in line else bodies
         elif found := NAME.fullmatch(line):
             names[dimension, int(found[2])] = found[1]
     return names

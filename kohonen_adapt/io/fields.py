@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
+from kohonen_adapt.io.content import PLURAL, Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
+from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -22,17 +23,17 @@ FIELD_SUFFIXES = (*WITH_FIELDS, ".msh", ".msh2", ".pos")
 NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
 
 
-def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: float = 1.0) -> Floats:
+def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float = 1.0) -> Floats:
     """Read a scalar field from a file, one number per element.
 
     Parameters
     ----------
     path
         A file with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write), or ``.vtu``, ``.vtk``,
-        ``.xdmf`` or ``.med``. Cells other than triangles, and points that no triangle uses, have no say.
+        ``.xdmf`` or ``.med``. Cells of other shapes than the mesh has, and points that none of it uses, have no say.
     mesh
-        The mesh that it must be on: the same nodes and triangles, in any order. Other programs number them as they
-        like, so triangles are known by their centres.
+        The mesh that it must be on, of triangles or tetrahedra: the same nodes and elements, in any order. Other
+        programs number them as they like, so elements are known by their centres.
     name
         Of the data of cells or elements, or of points or nodes: then the mean over each element is taken.
     scale
@@ -60,40 +61,41 @@ def read_field(path: str | PathLike[str], mesh: MeshTri, name: str, *, scale: fl
     (8,)
     """
     path = Path(path)
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, bent=True, space=True)
     mesh = corners_of(mesh)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")
     if not path.is_file():
         raise FileNotFoundError(f"read_field expected a file with a field; there is none at '{path}'.")
     suffix = suffix_of(path, "read_field", FIELD_SUFFIXES)
-    content = read_arrays(path) if suffix in WITH_FIELDS else read_views(path)
-    points = content.points[:, :2]
-    _check_unit(mesh, points[np.unique(content.triangles)], path, scale)
-    place = _places(mesh, points / scale, content.triangles, path)
+    shape = cell_of(mesh).name
+    content = (read_arrays if suffix in WITH_FIELDS else read_views)(path, shape)
+    points = content.points[:, : len(mesh.p)]
+    _check_unit(mesh, points[np.unique(content.cells)], path, scale)
+    place = _places(mesh, points / scale, content.cells, path, shape)
     field = _field(content, name, path)
     values = _scalar(field.values, name, path)
-    return np.mean(values[content.triangles[place]], axis=1) if field.nodal else values[place]
+    return np.mean(values[content.cells[place]], axis=1) if field.nodal else values[place]
 
 
-def _places(mesh: MeshTri, points: Floats, triangles: Ints, path: Path) -> Ints:
-    """Match every element of the mesh with a triangle of the file, (nelements,)."""
-    used = np.unique(triangles)
-    counts, own = (len(used), len(triangles)), (mesh.p.shape[1], mesh.t.shape[1])
+def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
+    """Match every element of the mesh with a cell of the file, (nelements,)."""
+    used = np.unique(cells)
+    counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
     # Programs with discontinuous elements write a point for every corner.
     if counts != own and (_distinct(points[used]), counts[1]) != (_distinct(mesh.p.T), own[1]):
         raise ValueError(
-            f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} triangles; '{path}' has "
+            f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} {PLURAL[shape]}; '{path}' has "
             f"{counts[0]} and {counts[1]}."
         )
     _matched(mesh.p.T, points[used], mesh, path, "node")
-    place = _matched(mesh.p[:, mesh.t].mean(axis=1).T, points[triangles].mean(axis=1), mesh, path, "triangle")
+    place = _matched(mesh.p[:, mesh.t].mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
     if len(np.unique(place)) < len(place):
-        raise ValueError(f"read_field expected a field on the mesh; '{path}' has other triangles.")
+        raise ValueError(f"read_field expected a field on the mesh; '{path}' has other {PLURAL[shape]}.")
     return place
 
 
-def _check_unit(mesh: MeshTri, points: Floats, path: Path, scale: float) -> None:
+def _check_unit(mesh: Mesh, points: Floats, path: Path, scale: float) -> None:
     """Refuse another unit in a message of its own: the most common mistake is everything times the same factor."""
     if not (len(points) and np.all(np.isfinite(points))):
         return
@@ -113,7 +115,7 @@ def _distinct(points: Floats) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _matched(wanted: Floats, given: Floats, mesh: MeshTri, path: Path, what: str) -> Ints:
+def _matched(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -> Ints:
     """The nearest of the given places to each that is wanted, (n, 2) -> (n,), if none is off."""
     check_finite(given, path, "read_field", what)
     distance, place = cKDTree(given).query(wanted)

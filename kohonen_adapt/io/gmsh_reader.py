@@ -14,8 +14,11 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import (
+    CORNERS,
     LARGEST_TAG,
     LINE,
+    PLURAL,
+    TETRAHEDRON,
     TRIANGLE,
     Content,
     Field,
@@ -34,20 +37,22 @@ __all__ = ["read_msh", "read_views"]
 Block = tuple[int, Rows]
 """Elements of one type, by numbers of nodes."""
 
-SURFACE = 2
 FRONT = 2**16
 """Bytes in which the header must be, so that nothing is read in vain."""
 
 FEW = 10**6
 """Rows, one per element and group, that any file may have; above, two for each byte."""
 
+PLAIN = 2
+"""Gmsh's number for triangles of three nodes: of others no direction matters."""
+
 NO_GROUPS = np.empty(0, np.int64)
 
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
 LISTED = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
-TRIANGLES = {b"ST": 1, b"VT": 3, b"TT": 9}  # components of scalars, vectors and tensors at their corners
-CORNERS = 9  # coordinates of a triangle of a list
+LETTER = {TRIANGLE: "T", TETRAHEDRON: "S"}
+COMPONENTS = {"S": 1, "V": 3, "T": 9}  # of scalars, vectors and tensors at the corners of what is listed
 
 
 def read_msh(path: Path) -> Content:
@@ -88,7 +93,8 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
         numbers, points = _nodes_41(section("Nodes"))
         blocks, meshed = _elements_41(section("Elements"), groups, max(FEW, 2 * len(data)))
-        missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == SURFACE))
+        highest = max((dimension for dimension, _ in meshed), default=0)
+        missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == highest > 1))
     else:
         nodes = section("Nodes")
         numbers, points = nodes.rows(nodes.count(), 3)
@@ -167,8 +173,8 @@ def _elements_22(section: Numbers) -> list[Block]:
 
 
 def _grouped(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
-    """Rows of elements, where a line of a group with a minus sign runs the other way."""
-    if shape_of(kind) == LINE:
+    """Rows of elements, where a line or triangle of a group with a minus sign runs the other way."""
+    if shape_of(kind) == LINE or kind == PLAIN:
         nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
     return Rows(nodes, np.abs(group), number)
 
@@ -187,68 +193,70 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
     return found
 
 
-def read_views(path: Path) -> Sampled:
-    """The triangles of a file and the fields on them; a ValueError if it is damaged or of another kind.
+def read_views(path: Path, shape: str) -> Sampled:
+    """The triangles or tetrahedra of a file and the fields on them; a ValueError if it is damaged or of another kind.
 
-    It is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
-    (``View "name" {ST(...){...}; };``).
+    It is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of them
+    (``View "name" {ST(...){...}; };``, of tetrahedra ``SS``).
     """
     with refusing(path, f"read_field cannot read '{path}': {{}}."):
         data = path.read_bytes()
     if data[:80].lstrip()[:4] == b"View":
-        return _listed(data, path)
+        return _listed(data, path, shape)
     version, binary = _header_of(data, path)
     with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
-        return _views(data, binary, _content(data, version, binary))
+        return _views(data, binary, _content(data, version, binary), shape)
 
 
-def _listed(data: bytes, path: Path) -> Sampled:
-    """Every view of a list has triangles of its own; those of the first count, and others must be the same."""
+def _listed(data: bytes, path: Path, shape: str) -> Sampled:
+    """Every view of a list has cells of its own; those of the first count, and others must be the same."""
     fields: list[Field] = []
-    corners = np.empty((0, CORNERS))
+    width = CORNERS[shape]
+    corners = np.empty((0, 3 * width))
     found = list(VIEW.finditer(data))
     if not found:
-        raise ValueError(f"read_field expected lists of triangles; '{path}' begins like one and has none.")
+        raise ValueError(f"read_field expected lists of {PLURAL[shape]}; '{path}' begins like one and has none.")
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
         name, rows = view[1].decode("utf-8", "replace"), LISTED.findall(data, view.end(), end)
-        components = _components(name, {kind for kind, _, _ in rows}, path)
+        components = _components(name, {kind.decode() for kind, _, _ in rows}, path, shape)
         try:
-            places = _numbers([place for _, place, _ in rows]).reshape(len(rows), CORNERS)
-            table = _numbers([value for _, _, value in rows]).reshape(len(rows), 3, components)
+            places = _numbers([place for _, place, _ in rows]).reshape(len(rows), 3 * width)
+            table = _numbers([value for _, _, value in rows]).reshape(len(rows), width, components)
         except ValueError:
             raise ValueError(
-                f"'{path}' must have triangles of nine coordinates and three values, one step; write one step only."
+                f"'{path}' must have {PLURAL[shape]} of {3 * width} coordinates and {width} values, one step; "
+                "write one step only."
             ) from None
         if len(fields) and not np.array_equal(places, corners):
-            raise ValueError(f"'{path}' has views on other triangles; write each to a file of its own.")
+            raise ValueError(f"'{path}' has views on other {PLURAL[shape]}; write each to a file of its own.")
         corners = places
         fields.append(Field(name, False, table.mean(axis=1)))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    return Sampled(points, node.reshape(-1, 3), fields)
+    return Sampled(points, node.reshape(-1, width), fields)
 
 
-def _components(name: str, kinds: set[bytes], path: Path) -> int:
-    """How many numbers a view has at every corner; refused if it is of anything but triangles of one kind."""
-    others = sorted(kind.decode() for kind in kinds if kind not in TRIANGLES)
+def _components(name: str, kinds: set[str], path: Path, shape: str) -> int:
+    """How many numbers a view has at every corner; refused if it is of anything but cells of one kind."""
+    known = {kind + LETTER[shape]: components for kind, components in COMPONENTS.items()}
+    others = sorted(kinds - known.keys())
     if others or len(kinds) > 1:
-        what = listed(others) if others else listed(kind.decode() for kind in kinds)
         raise ValueError(
-            f"read_field expected triangles of one kind (ST, VT or TT); the view '{name}' of '{path}' has {what}. "
-            "Write it on triangles alone."
+            f"read_field expected {PLURAL[shape]} of one kind ({', '.join(known)}); the view '{name}' of '{path}' has "
+            f"{listed(others or kinds)}. Write it on {PLURAL[shape]} alone."
         )
-    return TRIANGLES[kinds.pop()] if kinds else 1
+    return known[kinds.pop()] if kinds else 1
 
 
 def _numbers(lists: list[bytes]) -> Floats:
     return parsed(b",".join(lists).replace(b",", b" "))
 
 
-def _views(data: bytes, binary: bool, content: Content) -> Sampled:
-    """The triangles of a file and its views: rows of data that name a node or an element by its number in the file."""
-    rows = content.of_shape(TRIANGLE)
+def _views(data: bytes, binary: bool, content: Content, shape: str) -> Sampled:
+    """The cells of a file and its views: rows of data that name a node or an element by its number in the file."""
+    rows = content.of_shape(shape)
     # An element of several groups is listed again, in MSH 2.2 under another number: any of them has its data.
-    triangles, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
+    cells, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
     fields = []
     for found in SECTION.finditer(data):
         kind = found[1].decode()
@@ -257,11 +265,11 @@ def _views(data: bytes, binary: bool, content: Content) -> Sampled:
         number, given = (numbers.means if kind == "ElementNodeData" else numbers.rows)(count, components)
         nodal = kind == "NodeData"
         owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
-        values = np.full((len(content.points) if nodal else len(triangles), components), np.nan)
+        values = np.full((len(content.points) if nodal else len(cells), components), np.nan)
         place = found_in(known, number)
         values[owner[place[place >= 0]]] = given[place >= 0]
         fields.append(Field(name, nodal, values))
-    return Sampled(content.points, triangles, fields)
+    return Sampled(content.points, cells, fields)
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
@@ -26,7 +26,7 @@ __all__ = ["write_msh"]
 Sets = Mapping[str, Ints]
 Fields = dict[str, Floats]
 
-ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (1, 3): 8, (2, 6): 9}
+ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (3, 4): 4, (1, 3): 8, (2, 6): 9}
 """Dimension and number of nodes to Gmsh's number for the type of the element."""
 
 CHUNK = 2**16
@@ -40,7 +40,7 @@ class Layer:
     Attributes
     ----------
     dimension
-        0 for points, 1 for lines, 2 for triangles.
+        0 for points, 1 for lines, 2 for triangles, 3 for tetrahedra.
     nodes
         (m, dimension + 1), of elements with bent sides their mid-side nodes after that, as Gmsh has them.
     number
@@ -68,7 +68,7 @@ class Layer:
 
 def write_msh(
     path: Path,
-    mesh: MeshTri,
+    mesh: Mesh,
     subdomains: Sets,
     boundaries: Sets,
     point_data: Fields,
@@ -78,18 +78,19 @@ def write_msh(
     groups: Groups,
 ) -> None:
     """Write a mesh to a Gmsh file of version "4.1" or "2.2"; the other arguments are those `write_mesh` has checked."""
-    # A facet that two boundaries have in opposite directions is a line of each.
+    # A facet that two boundaries have in opposite directions is an element of each.
     codes = {name: 2 * np.asarray(items) + getattr(items, "ori", 0) for name, items in boundaries.items()}
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *codes.values()]))
-    lines = {name: np.searchsorted(facets, items) for name, items in codes.items()}
-    nodes = groups.nodes(mesh)
-    names = {number: groups.names.get((0, number), UNNAMED[0].format(number)) for number in nodes}
-    numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
-    ends = directed(mesh, *divmod(facets, 2))
-    surface = _layer(2, nodes_of_elements(mesh), subdomains, numbers, first=1)
-    curve = _layer(1, _with_own_middles(mesh, ends, facets // 2), lines, numbers, first=1 + mesh.t.shape[1])
-    point = _points(nodes, names, first=1 + mesh.t.shape[1] + len(facets))
-    layers = [point, curve, surface]
+    sides = {name: np.searchsorted(facets, items) for name, items in codes.items()}
+    nodes, d = groups.nodes(mesh), len(mesh.p)
+    names = {number: groups.names.get((0, number), UNNAMED[d][0].format(number)) for number in nodes}
+    numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
+    corners = directed(mesh, *divmod(facets, 2))
+    elements = _layer(d, nodes_of_elements(mesh), subdomains, numbers, UNNAMED[d][d], first=1)
+    along = _with_own_middles(mesh, corners, facets // 2)
+    boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.t.shape[1])
+    point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.t.shape[1] + len(facets))
+    layers = [point, boundary, elements]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n")
         _write_names(stream, layers)
@@ -100,28 +101,30 @@ def write_msh(
             _write_field(stream, "ElementData", name, values)
 
 
-def _with_own_middles(mesh: MeshTri, ends: Ints, facets: Ints) -> Ints:
+def _with_own_middles(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
     """The nodes of lines along facets, (m, 2), of a `MeshTri2` with that on the facet, (m, 3)."""
     return np.column_stack([ends, mesh.nvertices + facets]) if is_second_order(mesh) else ends
 
 
-def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: dict[tuple[int, str], int], *, first: int) -> Layer:
+def _layer(
+    dimension: int, nodes: Ints, sets: Sets, numbers: dict[tuple[int, str], int], unnamed: str, *, first: int
+) -> Layer:
     entity, members = combinations(list(sets.values()), len(nodes))
     tags = np.array([numbers[dimension, name] for name in sets], dtype=np.int64)
     # A name that says no more than the number is not in the file, unless it would be forgotten with an empty set.
     names = {
         numbers[dimension, name]: name
         for name, items in sets.items()
-        if len(items) == 0 or name != UNNAMED[dimension].format(numbers[dimension, name])
+        if len(items) == 0 or name != unnamed.format(numbers[dimension, name])
     }
     return Layer(dimension, nodes, first + np.arange(len(nodes)), entity, [tags[each] for each in members], names)
 
 
-def _points(nodes: dict[int, Ints], names: dict[int, str], *, first: int) -> Layer:
+def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, first: int) -> Layer:
     used = np.unique(np.concatenate([np.empty(0, np.int64), *nodes.values()]))
     tags = [np.array([tag for tag, members in nodes.items() if node in members], np.int64) for node in used]
     number = first + np.arange(len(used))
-    said = {tag: name for tag, name in names.items() if name != UNNAMED[0].format(tag)}
+    said = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
     return Layer(0, used[:, None], number, np.arange(len(used)), tags, said)
 
 
@@ -139,7 +142,8 @@ def _write_names(stream: TextIO, layers: list[Layer]) -> None:
 
 
 def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
-    stream.write(f"$Entities\n{' '.join(str(len(layer.groups)) for layer in layers)} 0\n")
+    counts = {layer.dimension: len(layer.groups) for layer in layers}
+    stream.write(f"$Entities\n{' '.join(str(counts.get(dimension, 0)) for dimension in range(4))}\n")
     for layer in layers:
         _write_entities(stream, p, layer)
     stream.write("$EndEntities\n")
@@ -165,15 +169,20 @@ def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
     """Entities with their bounding boxes and groups, without naming what bounds them; points with their place."""
     for entity, which in _by_entity(layer.entity):
         corners = p[:, layer.nodes[which]]
-        (left, bottom), (right, top) = corners.min(axis=(1, 2)).tolist(), corners.max(axis=(1, 2)).tolist()
+        bounds = [corners.min(axis=(1, 2)), corners.max(axis=(1, 2))][: 1 + (layer.dimension > 0)]
+        place = " ".join(_coordinates(p) % tuple(bound.tolist()) for bound in bounds)
         groups = layer.groups[entity]
-        place = f"{left!r} {bottom!r} 0" + (f" {right!r} {top!r} 0" if layer.dimension else "")
-        bounds = " 0" if layer.dimension else ""
-        stream.write(f"{entity + 1} {place} {' '.join(map(str, [len(groups), *groups]))}{bounds}\n")
+        ends = " 0" if layer.dimension else ""
+        stream.write(f"{entity + 1} {place} {' '.join(map(str, [len(groups), *groups]))}{ends}\n")
+
+
+def _coordinates(p: Floats) -> str:
+    """How a place is written: in a plane z is 0."""
+    return " ".join(["%r"] * len(p) + ["0"] * (3 - len(p)))
 
 
 def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
-    """Every node on one entity: a point or a curve where it lies on one that is named, else a surface."""
+    """Every node on one entity: a point or a boundary where it lies on one that is named, else inside."""
     start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
     owner = np.empty(p.shape[1], dtype=np.int64)
     for layer, shift in reversed(list(zip(layers, start, strict=False))):
@@ -184,13 +193,13 @@ def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
         rank = int(np.searchsorted(start, entity, side="right")) - 1
         stream.write(f"{layers[rank].dimension} {entity - start[rank] + 1} 0 {len(which)}\n")
         _write_rows(stream, "%d", which + 1)
-        _write_rows(stream, "%r %r 0", p[:, which].T)
+        _write_rows(stream, _coordinates(p), p[:, which].T)
     stream.write("$EndNodes\n")
 
 
 def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$Nodes\n{p.shape[1]}\n")
-    _write_rows(stream, "%d %r %r 0", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
+    _write_rows(stream, f"%d {_coordinates(p)}", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
     tables = [_listing(layer, rank) for rank in range(_most_groups(layers)) for layer in reversed(layers)]
     stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
     start = 1

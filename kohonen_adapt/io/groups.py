@@ -12,16 +12,18 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import LARGEST_TAG, LINE, POINT, TRIANGLE, Content
+from kohonen_adapt.io.content import DIMENSION, LARGEST_TAG, LINE, POINT, TETRAHEDRON, TRIANGLE, Content
 from kohonen_adapt.mesh.host import is_own_name
 
-__all__ = ["DIMENSION", "UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
+__all__ = ["UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
 logger = logging.getLogger("kohonen_adapt")
 
-DIMENSION = {POINT: 0, LINE: 1, TRIANGLE: 2}
-UNNAMED = {0: "point_{}", 1: "boundary_{}", 2: "region_{}"}
-"""Dimension to what a group without a name is called."""
+UNNAMED = {2: ("point_{}", "boundary_{}", "region_{}"), 3: ("point_{}", "curve_{}", "boundary_{}", "region_{}")}
+"""Dimension of a mesh to what a group of each dimension is called where it has no name."""
+
+GROUPED = {2: (POINT, LINE, TRIANGLE), 3: (POINT, TRIANGLE, TETRAHEDRON)}
+"""Dimension of a mesh to the shapes whose groups it has a place for."""
 
 SAME = 1e-9  # of the size of the mesh: nodes nearer than that are in the same place
 
@@ -34,9 +36,9 @@ class Groups:
     ----------
     names
         (dimension, number) to the name that the mesh has for the group: dimension 2 for ``subdomains``, 1 for
-        ``boundaries``, 0 for points.
+        ``boundaries``, of a solid 3 and 2, and 0 for points.
     points
-        Number to the coordinates (2, n) of the nodes in a group of points.
+        Number to the coordinates (2, n) of the nodes in a group of points, of a solid (3, n).
     version
         Of MSH, "2.2" or "4.1", in which `write_mesh` writes ``.msh``; empty for the newest.
     """
@@ -49,11 +51,11 @@ class Groups:
     def places(self) -> dict[str, Floats]:
         """Name to the coordinates (2, n) of a group of points, as `Magnetostatics` takes them for its ``points``.
 
-        What is the name of a group of lines, too, means those.
+        What is the name of a boundary, too, means that.
         """
-        lines = {name for (dimension, _), name in self.names.items() if dimension == 1}
+        known = {(dimension, name) for (dimension, _), name in self.names.items()}
         found = {self.names[0, number]: x for number, x in self.points.items() if x.size}
-        return {name: x for name, x in found.items() if name not in lines}
+        return {name: x for name, x in found.items() if (len(x) - 1, name) not in known}
 
     def nodes(self, mesh: MeshTri) -> dict[int, Ints]:
         """Nodes of the mesh where the groups of points are, by number; what has no node is left out.
@@ -88,13 +90,14 @@ class Groups:
 
 def name_of(content: Content, dimension: int, number: int) -> str:
     """The name of a group of a file."""
-    return content.names.get((dimension, number)) or UNNAMED[dimension].format(number)
+    return content.names.get((dimension, number)) or UNNAMED[content.dimension][dimension].format(number)
 
 
 def to_groups(content: Content, path: Path, scale: float) -> Groups:
     """The groups that a file, `path`, has, whether or not anything of the mesh is in them."""
-    keys = {key for key in content.names if key[0] in UNNAMED}
-    for shape, dimension in DIMENSION.items():
+    dimensions = {DIMENSION[shape]: shape for shape in GROUPED[content.dimension]}
+    keys = {key for key in content.names if key[0] in dimensions}
+    for dimension, shape in dimensions.items():
         keys |= {(dimension, tag) for tag in np.unique(content.of_shape(shape).group).tolist() if tag > 0}
     names = {key: name for key in sorted(keys) if is_own_name(name := name_of(content, *key))}
     _report_shared(names, path)
@@ -102,7 +105,7 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
     members = by_group(rows.group, rows.nodes[:, 0])
     nowhere = np.empty(0, np.int64)
     nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
-    points = {number: scale * content.points[each, :2].T for number, each in nodes.items()}
+    points = {number: scale * content.points[each, : content.dimension].T for number, each in nodes.items()}
     return Groups(names, points, content.version)
 
 
@@ -129,16 +132,16 @@ def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
 def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple[int, str], int]:
     """A number for every group by (dimension, name), no two of a dimension alike; `sets` are the names by dimension.
 
-    It is the one in `groups`, else the one in a name such as ``region_7``, else a new one. New ones differ from all
-    others, for readers that overlook the dimension of a group. A number in `groups` that is no positive integer is a
-    ValueError.
+    The greatest dimension is that of the mesh. A number is the one in `groups`, else the one in a name such as
+    ``region_7``, else a new one. New ones differ from all others, for readers that overlook the dimension of a group. A
+    number in `groups` that is no positive integer is a ValueError.
     """
     known = _known(groups)
     keys = [(dimension, name) for dimension, names in sets.items() for name in names]
     numbers = {key: known[key] for key in keys if key in known}
     used = {(dimension, number) for (dimension, _), number in numbers.items()}
     for dimension, name in keys:
-        number = _number_in(name, dimension)
+        number = _number_in(name, UNNAMED[max(sets)][dimension])
         if (dimension, name) not in numbers and number and (dimension, number) not in used:
             numbers[dimension, name] = number
     taken = {*numbers.values(), *(number for _, number in groups.names)}
@@ -155,8 +158,8 @@ def _known(groups: Groups) -> dict[tuple[int, str], int]:
     return known
 
 
-def _number_in(name: str, dimension: int) -> int | None:
+def _number_in(name: str, unnamed: str) -> int | None:
     """The number of a group that has no other name: 7 for ``region_7``."""
-    found = re.fullmatch(UNNAMED[dimension].format("([1-9][0-9]{0,9})"), name)
+    found = re.fullmatch(unnamed.format("([1-9][0-9]{0,9})"), name)
     number = int(found[1]) if found else 0
     return number if 0 < number <= LARGEST_TAG else None

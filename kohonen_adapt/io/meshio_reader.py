@@ -18,7 +18,20 @@ import meshio
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import ALWAYS, EXACT, PACKED, Content, Field, Sampled, gathered, nodes_of, refusing
+from kohonen_adapt.io.content import (
+    ALWAYS,
+    CORNERS,
+    DIMENSION,
+    EXACT,
+    PACKED,
+    Content,
+    Field,
+    Sampled,
+    gathered,
+    nodes_of,
+    refusing,
+    shape_of,
+)
 from kohonen_adapt.io.groups import UNNAMED
 from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, sides_of
 from kohonen_adapt.io.vtu_check import checked_vtu, plain_xml
@@ -29,9 +42,14 @@ logger = logging.getLogger("kohonen_adapt")
 
 WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 
-LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, TRIANGLE6 = 1, 2, 3, 4, 9
-KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": TRIANGLE6}
-"""meshio's name of a type to Gmsh's number; a quadrilateral or a tetrahedron stands for all that is refused anyhow."""
+LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID = range(1, 8)
+KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9, "tetra": TETRAHEDRON}
+"""meshio's name of a type to Gmsh's number."""
+
+REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
+"""How the name of a type begins to the kind that stands for those that are refused anyhow, by Gmsh's number."""
+
+SIDES = {TRIANGLE: LINE, TETRAHEDRON: TRIANGLE}
 
 NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "CellEntityIds")
 """Data of cells in which meshio, and Gmsh's VTK, has the number of the group that a cell is in."""
@@ -199,11 +217,17 @@ def read_content(path: Path) -> Content:
         return gathered(points, _all_sets(mesh, points))
 
 
+def _kind(block: Any) -> int:
+    """Gmsh's number for the type of a block of cells; one of its shape if such cells are refused anyhow."""
+    others = {beginning: kind for beginning, kind in REFUSED.items() if block.type.startswith(beginning)}
+    return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
+
+
 def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]]:
     """Kind, name, nodes and numbers of all cells, and of those of every set."""
     first = 0
     for k, block in enumerate(mesh.cells):
-        kind = KINDS.get(block.type, TETRAHEDRON if block.dim == 3 else QUADRILATERAL)
+        kind = _kind(block)
         nodes = _nodes(block, kind, len(points))
         yield kind, "", nodes, first + np.arange(len(nodes))
         yield from _sets(mesh, k, kind, nodes, first, points)
@@ -217,7 +241,7 @@ def _points(mesh: Any) -> Floats:
 
 def _nodes(block: Any, kind: int, count: int) -> Ints:
     """(m, nodes per element); nothing of what is refused anyhow."""
-    if kind in (QUADRILATERAL, TETRAHEDRON):
+    if kind not in KINDS.values():
         return np.empty((len(block.data), 0), np.int64)
     nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_of(kind))
     if np.any((nodes < 0) | (nodes >= count)):
@@ -228,7 +252,7 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
 def _sets(
     mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats
 ) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Kind, name, nodes and numbers of the cells of every set with cells of block `k`, sides of triangles too."""
+    """Kind, name, nodes and numbers of the cells of every set with cells of block `k`, sides of elements too."""
     for name, parts in mesh.cell_sets.items():
         if k < len(parts) and len(parts[k]):
             yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
@@ -237,22 +261,29 @@ def _sets(
         numbers = _whole(mesh.cell_data[key][k], key)
         for tag in np.unique(numbers[numbers != 0]).tolist():
             which = np.flatnonzero(numbers == tag)
-            for name in _names(mesh, key, tag, mesh.cells[k].dim):
+            for name in _names(mesh, key, tag, DIMENSION[shape_of(kind)]):
                 yield kind, name, nodes[which], first + which
-    for key, values in mesh.cell_data.items() if kind in (TRIANGLE, TRIANGLE6) else ():
+    plain = _plain(kind)
+    for key, values in mesh.cell_data.items() if plain in SIDES else ():
         if key.startswith(SUBDOMAIN):
             which = np.flatnonzero(_whole(values[k], key))
             yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
         elif key.startswith(BOUNDARY):
-            sides = sides_of(nodes[:, :3], _whole(values[k], key), points)
-            yield LINE, key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+            sides = sides_of(nodes[:, : nodes_of(plain)], _whole(values[k], key), points)
+            yield SIDES[plain], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+
+
+def _plain(kind: int) -> int:
+    """The kind of first order of the same shape."""
+    return next((plain for plain in SIDES if shape_of(plain) == shape_of(kind)), kind)
 
 
 def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
     """What the cells of a number are called; families of MED have negative numbers, and no name if in no group."""
     texts = getattr(mesh, "cell_tags", {})
     named = [name for name, given in mesh.field_data.items() if np.array_equal(given, [tag, dimension])]
-    return texts.get(tag) or named or ([] if texts else [UNNAMED[dimension].format(abs(tag))])
+    unnamed = UNNAMED[max(2, *(block.dim for block in mesh.cells))][dimension]
+    return texts.get(tag) or named or ([] if texts else [unnamed.format(abs(tag))])
 
 
 def _whole(values: Any, key: str) -> Ints:
@@ -262,19 +293,19 @@ def _whole(values: Any, key: str) -> Ints:
     return values.astype(np.int64)
 
 
-def read_arrays(path: Path) -> Sampled:
-    """The triangles of a file, and the fields on them; a ValueError as `read_content` has it."""
+def read_arrays(path: Path, shape: str) -> Sampled:
+    """The triangles or tetrahedra of a file, and the fields on them; a ValueError as `read_content` has it."""
     mesh = _meshed(path, "read_field")
     with refusing(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        kinds = [KINDS.get(block.type, TETRAHEDRON) for block in mesh.cells]
-        blocks = [k for k, kind in enumerate(kinds) if kind in (TRIANGLE, TRIANGLE6)]
-        none = np.empty((0, 3), np.int64)
-        triangles = np.concatenate([none, *(_nodes(mesh.cells[k], kinds[k], len(points))[:, :3] for k in blocks)])
+        kinds = [_kind(block) for block in mesh.cells]
+        blocks = [k for k, kind in enumerate(kinds) if shape_of(kind) == shape and kind in KINDS.values()]
+        parts = [_nodes(mesh.cells[k], kinds[k], len(points))[:, : CORNERS[shape]] for k in blocks]
+        cells = np.concatenate([np.empty((0, CORNERS[shape]), np.int64), *parts])
         nodal = [Field(name, True, values) for name, values in mesh.point_data.items()]
         cellwise = [
             Field(name, False, np.concatenate([values[k] for k in blocks]))
             for name, values in mesh.cell_data.items()
             if blocks
         ]
-        return Sampled(points, triangles, [*nodal, *cellwise])
+        return Sampled(points, cells, [*nodal, *cellwise])

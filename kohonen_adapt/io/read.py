@@ -6,7 +6,7 @@ from numbers import Real
 from os import PathLike
 from pathlib import Path
 
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.io.assembly import is_second_order, to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
@@ -15,6 +15,7 @@ from kohonen_adapt.io.femm import read_ans
 from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.meshio_reader import FORMATS, read_content
+from kohonen_adapt.io.solids import to_solid
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.spline import Spline
 
@@ -27,17 +28,19 @@ READERS: dict[str, Reader] = {**CURVED, **dict.fromkeys(FORMATS, read_content), 
 """Suffix to what reads such a file."""
 
 
-def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
-    """Read a mesh of triangles with the names of its surface and line groups.
+def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | MeshTet:
+    """Read a mesh of triangles or tetrahedra with the names of its groups.
 
     Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
-    dictionary without an entry is None. Groups without a name are called ``region_<tag>`` and ``boundary_<tag>``;
-    `read_groups` reads the numbers of the others.
+    dictionary without an entry is None. A file with tetrahedra is a solid: its volume groups become ``subdomains``, its
+    surface groups ``boundaries``, and groups of lines are left out. Groups without a name are called ``region_<tag>``
+    and ``boundary_<tag>``; `read_groups` reads the numbers of the others.
     Second-order triangles with a bent side become a `MeshTri2`, whose curves `relocate` and `adapt` know by themselves;
     where all sides are straight, and of higher orders, the corners are read. An element in several groups is read once,
-    nodes that no triangle uses are dropped. Which part of the area carries a name, and
-    what was left out, is reported through ``logging``. A boundary inside has the orientation of its lines, with the
-    element on their left in front of it, as in ``skfem.MeshTri.load``; none where the lines have no direction.
+    nodes that no element uses are dropped, tetrahedra of negative volume turned. Which part of the area or volume
+    carries a name, and what was left out, is reported through ``logging``. A boundary inside has the orientation of its
+    lines, with the element on their left in front of it, as in ``skfem.MeshTri.load``, or of its triangles, with the
+    element in front of it that they run clockwise as seen from; none where they have no direction.
 
     Parameters
     ----------
@@ -54,7 +57,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
 
     Returns
     -------
-    MeshTri
+    MeshTri or MeshTet
         Nodes and elements in the order of their numbers in the file; a `MeshTri2` where a side of a triangle of second
         order is bent.
 
@@ -63,7 +66,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles.
+        If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles, or tetrahedra of
+        first order and faces of theirs alone.
     ImportError
         If the format needs h5py, and that is not there.
 
@@ -77,7 +81,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri:
     """
     path = Path(path)
     reader = _reader(path, scale, "read_mesh", READERS)
-    return to_mesh(reader(path), path, float(scale))
+    content = reader(path)
+    return (to_solid if content.dimension == 3 else to_mesh)(content, path, float(scale))
 
 
 def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:

@@ -5,11 +5,12 @@ from xml.sax.saxutils import escape
 
 import meshio
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import nodes_of_elements
-from kohonen_adapt.mesh.measures import is_left
+from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["BOUNDARY", "SUBDOMAIN", "sides_of", "write_vtu"]
@@ -19,15 +20,12 @@ Fields = dict[str, Floats]
 
 REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
-CELLS = {3: "triangle", 6: "triangle6"}
-"""Nodes of an element to what meshio calls it: VTK's types 5 and 22."""
-
-SIDES = ([0, 1], [1, 2], [2, 0])
-"""Corners of the sides of an element, numbered as in `MeshTri.t2f`."""
+KINDS = {3: "triangle", 4: "tetra", 6: "triangle6"}
+"""Nodes of an element to what meshio calls it: VTK's types 5, 10 and 22."""
 
 
 def write_vtu(
-    path: Path, mesh: MeshTri, subdomains: Sets, boundaries: Sets, point_data: Fields, cell_data: Fields
+    path: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, point_data: Fields, cell_data: Fields
 ) -> None:
     """Write a mesh for ParaView; arguments as `write_mesh` has checked them.
 
@@ -48,13 +46,13 @@ def write_vtu(
     # meshio writes names into the XML as they are.
     cells = {escape(name): [_components(values)] for name, values in (names | cell_data).items()}
     nodal = {escape(name): values for name, values in point_data.items()}
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
+    points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
     nodes = nodes_of_elements(mesh)
-    content = meshio.Mesh(points, [(CELLS[nodes.shape[1]], nodes)], point_data=nodal, cell_data=cells)
+    content = meshio.Mesh(points, [(KINDS[nodes.shape[1]], nodes)], point_data=nodal, cell_data=cells)
     meshio.vtu.write(str(path), content)
 
 
-def _mark_sides(mesh: MeshTri, facets: Ints) -> Ints:
+def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:
     """Bits of the sides of every element; a facet is marked in its first element only, or in the one in front of it."""
     element = mesh.f2t[getattr(facets, "ori", 0), facets]
     side = np.argmax(mesh.t2f[:, element] == facets, axis=0)
@@ -65,15 +63,17 @@ def _mark_sides(mesh: MeshTri, facets: Ints) -> Ints:
 
 def _components(values: np.ndarray) -> np.ndarray:
     """Scalars as they are, vectors as rows of three, as ParaView wants them."""
-    return values if values.ndim == 1 else np.column_stack([values.T, np.zeros(values.shape[1])])
+    return values if values.ndim == 1 else np.column_stack([values.T, np.zeros((values.shape[1], 3 - len(values)))])
 
 
-def sides_of(triangles: Ints, bits: Ints, points: Floats) -> Ints:
-    """The sides of triangles (n, 3) whose bit is set, (m, 2), each with its element on the left."""
-    corners = np.sort(triangles, axis=1)  # scikit-fem numbers sides by them
-    overturned = ~is_left(*(points[corners[:, k], :2].T for k in range(3)))
+def sides_of(elements: Ints, bits: Ints, points: Floats) -> Ints:
+    """The sides of elements (n, d + 1) whose bit is set, (m, d), each with its element in front."""
+    d = elements.shape[1] - 1
+    corners = np.sort(elements, axis=1) if d == 2 else elements  # so scikit-fem numbers sides, triangles sorted
     sides = []
-    for bit, side in enumerate(SIDES):
+    for bit, side in enumerate(CELLS[d].facets):
         marked = (bits >> bit) & 1 == 1
-        sides.append(np.where(overturned[marked, None], corners[marked][:, side[::-1]], corners[marked][:, side]))
+        own = corners[marked][:, list(side)]
+        right = is_in_front(points[own, :d].T, points[corners[marked], :d].mean(axis=1).T)
+        sides.append(np.where(right[:, None], own, own[:, [1, 0, *range(2, d)]]))
     return np.concatenate(sides)

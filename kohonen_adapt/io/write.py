@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -16,6 +16,7 @@ from kohonen_adapt.io.content import MSH_VERSION, suffix_of
 from kohonen_adapt.io.elmer import write_elmer
 from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
+from kohonen_adapt.io.solids import of_positive_volume
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.names import named_sets
@@ -34,7 +35,7 @@ LONGEST_NAME = 127
 
 def write_mesh(
     path: str | PathLike[str],
-    mesh: MeshTri,
+    mesh: MeshTri | MeshTet,
     *,
     point_data: Mapping[str, ArrayLike] | None = None,
     cell_data: Mapping[str, ArrayLike] | None = None,
@@ -43,7 +44,8 @@ def write_mesh(
     """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
 
     Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. The
-    orientation of a boundary is the direction of its lines, with the element in front of it on their left. Sets called
+    orientation of a boundary is the direction of its lines, with the element in front of it on their left, or of its
+    triangles, which run clockwise as seen from there. Tetrahedra of negative volume are turned. Sets called
     ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out. The file is written whole or not at all.
 
     Parameters
@@ -55,13 +57,13 @@ def write_mesh(
         A name without a suffix is the folder of a mesh for Elmer, which is made if it is missing; in such a mesh
         subdomains must not overlap, nor boundaries.
     mesh
-        A `MeshTri`, or a `MeshTri2`, whose elements and lines are of second order in the file (Gmsh's types 9 and 8,
-        VTK's 22).
+        A `MeshTri`, a `MeshTet`, or a `MeshTri2`, whose elements and lines are of second order in the file (Gmsh's
+        types 9 and 8, VTK's 22).
     point_data
         Fields (nnodes,) by name. Of a `MeshTri2` that may be all nodes, in the order of ``mesh.p``, which is that of a
         potential of order 2, or its corners; then mid-side nodes get the mean of both ends.
     cell_data
-        Fields (nelements,) or vectors (2, nelements) by name.
+        Fields (nelements,) or vectors (2, nelements), of tetrahedra (3, nelements), by name.
     groups
         What `read_groups` read: names keep their numbers, groups of points are written where they have a node, and
         ``.msh`` is written in the version of MSH that was read, for programs that read one only.
@@ -71,7 +73,7 @@ def write_mesh(
     Raises
     ------
     ValueError
-        If the suffix is unknown, the mesh is empty, broken or neither a `MeshTri` nor a `MeshTri2`, a name or number
+        If the suffix is unknown, the mesh is empty, broken or of another class, a name or number
         cannot be stored, or a field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
@@ -87,15 +89,18 @@ def write_mesh(
     path = Path(path)
     for_elmer = path.is_dir() or not path.suffix
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
-    check_mesh(mesh, bent=True, folded=True)
+    check_mesh(mesh, bent=True, folded=True, space=True)
+    mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    points = _checked_fields(with_means(mesh, point_data), mesh.p.shape[1], "point_data", vectors=False)
-    cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", vectors=True)
+    points = _checked_fields(with_means(mesh, point_data), mesh.p.shape[1], "point_data")
+    cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
     groups = groups or Groups()
     if for_elmer:
         if points or cells:
             raise ValueError("a mesh of Elmer holds no fields; write them to a file.")
+        if len(mesh.p) == 3:
+            raise ValueError("a mesh of Elmer is written of triangles only; write .msh: ElmerGrid 14 2 MESH.msh.")
         if is_second_order(mesh):
             raise ValueError(
                 "a mesh of Elmer is written with straight sides only; got a MeshTri2. Write its corners: "
@@ -111,7 +116,7 @@ def write_mesh(
             write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups)
 
 
-def with_means(mesh: MeshTri, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
+def with_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
     """Fields at all nodes of a mesh: those of a `MeshTri2` at its corners with the mean of both ends on sides."""
     given = dict(fields or {})
     for name, values in given.items() if is_second_order(mesh) else ():
@@ -136,15 +141,15 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
 
 
 def _checked_fields(
-    fields: Mapping[str, ArrayLike] | None, count: int, kind: str, *, vectors: bool
+    fields: Mapping[str, ArrayLike] | None, count: int, kind: str, components: int = 0
 ) -> dict[str, Floats]:
-    """Finite fields by name as float arrays (count,), or (2, count) where `vectors` allows it."""
-    expected = f"({count},) or (2, {count})" if vectors else f"({count},)"
+    """Finite fields by name as float arrays (count,), or vectors (components, count) if any."""
+    expected = f"({count},) or ({components}, {count})" if components else f"({count},)"
     checked = {}
     for name, values in (fields or {}).items():
         _check_name(name, kind)
         array = np.asarray(values, dtype=float)
-        if array.shape != (count,) and not (vectors and array.shape == (2, count)):
+        if array.shape != (count,) and not (components and array.shape == (components, count)):
             raise ValueError(f"{kind} '{name}' must have shape {expected}; got {array.shape}.")
         if not np.all(np.isfinite(array)):
             number = np.sum(~np.isfinite(array))

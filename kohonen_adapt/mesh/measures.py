@@ -4,10 +4,10 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Mesh, MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.cells import cell_of, check_kind
+from kohonen_adapt.mesh.cells import CELLS, cell_of, check_kind
 from kohonen_adapt.mesh.curved import (
     check_bent,
     check_middles,
@@ -24,7 +24,7 @@ __all__ = [
     "gradient",
     "hat_gradients",
     "inner_points",
-    "is_left",
+    "is_in_front",
     "quality",
     "signed_area",
 ]
@@ -59,21 +59,25 @@ def area(mesh: Mesh) -> Floats:
     return 0.5 * np.abs(jacobian_coefficients(corner_places(mesh), displacements(mesh)).mean(axis=1))
 
 
-def is_left(start: Floats, end: Floats, point: Floats) -> Mask:
-    """Whether points are on the left of the lines from start to end; all are (2, n)."""
-    along, off = end - start, point - start
-    return along[0] * off[1] > along[1] * off[0]
+def is_in_front(corners: Floats, point: Floats) -> Mask:
+    """Whether points (d, n) are in front of facets with these corners, (d, d, n).
+
+    That is on the left of a line, and where a triangle is seen to run clockwise from: so it is for an element around
+    which lines run counter-clockwise, or whose triangles do so as seen from outside.
+    """
+    cell = CELLS[len(point)]
+    return (-1) ** cell.dim * cell.determinant(np.concatenate([corners, point[:, None]], axis=1)) > 0.0
 
 
-def directed(mesh: MeshTri, facets: Ints, which: Ints) -> Ints:
-    """The ends of facets (m,), (m, 2), with the first or second of their elements on the left, as `which` says.
+def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
+    """The corners of facets (m,), (m, d), so that the first or second of their elements is in front, as `which` says.
 
     On the rim it is the first in any case.
     """
-    ends = mesh.facets[:, facets]
+    corners = mesh.facets[:, facets]
     element = np.where(mesh.f2t[which, facets] < 0, mesh.f2t[0, facets], mesh.f2t[which, facets])
-    left = is_left(mesh.p[:, ends[0]], mesh.p[:, ends[1]], mesh.p[:, mesh.t[:, element]].mean(axis=1))
-    return np.where(left, ends, ends[::-1]).T
+    right = is_in_front(mesh.p[:, corners], mesh.p[:, mesh.t[:, element]].mean(axis=1))
+    return np.where(right, corners, corners[[1, 0, *range(2, len(corners))]]).T
 
 
 def quality(mesh: Mesh) -> Floats:

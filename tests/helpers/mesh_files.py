@@ -5,7 +5,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
+from skfem.generic_utils import OrientedBoundary
 
 try:
     import gmsh
@@ -17,6 +18,7 @@ else:
 
 needs_gmsh = pytest.mark.skipif(gmsh is None, reason=WHY_NOT)
 SUFFIXES = [".msh", ".msh2", ".vtu"]
+FORMATS = [("2.2", "text"), ("2.2", "binary"), ("4.1", "text"), ("4.1", "binary")]  # of Gmsh's files
 
 
 @contextmanager
@@ -50,8 +52,31 @@ def two_rooms():
     )
 
 
+def two_boxes(cells=3):
+    """Two halves of a cube, distorted inside, with the wall between them, facing down, and a sheet in the upper one."""
+    mesh = MeshTet.init_tensor(*[np.linspace(0, 1, 2 * cells + 1)] * 3)
+    inner = np.setdiff1d(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    inner = inner[np.abs(mesh.p[2, inner] - 0.5) > 0.1]
+    p = mesh.p.copy()
+    p[:2, inner] += np.random.default_rng(0).uniform(-0.05, 0.05, (2, len(inner)))
+    mesh = (
+        MeshTet(p, mesh.t)
+        .oriented()
+        .with_subdomains(
+            {"low": lambda x: x[2] < 0.5, "upper half": lambda x: x[2] > 0.5, "left": lambda x: x[0] < 0.3}
+        )
+    )
+    middle = mesh.p[:, mesh.facets].mean(axis=1)
+    sheet = (np.abs(middle[2] - 0.5 - 0.5 / cells) < 1e-9) & (middle[0] < 0.5)
+    places = {"outer": middle[0] == 0, "with a corner": (middle[0] == 0) | (middle[1] == 0), "sheet": sheet}
+    named = {name: np.flatnonzero(place).astype(np.int32) for name, place in places.items()}
+    wall = mesh.facets_around("low")
+    inside = mesh.f2t[1, wall] >= 0
+    return MeshTet(mesh.p, mesh.t, named | {"wall": OrientedBoundary(wall[inside], wall.ori[inside])}, mesh.subdomains)
+
+
 def assert_same(mesh, other):
-    assert type(mesh) is MeshTri
+    assert type(mesh) is type(other)
     assert_array_equal(mesh.p, other.p)
     assert_array_equal(mesh.t, other.t)
     for got, wanted in ((mesh.subdomains, other.subdomains), (mesh.boundaries, other.boundaries)):
@@ -67,3 +92,28 @@ def in_front(mesh, name):
     element = mesh.f2t[getattr(boundary, "ori", 0), boundary]
     places = [mesh.p[:, mesh.facets[:, boundary]].mean(axis=1), mesh.p[:, mesh.t[:, element]].mean(axis=1)]
     return sorted(map(tuple, np.vstack(places).round(12).T.tolist()))
+
+
+def groups_in_gmsh(path):
+    """Distinct elements of every physical group as Gmsh has them after reading: {(dimension, name): rows of nodes}."""
+    groups = {}
+    with gmsh_session() as model:
+        gmsh.open(str(path))
+        for dimension, tag in model.getPhysicalGroups():
+            nodes = []
+            for entity in model.getEntitiesForPhysicalGroup(dimension, tag):
+                _, _, rows = model.mesh.getElements(dimension, entity)
+                nodes += [row.reshape(-1, dimension + 1) for row in rows]
+            rows = np.sort(np.concatenate(nodes), axis=1)
+            groups[dimension, model.getPhysicalName(dimension, tag)] = np.unique(rows, axis=0)
+    return groups
+
+
+def assert_gmsh_has(path, mesh):
+    groups = groups_in_gmsh(path)
+    d = len(mesh.p)
+    wanted = {(d, name): mesh.t[:, items] for name, items in mesh.subdomains.items()}
+    wanted |= {(d - 1, name): mesh.facets[:, items] for name, items in mesh.boundaries.items()}
+    assert groups.keys() == wanted.keys()
+    for key, nodes in wanted.items():
+        assert_array_equal(groups[key], np.unique(1 + np.sort(nodes.T, axis=1), axis=0))

@@ -120,7 +120,7 @@ def test_what_overlaps_is_refused(tmp_path):
     ("name", "text", "said"),
     [
         ("mesh.elements", "1 3 404 9 2 1 4\n", r"expected triangles only; .* has 3 line elements, .* 1 quadrilateral"),
-        ("mesh.elements", "1 3 504 9 2 1 4\n", "expected a plane mesh; .* 1 3D elements"),
+        ("mesh.elements", "1 3 808 9 2 1 4 9 2 1 4\n", "expected tetrahedra and triangles only; .* 1 hexahedron elem"),
         ("mesh.elements", "1 3 999 9 2 1 4\n", "cannot be read: element type 999 is unknown"),
         ("mesh.elements", "1 3 303 9 2 77\n", "cannot be read: an element has node 77, which is not there"),
         ("mesh.elements", "1 3 303 9 2\n", "cannot be read: "),

@@ -73,7 +73,7 @@ def test_lists_that_do_not_fit(tmp_path):
     mesh, path = two_rooms(), tmp_path / "f.pos"
     values = ramp(mesh)[0][mesh.t].T
     path.write_text(as_list(mesh, values[:, [0, 1, 2, 0, 1, 2]]))
-    with pytest.raises(ValueError, match="must have triangles of nine coordinates and three values, one step"):
+    with pytest.raises(ValueError, match="must have triangles of 9 coordinates and 3 values, one step"):
         ka.read_field(path, mesh, "f")
     path.write_text(as_list(mesh, values) + as_list(mesh, values))
     with pytest.raises(ValueError, match="has 2 fields or steps 'f'; write one only"):

@@ -1,0 +1,127 @@
+"""Make of the tetrahedra of a file a mesh with names: volume groups as subdomains, surface groups as boundaries."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from skfem import MeshTet, MeshTri
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.io.assembly import by_name, listed_once, oriented, said_of
+from kohonen_adapt.io.content import (
+    TETRAHEDRON,
+    TRIANGLE,
+    Content,
+    check_finite,
+    found_in,
+    sets_in,
+    shape_of,
+)
+from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.mesh.host import keys_of, number_facets, set_boundaries
+from kohonen_adapt.mesh.measures import area, is_in_front, signed_area
+
+__all__ = ["of_positive_volume", "to_solid"]
+
+logger = logging.getLogger("kohonen_adapt")
+
+Sets = dict[str, Ints]
+
+FIRST_ORDER = 4
+"""Gmsh's number for tetrahedra of four nodes."""
+
+
+def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
+    """The tetrahedra of a file as a mesh, with its groups as subdomains and boundaries.
+
+    Raises
+    ------
+    ValueError
+        If the file, `path`, holds other cells than tetrahedra of four nodes, or triangles that are no faces of these.
+    """
+    _check_shapes(content, path)
+    rows = content.of_shape(TETRAHEDRON)
+    tetrahedra, element = listed_once(rows)
+    is_used = np.zeros(len(content.points), dtype=bool)
+    is_used[tetrahedra] = True
+    used = np.flatnonzero(is_used)
+    check_finite(content.points[used], path, "read_mesh", "node")
+    p = np.ascontiguousarray(scale * content.points[used].T)
+    t = np.ascontiguousarray((np.cumsum(is_used) - 1)[tetrahedra].T)
+    mesh = of_positive_volume(MeshTet(p, t, None, by_name(rows.group, element, TETRAHEDRON, content)))
+    set_boundaries(mesh, oriented(mesh, _boundaries(mesh, used, content, path), _turn_alike))
+    _report(mesh, content, path)
+    return mesh
+
+
+def of_positive_volume(mesh: MeshTri | MeshTet) -> MeshTri | MeshTet:
+    """A mesh whose tetrahedra all have positive volumes, as other programs want them; of triangles as it is."""
+    return mesh.oriented() if len(mesh.p) == 3 and np.any(signed_area(mesh) < 0.0) else mesh
+
+
+def _check_shapes(content: Content, path: Path) -> None:
+    counts, found = said_of(content)
+    others = counts.keys() & {"quadrilateral", "hexahedron", "prism", "pyramid"}
+    if others:
+        raise ValueError(
+            f"read_mesh expected tetrahedra and triangles only; '{path}' has {found}. Mesh without recombination and "
+            "extruded layers, or split hexahedra with skfem.MeshHex.to_meshtet()."
+        )
+    orders = {kind for kind in content.rows if shape_of(kind) == TETRAHEDRON}
+    if orders != {FIRST_ORDER}:
+        raise ValueError(
+            f"read_mesh expected tetrahedra of four nodes; '{path}' has some of higher order. Mesh with "
+            "Mesh.ElementOrder = 1: gmsh -3 -order 1."
+        )
+
+
+def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets | None:
+    """Facets by name, twice the number of each, and 1 more where its second element is in front of its triangle."""
+    rows = content.of_shape(TRIANGLE)
+    if len(rows.number) == 0 and not content.names:
+        return None
+    number_facets(mesh)
+    node = found_in(used, rows.nodes)
+    facet = np.where(np.all(node >= 0, axis=1), sets_in(mesh.facets.T, node), -1)
+    if np.any(facet < 0):
+        place = tuple(content.points[rows.nodes[facet < 0][0]].mean(axis=0).tolist())
+        raise ValueError(
+            f"read_mesh expected triangles that are faces of tetrahedra; {np.sum(facet < 0)} of '{path}' are none, one "
+            f"near {place}. Put the volumes beside them into a physical group, mesh surfaces inside a volume with it "
+            "(Gmsh: BooleanFragments), or leave them out."
+        )
+    centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
+    second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
+    return by_name(rows.group, 2 * facet + second, TRIANGLE, content)
+
+
+def _turn_alike(triangles: Ints) -> bool:
+    """Whether most triangles (m, 3) turn as their neighbours do: of a program that knows no direction, half do not."""
+    edges = np.vstack([triangles[:, edge] for edge in map(list, CELLS[2].outward)]).T
+    up = np.where(edges[0] < edges[1], 1.0, -1.0)
+    number = np.unique(keys_of(np.sort(edges, axis=0), 1 + int(edges.max(initial=0))), return_inverse=True)[1]
+    joint = np.bincount(number) == 2
+    return bool(np.sum(np.bincount(number, up)[joint] != 0.0) <= np.sum(joint) / 4)
+
+
+def _report(mesh: MeshTet, content: Content, path: Path) -> None:
+    sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
+    names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
+    said = "read '%s': %d nodes, %d tetrahedra, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(said, path, *sizes, *names, unused)
+    curves = sorted({name for (dimension, _), name in content.names.items() if dimension == 1})
+    if curves:
+        logger.warning("groups of lines of '%s' have no place in a mesh of tetrahedra: %s left out.", path, curves)
+    if mesh.subdomains:
+        bare = np.ones(mesh.t.shape[1], dtype=bool)
+        bare[np.concatenate(list(mesh.subdomains.values()))] = False
+        if bare.any():
+            share = 100.0 * area(mesh)[bare].sum() / area(mesh).sum()
+            logger.warning("%.3g %% of the volume of '%s' is in no volume group: give it one.", share, path)
+    if content.missing:
+        volumes = ", ".join(map(str, content.missing))
+        logger.warning(
+            "'%s' has no tetrahedra for volume %s of its geometry: the mesh has holes there. "
+            "Put every volume into a physical group: where there are groups, Gmsh saves only what is in one.",
+            *(path, volumes),
+        )

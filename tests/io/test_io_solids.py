@@ -1,0 +1,331 @@
+"""Files of tetrahedra: volumes and surfaces as groups, both ways, and what no mesh can be made of."""
+
+import logging
+
+import meshio
+import numpy as np
+import pytest
+import skfem
+from helpers.examples import examples
+from helpers.mesh_files import (
+    FORMATS,
+    SUFFIXES,
+    WHY_NOT,
+    assert_gmsh_has,
+    assert_same,
+    gmsh,
+    gmsh_session,
+    in_front,
+    needs_gmsh,
+    two_boxes,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshTet, MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.io import read_field, read_groups, read_mesh, write_mesh
+from kohonen_adapt.mesh.measures import area, signed_area
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_round_trip_keeps_everything(tmp_path, suffix):
+    mesh = two_boxes()
+    write_mesh(tmp_path / f"mesh{suffix}", mesh)
+    back = read_mesh(tmp_path / f"mesh{suffix}")
+    assert_same(back, mesh)
+    assert in_front(back, "wall") == in_front(mesh, "wall")
+    assert isinstance(back.boundaries["wall"], OrientedBoundary)
+    assert not isinstance(back.boundaries["outer"], OrientedBoundary)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_round_trip_of_one_tetrahedron(tmp_path, suffix):
+    mesh = MeshTet(np.eye(4)[1:], np.arange(4)[[0, 1, 2, 3], None]).oriented()
+    write_mesh(tmp_path / f"mesh{suffix}", mesh)
+    assert_same(read_mesh(tmp_path / f"mesh{suffix}"), mesh)
+
+
+NAMES = st.text(min_size=1, max_size=20).filter(lambda name: name.isprintable() and '"' not in name and ":" not in name)
+
+
+@examples(15)
+@given(
+    subdomains=st.dictionaries(NAMES, st.sets(st.integers(0, 47)), max_size=4),
+    boundaries=st.dictionaries(NAMES, st.sets(st.integers(0, 119)), max_size=4),
+    suffix=st.sampled_from(SUFFIXES),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_names_on_any_sets_come_back(tmp_path_factory, subdomains, boundaries, suffix, seed):
+    mesh = MeshTet.init_tensor(*[np.linspace(0, 1, 3)] * 3).oriented()
+    shift = np.random.default_rng(seed).uniform(-0.05, 0.05, mesh.p.shape)
+    sets = [{name: np.array(sorted(rows), np.int32) for name, rows in s.items()} for s in (boundaries, subdomains)]
+    mesh = MeshTet((mesh.p + shift) * 10.0 ** (seed % 13 - 6), mesh.t, sets[0] or None, sets[1] or None)
+    path = tmp_path_factory.mktemp("names") / f"mesh{suffix}"
+    write_mesh(path, mesh)
+    assert_same(read_mesh(path), mesh)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_reversed_elements_are_turned_on_both_ways(tmp_path, suffix):
+    mesh = two_boxes()
+    reverse = MeshTet(mesh.p, mesh.t[[0, 1, 3, 2]], mesh.boundaries, mesh.subdomains)
+    assert np.all(signed_area(reverse) < 0)
+    write_mesh(tmp_path / f"mesh{suffix}", reverse)
+    file = meshio.read(tmp_path / f"mesh{suffix}", "vtu" if suffix == ".vtu" else "gmsh")
+    tetrahedra = file.cells_dict["tetra"]
+    assert np.all(signed_area(MeshTet(file.points.T, tetrahedra.T)) > 0)
+    assert len(np.unique(np.sort(tetrahedra, axis=1), axis=0)) == mesh.t.shape[1]  # MSH 2.2 lists some twice
+    back = read_mesh(tmp_path / f"mesh{suffix}")
+    assert_array_equal(np.sort(back.t, axis=0), np.sort(mesh.t, axis=0))
+    assert in_front(back, "wall") == in_front(mesh, "wall")
+    meshio.Mesh(file.points, {"tetra": tetrahedra[:, [1, 0, 2, 3]]}).write(tmp_path / "reverse.vtu")
+    assert np.all(signed_area(read_mesh(tmp_path / "reverse.vtu")) > 0)
+
+
+def test_scikit_fem_reads_ours_and_we_what_it_saves(tmp_path):
+    mesh = two_boxes()
+    write_mesh(tmp_path / "ours.vtu", mesh)
+    write_mesh(tmp_path / "ours.msh", mesh)
+    mesh.save(tmp_path / "theirs.vtu")
+    assert_same(skfem.Mesh.load(tmp_path / "ours.vtu"), mesh)
+    back = read_mesh(tmp_path / "theirs.vtu")
+    assert_same(back, mesh)
+    assert in_front(back, "wall") == in_front(mesh, "wall")
+    assert in_front(skfem.Mesh.load(tmp_path / "ours.msh"), "wall") == in_front(mesh, "wall")
+
+
+def test_scale_and_no_names(tmp_path):
+    mesh = MeshTet().refined(1)
+    write_mesh(tmp_path / "mesh.msh", mesh)
+    back = read_mesh(tmp_path / "mesh.msh", scale=1e-3)
+    assert back.subdomains is None and back.boundaries is None
+    assert_array_equal(back.p, 1e-3 * mesh.p)
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
+def test_gmsh_has_the_same_groups_and_fields(tmp_path, suffix):
+    mesh, path = two_boxes(2), tmp_path / f"mesh{suffix}"
+    vector = np.vstack([np.arange(mesh.t.shape[1]) / 3, *np.ones((2, mesh.t.shape[1]))])
+    write_mesh(path, mesh, point_data={"u": mesh.p[0] / 3}, cell_data={"B": vector})
+    assert_gmsh_has(path, mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(path))
+        nodal, elementwise = (gmsh.view.getHomogeneousModelData(view, 0) for view in gmsh.view.getTags())
+        quality = model.mesh.getElementQualities(1 + np.arange(mesh.t.shape[1]), "volume")
+        gmsh.write(str(tmp_path / "again.msh"))
+    assert_allclose(quality, signed_area(mesh), rtol=1e-12)
+    assert_array_equal(nodal[2], mesh.p[0] / 3)
+    assert_array_equal(elementwise[2], vector.T.ravel())
+    again = read_mesh(tmp_path / "again.msh")
+    for name, rows in mesh.subdomains.items():
+        assert area(again)[again.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
+    assert in_front(again, "wall") == in_front(mesh, "wall")
+
+
+def test_fields_come_back_by_place(tmp_path):
+    mesh = two_boxes(1)
+    values, order = np.arange(mesh.t.shape[1]) / 7, np.random.default_rng(1).permutation(mesh.t.shape[1])
+    other = MeshTet(mesh.p, mesh.t[:, order])
+    for name in ("f.vtu", "f.msh"):
+        write_mesh(tmp_path / name, other, cell_data={"B": values[order]}, point_data={"u": mesh.p[0]})
+        assert_array_equal(read_field(tmp_path / name, mesh, "B"), values)
+        assert_allclose(read_field(tmp_path / name, mesh, "u"), mesh.p[0, mesh.t].mean(axis=0))
+    corners = mesh.p[:, mesh.t].transpose(2, 1, 0).reshape(-1, 12).tolist()
+    rows = [f"SS({str(corners[e])[1:-1]}){{{str([float(values[e])] * 4)[1:-1]}}};" for e in order.tolist()]
+    (tmp_path / "f.pos").write_text(f'View "B" {{\n{chr(10).join(rows)}\n}};\n')
+    assert_allclose(read_field(tmp_path / "f.pos", mesh, "B"), values, rtol=1e-14)
+    write_mesh(tmp_path / "plane.vtu", MeshTri(), cell_data={"B": [0.0, 1.0]})
+    with pytest.raises(ValueError, match=r"field on the mesh, of 27 nodes and 48 tetrahedra; '.*' has 0 and 0"):
+        read_field(tmp_path / "plane.vtu", mesh, "B")
+
+
+BOXES = """
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {1, 0, 0, 1, 1, 1}; Rectangle(101) = {0.25, 0.25, 0.5, 0.5, 0.5};
+BooleanFragments{ Volume{1, 2}; Delete; }{ Surface{101}; Delete; }
+left() = Volume In BoundingBox{-0.1, -0.1, -0.1, 1.1, 1.1, 1.1};
+right() = Volume In BoundingBox{0.9, -0.1, -0.1, 2.1, 1.1, 1.1};
+wall() = Surface In BoundingBox{0.9, -0.1, -0.1, 1.1, 1.1, 1.1};
+sheet() = Surface In BoundingBox{0.2, 0.2, 0.4, 0.8, 0.8, 0.6};
+floor() = Surface In BoundingBox{-0.1, -0.1, -0.1, 2.1, 1.1, 0.1};
+origin() = Point In BoundingBox{-0.1, -0.1, -0.1, 0.1, 0.1, 0.1};
+Mesh.MeshSizeMin = 0.5; Mesh.MeshSizeMax = 0.5;
+"""
+
+NAMED = """
+Physical Volume("iron core", 7) = {left()}; Physical Volume(8) = {right()};
+Physical Volume("all", 3) = {left(), right()};
+Physical Surface("wall", 7) = {wall()}; Physical Surface("sheet", 5) = {-sheet(0)}; Physical Surface(9) = {floor()};
+Physical Point("origin", 4) = {origin()};
+"""
+
+
+@pytest.fixture(params=FORMATS, ids=" ".join)
+def drawn(request, tmp_path):
+    """A function that meshes two boxes side by side with a sheet in one, with groups, and returns the file."""
+    if gmsh is None:
+        pytest.skip(WHY_NOT)
+
+    def draw(groups, dimension=3, order=1):
+        version, kind = request.param
+        (tmp_path / "drawing.geo").write_text(BOXES + groups + "\n")
+        with gmsh_session() as model:
+            gmsh.open(str(tmp_path / "drawing.geo"))
+            for name, value in [("Mesh.MshFileVersion", float(version)), ("Mesh.Binary", kind == "binary")]:
+                gmsh.option.setNumber(name, value)
+            model.mesh.generate(dimension)
+            model.mesh.setOrder(order)
+            gmsh.write(str(tmp_path / "drawing.msh"))
+        return tmp_path / "drawing.msh"
+
+    return draw
+
+
+def sizes(mesh):
+    """Volume of every subdomain, area of every boundary."""
+    a, b, c = (mesh.p[:, corner] for corner in mesh.facets)
+    areas = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a, axis=0) ** 2, axis=0))
+    found = {name: area(mesh)[rows].sum() for name, rows in mesh.subdomains.items()}
+    found |= {name: areas[rows].sum() for name, rows in (mesh.boundaries or {}).items()}
+    return {name: round(float(value), 9) for name, value in found.items()}
+
+
+def test_groups_of_a_drawing(drawn):
+    mesh = read_mesh(drawn(NAMED))
+    wanted = {"iron core": 1.0, "region_8": 1.0, "all": 2.0, "wall": 1.0, "sheet": 0.25, "boundary_9": 2.0}
+    assert sizes(mesh) == wanted
+    assert np.all(signed_area(mesh) > 0) and mesh.is_valid()
+
+
+def test_the_direction_of_surfaces_is_kept(drawn, tmp_path):
+    """A surface with a minus sign turns, and what we write has the directions of what we read."""
+    up, down = (read_mesh(drawn(NAMED.replace("-sheet", sign + "sheet"))) for sign in ("", "-"))
+    heights = [np.mean([place[5] for place in in_front(mesh, "sheet")]) for mesh in (up, down)]
+    assert heights[0] < 0.5 < heights[1] or heights[1] < 0.5 < heights[0]
+    write_mesh(tmp_path / "again.msh", down)
+    assert in_front(read_mesh(tmp_path / "again.msh"), "sheet") == in_front(down, "sheet")
+
+
+def test_numbers_of_groups_survive(drawn, tmp_path):
+    path = drawn(NAMED)
+    mesh, groups = read_mesh(path), read_groups(path)
+    assert groups.names[3, 7] == "iron core" and groups.names[2, 7] == "wall" and groups.names[3, 8] == "region_8"
+    assert {name: x.tolist() for name, x in groups.places.items()}["origin"] == mesh.p[:, groups.held(mesh)].tolist()
+    write_mesh(tmp_path / "again.msh", mesh, groups=groups)
+    again = read_groups(tmp_path / "again.msh")
+    assert again.names == groups.names and again.version == groups.version
+    assert_same(read_mesh(tmp_path / "again.msh"), mesh)
+
+
+def test_a_volume_without_group_leaves_a_hole(drawn, caplog):
+    path = drawn('Physical Volume("iron", 1) = {left()};')
+    mesh = read_mesh(path)
+    assert sizes(mesh) == {"iron": 1.0}
+    if b"4.1" in path.read_bytes()[:20]:
+        assert "has no tetrahedra for volume 2 of its geometry: the mesh has holes there." in caplog.text
+
+
+def test_groups_of_lines_are_left_out(drawn, caplog):
+    mesh = read_mesh(drawn('Physical Volume("all", 1) = {left(), right()}; Physical Curve("rim", 2) = {1};'))
+    assert sizes(mesh) == {"all": 2.0}
+    assert "no place in a mesh of tetrahedra: ['rim'] left out" in caplog.text
+
+
+def test_what_is_drawn_and_no_mesh_of_tetrahedra_is_refused(drawn):
+    with pytest.raises(ValueError, match=r"in the xy-plane; z runs from 0 to 1 in '.*'\. Of a solid, mesh the inside"):
+        read_mesh(drawn(NAMED, dimension=2))
+    with pytest.raises(ValueError, match=r"expected tetrahedra of four nodes; '.*' has some of higher order.*-order 1"):
+        read_mesh(drawn(NAMED, order=2))
+    with pytest.raises(ValueError, match=r"triangles that are faces of tetrahedra; \d+ of '.*' are none, one near \("):
+        read_mesh(drawn('Physical Volume("a", 1) = {left()}; Physical Surface("b", 2) = {floor()};'))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "said"),
+    [
+        (skfem.MeshHex(), "1 hexahedron elements"),
+        (skfem.MeshWedge1(), "prism elements"),
+        (skfem.MeshTet2(), r"four nodes; '.*' has some of higher order"),
+    ],
+)
+def test_other_cells_are_refused(tmp_path, mesh, said):
+    mesh.save(tmp_path / "mesh.vtu")
+    with pytest.raises(ValueError, match=said):
+        read_mesh(tmp_path / "mesh.vtu")
+
+
+@pytest.mark.parametrize("other", ["pyramid", "wedge", "hexahedron", "quad"])
+def test_mixed_cells_are_refused(tmp_path, other):
+    points = np.random.default_rng(0).uniform(size=(8, 3))
+    nodes = np.arange({"pyramid": 5, "wedge": 6, "hexahedron": 8, "quad": 4}[other])[None]
+    meshio.Mesh(points, [("tetra", [[0, 1, 2, 3]]), (other, nodes)]).write(tmp_path / "mesh.vtu")
+    with pytest.raises(ValueError, match=r"expected tetrahedra and triangles only; .* 1 tetrahedron elem.*to_meshtet"):
+        read_mesh(tmp_path / "mesh.vtu")
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ({"cell_data": {"u": np.zeros((2, 5))}}, r"cell_data 'u' must have shape \(5,\) or \(3, 5\); got \(2, 5\)"),
+        ({"point_data": {"u": np.zeros((3, 8))}}, r"point_data 'u' must have shape \(8,\); got \(3, 8\)"),
+    ],
+)
+def test_fields_of_other_shapes_are_refused(tmp_path, data, message):
+    with pytest.raises(ValueError, match=message):
+        write_mesh(tmp_path / "mesh.msh", MeshTet(), **data)
+    with pytest.raises(ValueError, match=r"written of triangles only; write \.msh: ElmerGrid 14 2 MESH\.msh"):
+        write_mesh(tmp_path / "elmer", MeshTet())
+
+
+@needs_gmsh
+@pytest.mark.parametrize("suffix", [".inp", ".su2", ".vtk", ".mesh", ".med"])
+def test_files_of_other_programs(tmp_path, suffix):
+    if suffix == ".med":
+        pytest.importorskip("h5py")
+    (tmp_path / "drawing.geo").write_text(BOXES + NAMED.replace('Physical Volume("all", 3) = {left(), right()};', ""))
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / "drawing.geo"))
+        model.mesh.generate(3)
+        for name in ("m.msh", f"m{suffix}"):
+            gmsh.write(str(tmp_path / name))
+    wanted, mesh = read_mesh(tmp_path / "m.msh"), read_mesh(tmp_path / f"m{suffix}")
+    assert np.all(signed_area(mesh) > 0)
+    assert_allclose(mesh.p, wanted.p, atol=1e-7 if suffix == ".mesh" else 1e-12)
+    assert_array_equal(*(np.unique(np.sort(each.t, axis=0), axis=1) for each in (mesh, wanted)))
+    if suffix in (".inp", ".su2", ".med"):
+        assert_array_equal(np.sort(mesh.boundaries["wall"]), wanted.boundaries["wall"])
+    if suffix in (".inp", ".med"):  # of Abaqus, Gmsh writes no spaces
+        core = mesh.subdomains["iron_core" if suffix == ".inp" else "iron core"]
+        assert area(mesh)[core].sum() == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_solid_for_elmer(tmp_path):
+    """Two tetrahedra that share a face, with names for bodies and boundaries."""
+    texts = {
+        "header": "5 2 1\n2\n504 2\n303 1\n",
+        "nodes": "".join(
+            f"{k + 1} -1 {x} {y} {z}\n"
+            for k, (x, y, z) in enumerate([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)])
+        ),
+        "elements": "1 1 504 1 2 3 4\n2 2 504 1 2 3 5\n",
+        "boundary": "1 1 1 2 303 1 2 3\n",
+        "names": "! names for bodies\n$ up = 1\n$ down = 2\n! names for boundaries\n$ wall = 1\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / f"mesh.{name}").write_text(text)
+    mesh = read_mesh(tmp_path)
+    assert {name: rows.tolist() for name, rows in mesh.subdomains.items()} == {"up": [0], "down": [1]}
+    assert mesh.facets[:, mesh.boundaries["wall"]].ravel().tolist() == [0, 1, 2]
+
+
+def test_what_was_read_is_said(tmp_path, caplog):
+    mesh = two_boxes(1)
+    write_mesh(tmp_path / "mesh.msh", MeshTet(mesh.p, mesh.t, None, {"low": mesh.subdomains["low"]}))
+    with caplog.at_level(logging.INFO):
+        ka.read_mesh(tmp_path / "mesh.msh")
+    assert "27 nodes, 48 tetrahedra, subdomains ['low'], boundaries []; 0 unused nodes dropped." in caplog.text
+    assert "50 % of the volume of" in caplog.text and "is in no volume group: give it one." in caplog.text
