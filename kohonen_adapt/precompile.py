@@ -6,6 +6,7 @@ from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 from kohonen_adapt.kernels.ahead import compile_ahead
 from kohonen_adapt.kernels.compilation import expect, is_kept
 from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
@@ -24,9 +25,16 @@ __all__ = ["compile_missing", "warmup"]
 compile_ahead()  # of any first use, not of `warmup` alone
 
 
-def warmup() -> None:
+def warmup(space: bool = False) -> None:
     """Compile every kernel now, or load it from numba's cache.
 
+    Parameters
+    ----------
+    space
+        Whether to compile what only meshes of tetrahedra need, too.
+
+    Notes
+    -----
     Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` does that, which takes some
     seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
 
@@ -35,7 +43,7 @@ def warmup() -> None:
     >>> import kohonen_adapt as ka
     >>> ka.warmup()  # doctest: +SKIP
     """
-    expect(*ENTRIES)
+    expect(*(chapter for chapter in ENTRIES if space or chapter not in SPACE))
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("flip", "fixed", "recycle"):
@@ -51,14 +59,17 @@ def warmup() -> None:
         x = Basis(mesh, (ElementTriP1(), ElementTriP2())[order - 1]).doflocs[0]
         _polish(mesh, Ritz(x**2, x == 0.0, 1.0, order=order))
     _equilibrate()
+    if space:
+        for entry in (entry for chapter in SPACE.values() for entry in chapter):
+            entry.compile()
 
 
 def compile_missing() -> None:
-    """See that every kernel is in numba's cache, where other processes find it; where all are, load none of them here.
+    """See that every kernel over triangles is in numba's cache, where other processes find it.
 
-    That takes a hundredth of a second, and `warmup` half a second even then.
+    Where all are none of them is loaded here. That takes a hundredth of a second, and `warmup` half a second even then.
     """
-    loops = [entry for chapter in ENTRIES.values() for entry in chapter]
+    loops = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
     # Uncompiled, for debugging, they are plain functions.
     if not all(is_kept(entry.loop, entry.types) for entry in loops if hasattr(entry.loop, "py_func")):
         warmup()

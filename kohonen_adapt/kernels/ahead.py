@@ -16,7 +16,8 @@ from typing import Any
 from numba.core import event
 
 from kohonen_adapt.kernels.compilation import expected, is_kept, may_be_kept, number_of_threads
-from kohonen_adapt.kernels.entries import ENTRIES, Entry
+from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.kernels.entry import Entry, name_of
 
 __all__ = ["compile_ahead", "compile_each"]
 
@@ -69,8 +70,8 @@ class _Compiling(event.Listener):
             gc.disable()  # what numba makes is kept, and looking through it takes a twentieth of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
-        if self._depth == 1 and function.__module__.startswith(__package__) and function.__name__ not in self._waiting:
-            self._begin(function.__name__)
+        if self._depth == 1 and function.__module__.startswith(__package__) and name_of(function) not in self._waiting:
+            self._begin(name_of(function))
 
     def on_end(self, event: Any) -> None:
         """End a function."""
@@ -78,7 +79,7 @@ class _Compiling(event.Listener):
         if self._depth == 0:
             if self._collects:
                 gc.enable()
-            self._finish(event.data["dispatcher"].py_func.__name__)
+            self._finish(name_of(event.data["dispatcher"].py_func))
 
     def _begin(self, name: str) -> None:
         """Have a second process compile what is expected beside this function, and its own chapter."""

@@ -1,6 +1,7 @@
 """Every array that kernels share, in records: its shape, its type and what it says.
 
-Letters of shapes: n nodes, m elements, r regions, c chains, k knots of tabled chains, p pieces of outline. Where no
+Letters of shapes: n nodes, m elements, r regions, c chains, k knots of tabled chains, p pieces of outline, t training
+points, d dimensions. Where no
 type is given it is float64. Wide tables stand in place of an array for each column because every array handed to a
 kernel costs numba as much as some lines of code; kernels name the columns by the constants here, and everybody else by
 the properties of the records.
@@ -180,6 +181,28 @@ class SearchScratch(NamedTuple):
             np.empty(elements),
             np.empty((CROSSINGS + 3, 2), dtype=np.int32),
         )
+
+
+@record
+class Neurons(NamedTuple):
+    """A mesh that learns: triangles, or tetrahedra with the records of `tetrahedron/arrays.py`."""
+
+    position: np.ndarray  # (n, d)
+    elements: Elements
+    star: Star
+    constraints: Constraints
+
+
+@record
+class Lesson(NamedTuple):
+    """Training points in the order in which they are presented, and how far around their winners they reach."""
+
+    points: np.ndarray  # (t, d)
+    region: np.ndarray  # (t,) int32
+    weights: np.ndarray  # (t,)
+    winners: np.ndarray  # (t,) int32
+    strength: np.ndarray  # (radius + 1,) the neighbourhood function, of ring 0 to the radius
+    ends: np.ndarray  # (radius + 2,) int64: room for where the rings end in the queue
 
 
 @record

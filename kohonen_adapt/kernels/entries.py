@@ -1,11 +1,25 @@
 """List the loops that Python calls, with the types that they take, in the order in which they are needed."""
 
-from typing import Any
+from numba.types import UniTuple, boolean, float64, int8, int64
 
-from numba.types import UniTuple, boolean, float64, int8, int32, int64
-
-from kohonen_adapt.kernels import arrays, heap, ordering
+from kohonen_adapt.kernels import arrays, ordering
+from kohonen_adapt.kernels.entry import (
+    B1,
+    HEAP,
+    I1,
+    I2,
+    L1,
+    LESSON,
+    POOL,
+    R1,
+    R2,
+    R3,
+    R4,
+    SEARCH_SCRATCH,
+    Entry,
+)
 from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
@@ -26,11 +40,7 @@ from kohonen_adapt.kernels.triangle import (
     transport,
 )
 
-__all__ = ["ENTRIES", "Entry"]
-
-# Arrays by their number of axes.
-R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, :, ::1]
-I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
+__all__ = ["ENTRIES"]
 
 STAR = RecordType(arrays.Star, (I1, I1, I1, I1))
 ELEMENTS = RecordType(arrays.Elements, (I2, I2, I1, I2, I1, B1))
@@ -38,12 +48,10 @@ SITES = RecordType(smooth.Sites, (I1, I1, I1, R1))
 CHAINS = RecordType(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 TWINS = RecordType(arrays.Twins, (I1, I1, R3, I2))
 CONSTRAINTS = RecordType(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, TWINS))
-POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
+NEURONS = RecordType(arrays.Neurons, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = RecordType(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
 OPEN_MESH = RecordType(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
-HEAP = RecordType(heap.Heap, (R1, I2, L1))
-SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 LAWS = RecordType(arrays.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
 TRIALS = RecordType(arrays.Trials, (TRIAL, TRIAL))
@@ -56,18 +64,6 @@ DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MO
 OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
-
-
-class Entry:
-    """A loop and the types that it is compiled for."""
-
-    def __init__(self, loop: Any, *types: Any) -> None:
-        self.loop, self.types = loop, types
-
-    @property
-    def name(self) -> str:
-        """Of the loop; no two have the same."""
-        return str(self.loop.__name__)
 
 
 # By what needs them.
@@ -89,12 +85,10 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_sound, R2, STAR, float64, int64, int64, B1),
         Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
-        Entry(search.find_winners, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
-        Entry(
-            train.learn, R2, ELEMENTS, STAR, CONSTRAINTS, R2, I1, R1, I1, float64, R1, L1, float64, B1, SEARCH_SCRATCH
-        ),
+        Entry(train.learn, NEURONS, LESSON, float64, float64, B1, SEARCH_SCRATCH),
         Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
         Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
         Entry(smooth.sweep, R2, ELEMENTS, STAR, CONSTRAINTS, R1, boolean, float64, I1, B1, boolean),
@@ -145,4 +139,5 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
         Entry(locate.find, R2, ELEMENTS, R2, R1, R1, UniTuple(int64, 2), L1, I1, I1),
     ),
+    **SPACE,
 }

@@ -11,16 +11,17 @@ MARGIN = 0.0173  # of the extent of a mesh
 
 
 def along_curve(points: Floats) -> NDArray[np.int64]:
-    """The order of the rows of (k, 2) along a space-filling curve, (k,).
+    """The order of the rows of (k, 2) or (k, 3) along a space-filling curve, (k,).
 
-    The square that the curve fills is a little larger than need be, so that the lines that halve it again and again
-    miss the nodes of regular meshes: rounding must not decide on which side of them a node lies.
+    The square or cube that the curve fills is a little larger than need be, so that what halves it again and again
+    misses the nodes of regular meshes: rounding must not decide on which side of that a node lies.
     """
     keys = np.empty(len(points), dtype=np.int64)
     # column by column, which is many times faster
-    low, high = (np.array([bound(points[:, k]) for k in range(2)]) for bound in (np.min, np.max))
+    low, high = (np.array([bound(column) for column in points.T]) for bound in (np.min, np.max))
     size = max(np.max(high - low), np.finfo(float).tiny)
-    hilbert_keys(points, low - MARGIN * size, (1.0 + 3.0 * MARGIN) * size, keys)
+    fill_keys = hilbert_keys if points.shape[1] == 2 else hilbert_keys_in_space
+    fill_keys(points, low - MARGIN * size, (1.0 + 3.0 * MARGIN) * size, keys)
     return np.argsort(keys, kind="stable")
 
 
@@ -40,6 +41,50 @@ def hilbert_keys(points, origin, size, keys):
                 if right == 1:
                     x, y = half - 1 - x, half - 1 - y
                 x, y = y, x
+            half >>= 1
+        keys[t] = key
+
+
+@kernel
+def hilbert_keys_in_space(points, origin, size, keys):
+    """Compute how far along Hilbert's curve through the cube at `origin` of this size points lie, (n,) int64.
+
+    J. Skilling, "Programming the Hilbert curve", AIP Conf. Proc. 707 (2004): the bits of the coordinates are turned
+    back by the motions of the curve within each octant, from the greatest octants down, and read as a Gray code.
+    """
+    cells = 1 << BITS
+    for t in range(points.shape[0]):
+        x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))
+        y = min(cells - 1, max(0, int((points[t, 1] - origin[1]) / size * cells)))
+        z = min(cells - 1, max(0, int((points[t, 2] - origin[2]) / size * cells)))
+        half = cells >> 1
+        while half > 1:
+            lower = half - 1
+            if x & half:
+                x ^= lower
+            if y & half:
+                x ^= lower
+            else:
+                different = (x ^ y) & lower
+                x, y = x ^ different, y ^ different
+            if z & half:
+                x ^= lower
+            else:
+                different = (x ^ z) & lower
+                x, z = x ^ different, z ^ different
+            half >>= 1
+        y ^= x
+        z ^= y
+        key, odd = 0, 0
+        half = cells >> 1
+        while half > 0:
+            # where a bit of z is set, all lower bits of the three change
+            right = (1 if x & half else 0) ^ odd
+            upper = (1 if y & half else 0) ^ odd
+            front = (1 if z & half else 0) ^ odd
+            key = 8 * key + 4 * right + 2 * upper + front
+            if z & half:
+                odd ^= 1
             half >>= 1
         keys[t] = key
 

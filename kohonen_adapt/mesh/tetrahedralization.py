@@ -8,7 +8,8 @@ from skfem import MeshTet
 from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
+from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import number_facets, remade
@@ -28,7 +29,7 @@ class Tetrahedralization:
     ----------
     position
         (n, 3): the one truth of where a node is.
-    tetrahedra
+    elements
         As `kernels/tetrahedron/arrays.py` describes them; those of rows that begin with -1 are no part of the mesh.
     mesh
         The mesh it came from: names, and facets that are numbered.
@@ -37,9 +38,10 @@ class Tetrahedralization:
     """
 
     position: Floats
-    tetrahedra: Tetrahedra
+    elements: Tetrahedra
     mesh: MeshTet
     region_of_input: NDArray[np.int32]
+    _star: Star | None = None
 
     @classmethod
     def of(cls, mesh: MeshTet) -> "Tetrahedralization":
@@ -62,35 +64,43 @@ class Tetrahedralization:
         return len(self.position)
 
     @property
+    def star(self) -> Star:
+        """The elements around every node, worked out when first asked for."""
+        if self._star is None:
+            self._star = Star.of(self.nnodes, len(self.elements.node))
+            fill_star(self.elements.node, self._star)
+        return self._star
+
+    @property
     def used(self) -> Ints:
         """The rows of the elements that the mesh has, in order."""
-        return np.flatnonzero(self.tetrahedra.node[:, 0] >= 0)
+        return np.flatnonzero(self.elements.node[:, 0] >= 0)
 
     def copy(self) -> "Tetrahedralization":
         """The tetrahedralization as it is now."""
-        tetrahedra = Tetrahedra(*(array.copy() for array in self.tetrahedra))
-        return replace(self, position=self.position.copy(), tetrahedra=tetrahedra)
+        elements = Tetrahedra(*(array.copy() for array in self.elements))
+        return replace(self, position=self.position.copy(), elements=elements, _star=None)
 
-    def become(self, position: Floats, tetrahedra: Tetrahedra) -> None:
+    def become(self, position: Floats, elements: Tetrahedra) -> None:
         """Take other nodes and elements, of the same regions, which are not copied."""
-        self.position, self.tetrahedra = position, tetrahedra
+        self.position, self.elements, self._star = position, elements, None
 
     def volumes(self) -> Floats:
         """Volume of every element that the mesh has, (m,)."""
-        a, b, c, d = self.position[self.tetrahedra.node[self.used]].transpose(1, 0, 2)
+        a, b, c, d = self.position[self.elements.node[self.used]].transpose(1, 0, 2)
         return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
 
     def centroids(self) -> Floats:
         """Centroid of every element that the mesh has, (m, 3)."""
-        return self.position[self.tetrahedra.node[self.used]].mean(axis=1)
+        return self.position[self.elements.node[self.used]].mean(axis=1)
 
     def to_mesh(self) -> MeshTet:
         """The mesh as it is now, with its subdomains and without its boundaries (see `MovableSolid.mesh`)."""
         used, mesh = self.used, self.mesh
-        t = np.ascontiguousarray(self.tetrahedra.node[used].T).astype(mesh.t.dtype)
+        t = np.ascontiguousarray(self.elements.node[used].T).astype(mesh.t.dtype)
         if np.array_equal(t, positive(mesh.p.T, mesh.t).T):
             t = mesh.t.copy()
-        subdomains = subdomains_of(mesh, self.region_of_input, self.tetrahedra.region[used])
+        subdomains = subdomains_of(mesh, self.region_of_input, self.elements.region[used])
         position = np.ascontiguousarray(self.position.T)
         return remade(mesh, position, t, boundaries=None, subdomains=subdomains)
 

@@ -48,7 +48,7 @@ class Seams(NamedTuple):
 
 def constrained_faces(tet: Tetrahedralization) -> Faces:
     """Faces on the outer boundary, between regions, and in named boundaries."""
-    mesh, tetrahedra = tet.mesh, tet.tetrahedra
+    mesh, tetrahedra = tet.mesh, tet.elements
     across, own = tetrahedra.neighbour, tetrahedra.region[:, None]
     other = np.where(across >= 0, tetrahedra.region[across], -1)
     marked = other != own

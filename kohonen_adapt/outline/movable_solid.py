@@ -82,14 +82,14 @@ class MovableSolid:
         """The mesh as it is now, with every name it came with."""
         mesh = self.tetrahedralization.to_mesh()
         if self.came_from.boundaries is not None:
-            facet = facet_of_face(mesh, self.tetrahedralization.tetrahedra.node[self.tetrahedralization.used])
+            facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
             set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
         return mesh
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
         """The facets of the patches that carry a name; with their sides if it had them."""
         tet, used = self.tetrahedralization, self.tetrahedralization.used
-        patch, manner = tet.tetrahedra.patch[used], self.patches.names[name]
+        patch, manner = tet.elements.patch[used], self.patches.names[name]
         e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
         number, first = np.unique(facet[e, k], return_index=True)
         if not isinstance(self.came_from.boundaries[name], OrientedBoundary):
@@ -101,11 +101,11 @@ class MovableSolid:
     def on_front(self, element: Ints, corner: Ints) -> Mask:
         """Whether elements are on the front of the patch that the face opposite to these corners is part of."""
         tet = self.tetrahedralization
-        patch = tet.tetrahedra.patch[element, corner]
-        nodes = np.take_along_axis(tet.tetrahedra.node[element], FACES[corner], axis=1)
+        patch = tet.elements.patch[element, corner]
+        nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
         out, front = normals(tet.position, nodes), self.patches.front[patch]
         outward = np.einsum("ij,ij->i", out, self.patches.axis[patch]) > 0.0
-        return np.where(front >= 0, tet.tetrahedra.region[element] == front, outward)
+        return np.where(front >= 0, tet.elements.region[element] == front, outward)
 
     def copy(self) -> "MovableSolid":
         """The mesh as it is now, which later changes leave alone."""
@@ -114,7 +114,7 @@ class MovableSolid:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
-        records = {"tetrahedra": self.tetrahedralization.tetrahedra, "freedom": self.freedom}
+        records = {"tetrahedra": self.tetrahedralization.elements, "freedom": self.freedom}
         named = {name: name.split(".") for name in STATE_NAMES if "." in name}
         arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
         return {"position": self.tetrahedralization.position, **arrays}
@@ -126,7 +126,7 @@ class MovableSolid:
             return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
 
         tet = self.tetrahedralization
-        tet.become(own["position"], tet.tetrahedra._replace(**arrays("tetrahedra.")))
+        tet.become(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
         self.freedom = self.freedom._replace(**arrays("freedom."))
 
     def can_move(self) -> bool:
@@ -136,7 +136,7 @@ class MovableSolid:
 
 def mark_faces(tet: Tetrahedralization, faces: Faces, patch: Ints) -> None:
     """Write the patch of every constrained face into the elements on both of its sides."""
-    tetrahedra = tet.tetrahedra
+    tetrahedra = tet.elements
     tetrahedra.patch[faces.element, faces.corner] = patch
     across = tetrahedra.neighbour[faces.element, faces.corner]
     inside = across >= 0

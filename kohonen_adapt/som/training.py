@@ -13,7 +13,7 @@ from math import ceil
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import SearchScratch
+from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.geometry import mark_sound
@@ -188,18 +188,23 @@ class Trainer:
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
         """Winner of every point and its distance; a search starts from its hint."""
-        tri, constraints = self.movable.triangulation, self.movable.constraints
+        neurons = self._neurons()
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
             find_winners(
-                tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
-                hints[part], found[part], distances[part], self.scratch[thread],
+                neurons, batch.points[part], batch.region[part], hints[part], found[part], distances[part],
+                self.scratch[thread],
             )  # fmt: skip
 
         shared(task, even_cuts(len(hints), FEW, STRETCH))
         return found, distances
+
+    def _neurons(self) -> Neurons:
+        """The mesh as compiled loops take it."""
+        tri = self.movable.triangulation
+        return Neurons(tri.position, tri.elements, tri.star, self.movable.constraints)
 
     def _by_parts(
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
@@ -214,15 +219,12 @@ class Trainer:
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
-        tri, constraints, floor = self.movable.triangulation, self.movable.constraints, self.movable.floor
-        strength, radius = stage.strength(), stage.radius
+        neurons, floor, strength = self._neurons(), self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
-            part, rings = slice(first, last), np.empty(radius + 2, dtype=np.int64)
-            learn(
-                tri.position, tri.elements, tri.star, constraints, batch.points[part], batch.region[part],
-                batch.weights[part], winners[part], rate, strength, rings, floor, sound, self.scratch[thread],
-            )  # fmt: skip
+            part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
+            shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
+            learn(neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
 
         shared(task, shares_of(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])

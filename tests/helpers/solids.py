@@ -111,7 +111,7 @@ def set_elements(solid, own, node, region, patch):
 
 def split_edge(solid, a, b):
     """Put a node into the middle of an edge, held there, in place."""
-    state, tetrahedra = solid.state(), solid.tetrahedralization.tetrahedra
+    state, tetrahedra = solid.state(), solid.tetrahedralization.elements
     position = state["position"]
     own = {
         "position": np.vstack([position, position[[a, b]].mean(axis=0)]),
@@ -130,7 +130,7 @@ def split_edge(solid, a, b):
 
 def collapse_edge(solid, a, b):
     """Take node a away, whose elements then end in b, in place."""
-    state, tetrahedra = solid.state(), solid.tetrahedralization.tetrahedra
+    state, tetrahedra = solid.state(), solid.tetrahedralization.elements
     kept = np.arange(len(state["position"])) != a
     number = np.cumsum(kept) - 1
     gone = np.any(tetrahedra.node == a, axis=1) & np.any(tetrahedra.node == b, axis=1)

@@ -16,6 +16,7 @@ NO_ARRAYS = {
     "Constraints": {"chains", "twins"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
+    "Neurons": {"elements", "star", "constraints"},
     "Shapes": {"around"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},

@@ -7,7 +7,7 @@ from helpers.meshes import comb, generic_square, holed, inset, junction, l_shape
 from skfem import MeshTri
 
 from kohonen_adapt import Rules, Schedule, Stage
-from kohonen_adapt.kernels.arrays import SearchScratch
+from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.outline.movable import MovableMesh
@@ -53,12 +53,13 @@ def points_in(p, t, element, rng):
 
 def search(movable, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
-    tri, limits = movable.triangulation, movable.constraints
+    tri = movable.triangulation
+    neurons = Neurons(tri.position, tri.elements, tri.star, movable.constraints)
     scratch = SearchScratch.of(tri.nnodes, len(tri.elements.node))
-    winner, distance = find_winner(tri.position, tri.elements, tri.star, limits, start, x, region, scratch)
+    winner, distance = find_winner(neurons, start, x, region, scratch)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
     arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
-    find_winners(tri.position, tri.elements, tri.star, limits, *arrays, winners, distances, scratch)
+    find_winners(neurons, *arrays, winners, distances, scratch)
     if alike:
         assert winners[0] == winner
         assert distances[0] == pytest.approx(distance, rel=1e-14)

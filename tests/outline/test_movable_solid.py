@@ -53,7 +53,7 @@ def test_elements_are_positive_and_know_their_neighbours(build):
     mesh = MeshTet(mesh.p, mesh.t[[1, 0, 2, 3]])
     tet = MovableSolid.of(mesh, Rules()).tetrahedralization
     np.testing.assert_allclose(tet.volumes(), np.abs(volumes(mesh)), rtol=1e-13)
-    np.testing.assert_array_equal(tet.tetrahedra.neighbour, neighbours(tet.tetrahedra.node))
+    np.testing.assert_array_equal(tet.elements.neighbour, neighbours(tet.elements.node))
     np.testing.assert_allclose(tet.centroids(), mesh.p[:, mesh.t].mean(axis=1).T, rtol=1e-14)
 
 
@@ -152,7 +152,7 @@ def test_other_numbers_lose_no_name(build, seed):
 def refined_by_hand(solid, rng, splits=30):
     """Split random edges, inside and on patches, and put the names to the test in between by other numbers."""
     for step in range(splits):
-        node = solid.tetrahedralization.tetrahedra.node
+        node = solid.tetrahedralization.elements.node
         row = rng.choice(np.flatnonzero(node[:, 0] >= 0))
         split_edge(solid, *rng.choice(node[row], 2, replace=False).tolist())
         if step % 10 == 0:
@@ -202,11 +202,11 @@ def collapse_somewhere(solid, x):
     """Collapse the node at x into a neighbour with which all volumes stay positive and the names what they were."""
     tet = solid.tetrahedralization
     (a,) = np.flatnonzero(np.all(tet.position == x, axis=1))
-    around = np.any(tet.tetrahedra.node == a, axis=1)
-    for b in np.setdiff1d(tet.tetrahedra.node[around], [a]).tolist():
+    around = np.any(tet.elements.node == a, axis=1)
+    for b in np.setdiff1d(tet.elements.node[around], [a]).tolist():
         tried = solid.copy()
         collapse_edge(tried, a, b)
-        faces = tried.tetrahedralization.tetrahedra
+        faces = tried.tetrahedralization.elements
         if np.all(tried.tetrahedralization.volumes() > 1e-9) and same_area(tried, solid) and len(faces.node):
             solid.become(tried.state())
             return
@@ -216,7 +216,7 @@ def same_area(one, other):
     """Whether patches are as large in both."""
     areas = []
     for solid in (one, other):
-        tetrahedra, area = solid.tetrahedralization.tetrahedra, np.zeros(len(solid.surfaces.shape))
+        tetrahedra, area = solid.tetrahedralization.elements, np.zeros(len(solid.surfaces.shape))
         for k, corners in enumerate(([1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2])):
             e = np.flatnonzero(tetrahedra.patch[:, k] >= 0)
             a, b, c = solid.tetrahedralization.position[tetrahedra.node[e][:, corners]].transpose(1, 0, 2)
@@ -258,7 +258,7 @@ def test_scikit_fem_keeps_stale_numbers_of_facets():
 def test_a_copy_and_its_original_leave_each_other_alone():
     solid = MovableSolid.of(two_regions(2), Rules())
     copy, before = solid.copy(), boundary_facts(solid.mesh())
-    split_edge(solid, *solid.tetrahedralization.tetrahedra.node[0, :2].tolist())
+    split_edge(solid, *solid.tetrahedralization.elements.node[0, :2].tolist())
     solid.tetrahedralization.position[:] *= 2.0
     assert boundary_facts(copy.mesh()) == before
     again = MovableSolid.of(copy.came_from, Rules())

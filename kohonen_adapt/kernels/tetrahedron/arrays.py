@@ -142,3 +142,12 @@ class Queue(NamedTuple):
     def of(cls, elements: int) -> "Queue":
         """An empty queue for a mesh with rows for so many elements."""
         return cls(np.zeros(elements, dtype=np.bool_), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
+
+
+@record
+class Constraints(NamedTuple):
+    """Where each node may go, and where that is."""
+
+    freedom: Freedom
+    surfaces: Surfaces
+    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it

@@ -2,10 +2,23 @@
 
 import math
 
+import numpy as np
+
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import CIRCLE, CYLINDER, LINE, PLANE, PROJECTED, SPHERE
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    CIRCLE,
+    CYLINDER,
+    HELD,
+    INSIDE,
+    LINE,
+    ON_PATCH,
+    PLANE,
+    PROJECTED,
+    SPHERE,
+)
 
 STEPS = 20  # of Newton's method onto two patches at once
+TURN = math.cos(math.radians(30.0))  # of normals at the ends of an edge: as far as a facet may go around a surface
 NEAR = 1e-15  # of the size of the mesh's coordinates: a point this near is on both
 
 
@@ -122,3 +135,50 @@ def off_patch(mesh, p, a, b):
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     return abs(signed_distance(mesh.surfaces, p, 0.5 * x, 0.5 * y, 0.5 * z)[0])
+
+
+@inner_kernel
+def slid(position, constraints, v, dx, dy, dz):
+    """Where node v is after a step, as far as its patch or ridge lets it.
+
+    On planes and lines it is a step within them, so that nodes of planes across an axis keep their coordinate to the
+    last bit; what rounding adds up elsewhere is taken away when nodes are settled.
+    """
+    freedom, surfaces = constraints.freedom, constraints.surfaces
+    number, place = freedom.number[v], np.int64(freedom.place[v])
+    x, y, z = position[v, 0], position[v, 1], position[v, 2]
+    if number == INSIDE:
+        return x + dx, y + dy, z + dz
+    if number == HELD or (number == ON_PATCH and surfaces.shape[place] == PROJECTED):
+        return x, y, z
+    if number == ON_PATCH:
+        if surfaces.shape[place] != PLANE:
+            return onto_patch(surfaces, place, x + dx, y + dy, z + dz)
+        nx, ny, nz = surfaces.axis[place, 0], surfaces.axis[place, 1], surfaces.axis[place, 2]
+        across = dx * nx + dy * ny + dz * nz
+        return x + (dx - across * nx), y + (dy - across * ny), z + (dz - across * nz)
+    if surfaces.ridge_shape[place] != LINE:
+        return onto_ridge(surfaces, place, x + dx, y + dy, z + dz)
+    ax, ay, az = surfaces.ridge_axis[place, 0], surfaces.ridge_axis[place, 1], surfaces.ridge_axis[place, 2]
+    along = dx * ax + dy * ay + dz * az
+    return x + along * ax, y + along * ay, z + along * az
+
+
+@inner_kernel
+def within_reach(position, elements, star, surfaces, v, x, y, z):
+    """Whether no facet at v goes too far around its surface with v at (x, y, z): 30 degrees, or as far as before."""
+    for k in range(star.start[v], star.start[v + 1]):
+        e = np.int64(star.element[k])
+        for j in range(4):
+            p = np.int64(elements.patch[e, j])
+            if p < 0 or elements.node[e, j] == v or surfaces.shape[p] == PLANE or surfaces.shape[p] == PROJECTED:
+                continue
+            _, nx, ny, nz = signed_distance(surfaces, p, x, y, z)
+            _, ux, uy, uz = signed_distance(surfaces, p, position[v, 0], position[v, 1], position[v, 2])
+            for i in range(4):
+                w = elements.node[e, i]
+                if i != j and w != v:
+                    _, wx, wy, wz = signed_distance(surfaces, p, position[w, 0], position[w, 1], position[w, 2])
+                    if not nx * wx + ny * wy + nz * wz >= min(TURN, ux * wx + uy * wy + uz * wz):
+                        return False
+    return True

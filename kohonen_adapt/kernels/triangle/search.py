@@ -142,8 +142,9 @@ def nearest_reached(position, elements, e, x, scratch):
 
 
 @kernel
-def find_winner(position, elements, star, constraints, v, x, region, scratch):
+def find_winner(neurons, v, x, region, scratch):
     """Walk from node v to ever closer neighbours, then check the circle; returns the winner and its distance."""
+    position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
     while True:
         nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
         if nearest == v:
@@ -155,7 +156,7 @@ def find_winner(position, elements, star, constraints, v, x, region, scratch):
 
 
 @kernel
-def find_winners(position, elements, star, constraints, points, region, hints, winners, distances, scratch):
+def find_winners(neurons, points, region, hints, winners, distances, scratch):
     """Find the winner of every point and its distance.
 
     `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
@@ -165,8 +166,8 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
     node found is the winner; elsewhere `find_winner` looks which nodes the point reaches. All in one body: calls would
     cost more.
     """
+    position, elements, star, inner = neurons.position, neurons.elements, neurons.star, neurons.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
-    inner = constraints.inner
     for t in range(points.shape[0]):
         x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == own:
@@ -239,7 +240,7 @@ def find_winners(position, elements, star, constraints, points, region, hints, w
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance = find_winner(position, elements, star, constraints, v, points[t], own, scratch)
+            winner, distance = find_winner(neurons, v, points[t], own, scratch)
             winners[t], distances[t] = winner, distance
 
 

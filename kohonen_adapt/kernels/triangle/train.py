@@ -55,29 +55,15 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 
 @kernel
-def learn(
-    position,
-    elements,
-    star,
-    constraints,
-    points,
-    region,
-    weights,
-    winners,
-    rate,
-    strength,
-    rings,
-    floor,
-    sound,
-    scratch,
-):
+def learn(neurons, lesson, rate, floor, sound, scratch):
     """Present training points whose winners are known.
 
-    `strength[ring]` is the neighbourhood function, its length the radius plus one; `rings`, one longer, is room for
-    where the rings end in the queue. Learning rate times weight is capped
-    at 1. Stars marked `sound` need not look back. Neurons are moved here and not in a function of their own: its call
-    would take longer than its work.
+    Learning rate times weight is capped at 1. Stars marked `sound` need not look back. Neurons are moved here and not
+    in a function of their own: its call would take longer than its work.
     """
+    position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
+    points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
+    strength, rings = lesson.strength, lesson.ends
     kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
     periodic, rings[0] = constraints.twins.motions.shape[0] > 0, 0

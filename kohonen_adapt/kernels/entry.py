@@ -1,0 +1,60 @@
+"""Say what a loop that Python calls is compiled for: the types of its arguments, and of the records shared by all."""
+
+from typing import Any
+
+from numba.types import boolean, float64, int32, int64
+
+from kohonen_adapt.kernels import arrays, heap
+from kohonen_adapt.kernels.records import RecordType
+
+__all__ = [
+    "B1",
+    "HEAP",
+    "I1",
+    "I2",
+    "L1",
+    "LESSON",
+    "POOL",
+    "R1",
+    "R2",
+    "R3",
+    "R4",
+    "SEARCH_SCRATCH",
+    "Entry",
+    "name_of",
+]
+
+# Arrays by their number of axes.
+R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, :, ::1]
+I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
+
+# Records that loops over triangles and over tetrahedra take.
+POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
+HEAP = RecordType(heap.Heap, (R1, I2, L1))
+SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
+LESSON = RecordType(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
+
+
+class Entry:
+    """A loop and the types that it is compiled for.
+
+    A table has one for every loop that Python calls: what calls only other loops is compiled with them.
+    """
+
+    def __init__(self, loop: Any, *types: Any) -> None:
+        self.loop, self.types = loop, types
+
+    @property
+    def name(self) -> str:
+        """Of the loop, with its file; no two have the same."""
+        return name_of(self.loop)
+
+    def compile(self) -> None:
+        """Compile the loop, or find it on disk; uncompiled, for debugging, it is a plain function."""
+        if hasattr(self.loop, "py_func"):
+            self.loop.compile(self.types)
+
+
+def name_of(loop: Any) -> str:
+    """The file in `kernels` and the name of a loop: those over triangles and over tetrahedra share their names."""
+    return f"{loop.__module__.removeprefix('kohonen_adapt.kernels.')}.{loop.__name__}"

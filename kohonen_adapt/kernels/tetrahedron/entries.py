@@ -1,0 +1,31 @@
+"""List the loops over tetrahedra that Python calls, with the types that they take, in the order they are needed in."""
+
+from numba.types import boolean, float64, int8, int32, int64
+
+from kohonen_adapt.kernels import arrays as shared
+from kohonen_adapt.kernels import ordering
+from kohonen_adapt.kernels.entry import B1, I1, I2, L1, LESSON, R1, R2, SEARCH_SCRATCH, Entry
+from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.tetrahedron import arrays, connectivity, search, stars, train
+
+__all__ = ["SPACE"]
+
+TETRAHEDRA = RecordType(arrays.Tetrahedra, (I2, I2, I1, I2))
+STAR = RecordType(arrays.Star, (I1, I1, I2))
+SURFACES = RecordType(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1))
+FREEDOM = RecordType(arrays.Freedom, (int8[::1], I1, B1))
+CONSTRAINTS = RecordType(arrays.Constraints, (FREEDOM, SURFACES, B1))
+NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
+
+# By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
+SPACE: dict[str, tuple[Entry, ...]] = {
+    "space map": (
+        Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
+        Entry(connectivity.fill_star, I2, STAR),
+        Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
+        Entry(stars.mark_sound, R2, STAR, float64, int64, int64, B1),
+        Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
+    ),
+}

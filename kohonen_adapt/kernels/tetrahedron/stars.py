@@ -1,0 +1,82 @@
+"""Guard the elements around a node: no move leaves one worse than the rule allows; mark nodes deep in a part."""
+
+from kohonen_adapt.kernels.arrays import UNGUARDED
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
+
+
+@inner_kernel
+def star_tolerable(position, star, v, x, y, z, floor):
+    """Whether all qualities in the star of v were at least the floor, and none flat, with v at (x, y, z).
+
+    The same as asking for `star_quality` without a division; UNGUARDED switches the check off.
+    """
+    if floor == UNGUARDED:
+        return True
+    share = max(floor * floor * floor, FLAT) / 432.0
+    for k in range(star.start[v], star.start[v + 1]):
+        a, b, c = star.link[k, 0], star.link[k, 1], star.link[k, 2]
+        ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+        bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+        cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+        volume = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+        lengths = ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
+        mixed = ax * bx + ay * by + az * bz + bx * cx + by * cy + bz * cz + cx * ax + cy * ay + cz * az
+        squares = 3.0 * lengths - 2.0 * mixed
+        if not (volume > 0.0 and volume * volume > share * squares * squares * squares):
+            return False
+    return True
+
+
+@inner_kernel
+def may_move(position, star, v, x, y, z, floor):
+    """The guard: whether its star is, with v at (x, y, z), at least as good as min(floor, the worst there before)."""
+    if star_tolerable(position, star, v, x, y, z, floor):
+        return True
+    if star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor):
+        return False
+    before = star_quality(position, star, v, position[v, 0], position[v, 1], position[v, 2], -2.0)
+    after = star_quality(position, star, v, x, y, z, before)
+    return after > FLAT and after >= before
+
+
+@kernel
+def mark_sound(position, star, floor, first, last, sound):
+    """Mark those of the nodes `first` to `last` whose stars are tolerable: their guard need not look back.
+
+    Where all stars are, guarded moves keep them so. Elsewhere a neighbour may worsen a marked star within its own
+    rule; the guard is then stricter than the rule until the next time stars are marked.
+    """
+    for v in range(first, last):
+        sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor)
+
+
+@kernel
+def mark_deep(star, part, rings, deep, queue):
+    """Mark the nodes that have only nodes of their own part within so many rings, (n,).
+
+    `part` numbers the parts, (n,); `queue` (n,) is scratch.
+    """
+    last = 0
+    for v in range(part.shape[0]):
+        deep[v] = True
+        for k in range(star.start[v], star.start[v + 1]):
+            for j in range(3):
+                if part[star.link[k, j]] != part[v]:
+                    deep[v] = False
+        if not deep[v]:
+            queue[last] = v
+            last += 1
+    first = 0
+    for _ in range(rings - 1):
+        end = last
+        for i in range(first, last):
+            v = queue[i]
+            for k in range(star.start[v], star.start[v + 1]):
+                for j in range(3):
+                    other = star.link[k, j]
+                    if deep[other]:
+                        deep[other] = False
+                        queue[end] = other
+                        end += 1
+        first, last = last, end

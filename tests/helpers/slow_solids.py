@@ -1,0 +1,99 @@
+"""Slow twins of what the map does in meshes of tetrahedra, in plain Python and without shared code."""
+
+from itertools import combinations
+
+import numpy as np
+
+INSIDE, ON_PATCH, ON_RIDGE = 3, 2, 1
+
+
+def distance_to_simplex(corners, x):
+    """From the point x to the convex hull of independent corners: the nearest point lies within one of its faces."""
+    best = np.inf
+    for size in range(1, len(corners) + 1):
+        for chosen in combinations(corners, size):
+            base, span = chosen[0], np.array([c - chosen[0] for c in chosen[1:]]).reshape(-1, 3)
+            share = np.linalg.lstsq(span.T, x - base, rcond=None)[0]
+            if np.all(share >= -1e-12) and share.sum() <= 1 + 1e-12:
+                best = min(best, float(np.linalg.norm(base + share @ span - x)))
+    return best
+
+
+def flooded(position, node, neighbour, region, holder, x, radius):
+    """Elements reached from the holder, within its region, by crossing faces that meet the ball around x."""
+    reached, waiting = {holder}, [holder]
+    while waiting:
+        e = waiting.pop()
+        for k in range(4):
+            across = int(neighbour[e, k])
+            if across < 0 or across in reached or region[across] != region[e]:
+                continue
+            if distance_to_simplex(position[np.delete(node[e], k)], x) <= radius * (1 + 1e-12):
+                reached.add(across)
+                waiting.append(across)
+    return reached
+
+
+def canonical_winner(position, node, neighbour, region, holder, x):
+    """The nearest node of an element that the flood of the ball through that node reaches."""
+    distance = np.linalg.norm(position - x, axis=1)
+    for v in np.lexsort([np.arange(len(position)), distance]):
+        reached = flooded(position, node, neighbour, region, holder, x, distance[v])
+        if any(v in node[e] for e in reached):
+            return int(v), float(distance[v])
+    return None
+
+
+def quality(position, node):
+    """12 (3 V)^(2/3) / (sum of squared edges) of elements (m, 4), with the sign of the volume."""
+    corners = position[node]
+    volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+    squares = sum(np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in combinations(range(4), 2))
+    return np.sign(volume) * 12 * np.abs(3 * volume) ** (2 / 3) / squares
+
+
+def rings(node, winner, radius):
+    """Lists of nodes 0, 1, ... `radius` edges away from the winner."""
+    found, seen = [[winner]], {winner}
+    for _ in range(radius):
+        ring = {int(v) for u in found[-1] for v in node[(node == u).any(axis=1)].ravel()} - seen
+        found.append(sorted(ring))
+        seen |= ring
+    return found
+
+
+class SlowSolidMap:
+    """Equation 1 of the paper with the guard; nodes slide in planes (normals) and along lines (directions)."""
+
+    def __init__(self, position, node, number, place, normals, directions, floor):
+        self.position, self.node, self.number, self.place = position.copy(), node, number, place
+        self.normals, self.directions, self.floor = normals, directions, floor
+        self.refused = 0
+
+    def move(self, v, x, step):
+        """A guarded step of a share of the way, as far as a node's freedom has it."""
+        before, way = self.position[v].copy(), step * (x - self.position[v])
+        if self.number[v] == ON_PATCH:
+            n = self.normals[self.place[v]]
+            way = way - way @ n * n
+        elif self.number[v] == ON_RIDGE:
+            a = self.directions[self.place[v]]
+            way = way @ a * a
+        elif self.number[v] != INSIDE:
+            return
+        star = self.node[(self.node == v).any(axis=1)]
+        worst = quality(self.position, star).min()
+        self.position[v] = before + way
+        after = quality(self.position, star).min()
+        if after <= 0 or after < min(self.floor, worst):
+            self.position[v] = before
+            self.refused += 1
+
+    def present(self, x, rate, strength):
+        """One training point; returns the distance to its winner, the nearest of all nodes."""
+        distance = np.linalg.norm(self.position - x, axis=1)
+        nearby = rings(self.node, int(np.argmin(distance)), len(strength) - 1)
+        for ring, share in zip(nearby, strength, strict=True):
+            for v in ring:
+                self.move(v, x, rate * share)
+        return distance.min()
