@@ -13,6 +13,7 @@ from kohonen_adapt.mesh.turning import turned
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
+from kohonen_adapt.outline.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.polishing.polish import polish
 from kohonen_adapt.precompile import warmup
 from kohonen_adapt.problem.protocol import NotOffered, Problem
@@ -27,16 +28,20 @@ from kohonen_adapt.sweeps.sweep import sweep
 __all__ = [
     "AdaptResult",
     "Arc",
+    "Cone",
+    "Cylinder",
     "KohonenMap",
     "Line",
     "NotOffered",
     "Pass",
+    "Plane",
     "Problem",
     "Reflection",
     "Ritz",
     "Rotation",
     "Rules",
     "Schedule",
+    "Sphere",
     "Spline",
     "Stage",
     "Status",

@@ -15,6 +15,7 @@ __all__ = [
     "check_tolerance",
     "finite_point",
     "finite_reals",
+    "finite_triple",
     "is_count",
     "is_number",
     "listed",
@@ -123,10 +124,28 @@ def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:
     ValueError
         If it is not two finite numbers.
     """
-    try:
-        x, y = (float(coordinate) for coordinate in np.asarray(point, dtype=np.float64))
-    except (TypeError, ValueError):
-        x = y = np.nan
-    if not (isfinite(x) and isfinite(y)):
-        raise ValueError(f"{what} must be two finite numbers (x, y); got {point!r}.")
+    x, y = finite_coordinates(point, what, "two finite numbers (x, y)", 2)
     return x, y
+
+
+def finite_triple(point: ArrayLike, what: str) -> tuple[float, float, float]:
+    """A point or vector in space as three floats; `what` it is begins the message.
+
+    Raises
+    ------
+    ValueError
+        If it is not three finite numbers.
+    """
+    x, y, z = finite_coordinates(point, what, "three finite numbers (x, y, z)", 3)
+    return x, y, z
+
+
+def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> list[float]:
+    """So many floats; `what` it is and what was `wanted` make the message."""
+    try:
+        found = [float(coordinate) for coordinate in np.asarray(point, dtype=np.float64)]
+    except (TypeError, ValueError):
+        found = []
+    if len(found) != count or not all(map(isfinite, found)):
+        raise ValueError(f"{what} must be {wanted}; got {point!r}.")
+    return found

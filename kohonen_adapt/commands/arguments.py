@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from kohonen_adapt.outline.rules import TOPOLOGIES, Rules
+from kohonen_adapt.outline.rules import TOPOLOGIES, LeastQuality, Rules
 
 __all__ = ["command_parser", "writable_folder"]
 
@@ -80,9 +80,9 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
     move.add_argument(
         "--min-quality",
         metavar="Q",
-        type=float,
+        type=least_quality,
         default=Rules.min_quality,
-        help="least quality of an element, from 0, flat, to 1, equilateral; by default 0.3",
+        help="least quality of an element, from 0, flat, to 1, equilateral; auto, the default: 0.3",
     )
     move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
     move.add_argument(
@@ -164,6 +164,14 @@ def _add_sweep(commands: Any) -> None:
     who.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that is to compute it")
     _add_folder_or_resume(sweep, "folder of a sweep that was cut short: compute what is not finished")
     sweep.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def least_quality(text: str) -> LeastQuality:
+    """A number or "auto", as an option says it."""
+    try:
+        return "auto" if text == "auto" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number or auto; got {text!r}") from None
 
 
 def _add_folder_or_resume(command: Any, resume: str) -> None:

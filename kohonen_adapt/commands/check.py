@@ -15,14 +15,14 @@ from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.rules import Rules, floor_of
 from kohonen_adapt.outline.suspects import suspects
 
 __all__ = ["described", "faults", "hints", "outlines_described", "points_described", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
-MIN_QUALITY = Rules.min_quality or 0.0  # of `adapt`, where nothing else is asked
+MIN_QUALITY = floor_of(Rules(), 2)  # of `adapt`, where nothing else is asked
 SHOWN = 3  # places of a kind
 LONG = 25.0  # a part is narrow whose squared outline is so many times its area, as of a rectangle of 1 by 4
 TIPS = 0.05  # of the area of a part: if less of it is one layer, that is where its sides meet

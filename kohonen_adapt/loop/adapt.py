@@ -19,7 +19,8 @@ from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Pinned, Rules, holding
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, holding
+from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.polishing.polish import PLAN
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.problem.outputs import Output, check_outputs
@@ -41,7 +42,7 @@ def adapt(
     atol: float | None = None,
     schedule: Schedule | None = None,
     topology: str | None = None,
-    min_quality: float = 0.3,
+    min_quality: LeastQuality = "auto",
     pinned: Pinned = (),
     seed: int = 0,
     callback: Callable[[Pass], Any] | None = None,
@@ -50,6 +51,7 @@ def adapt(
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[Pair] | None = None,
     layers: Mapping[str, int] | None = None,
+    surfaces: Mapping[str, Surface] | None = None,
     outputs: Mapping[str, Output] | None = None,
     output_rtol: float | None = None,
     interim: Callable[[AdaptResult], Any] | None = None,
@@ -85,7 +87,7 @@ def adapt(
         Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
     schedule
         How the map learns; None for the default, which fits itself to every pass.
-    topology, min_quality, pinned, curves, layers
+    topology, min_quality, pinned, curves, layers, surfaces
         What nodes may do: see `Rules`. ``topology=None`` takes the measured best, ``"recycle"``.
     periodic
         Pairs of boundaries that are one another's image: see `Rules`. None takes those of the problem, its ``pairs``;
@@ -159,7 +161,9 @@ def adapt(
     check_mesh(mesh, bent=True, folded=True)
     pairs = pairs_of(problem) if periodic is None else periodic
     round_ = curves_of(problem, mesh, curves)
-    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers).guarded()
+    rules = Rules(
+        TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces
+    ).guarded()
     rules = holding(rules, nodes_held(problem, mesh))
     growth, wanted = Growth.of(int(mesh.nvertices), target_nodes, passes), check_outputs(outputs, output_rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)

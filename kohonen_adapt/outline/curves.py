@@ -13,6 +13,7 @@ from kohonen_adapt.checks import finite_point
 
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "checked_points", "projected", "size_of"]
 
+KINDS = {2: "curve", 3: "surface"}  # what a boundary is on, in so many dimensions
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
 
 
@@ -135,11 +136,11 @@ class Arc:
         return centre + self.radius * (off / distance)
 
 
-def checked_points(points: ArrayLike, what: str) -> Floats:
-    """A copy of points as floats, refused unless finite and (2, n); `what` they are is for messages."""
+def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:
+    """A copy of points as floats, refused unless finite and (dimension, n); `what` they are is for messages."""
     array = np.array(points, dtype=np.float64)
-    if array.ndim != 2 or len(array) != 2:
-        raise ValueError(f"{what} must have shape (2, n); got {array.shape}.")
+    if array.ndim != 2 or len(array) != dimension:
+        raise ValueError(f"{what} must have shape ({dimension}, n); got {array.shape}.")
     if not np.all(np.isfinite(array)):
         number = np.sum(~np.isfinite(array).all(axis=0))
         raise ValueError(f"{what} must be finite; {number} of {array.shape[1]} points are not.")
@@ -147,29 +148,31 @@ def checked_points(points: ArrayLike, what: str) -> Floats:
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
-    """The points (n, 2) of a curve nearest to some, checked."""
+    """The points (n, d) of a curve in the plane or a surface in space nearest to some, checked."""
     found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
     wrong = np.sum(~np.isfinite(found))
-    if found.shape != (2, len(points)) or wrong:
+    if found.shape != points.shape[::-1] or wrong:
         raise ValueError(
-            f"project of the curve of boundary {name!r} must return finite points of shape (2, {len(points)}); "
+            f"project of the {KINDS[points.shape[1]]} of boundary {name!r} must return finite points of shape "
+            f"{points.shape[::-1]}; "
             f"got shape {found.shape}, {wrong} coordinates not finite."
         )
     return np.ascontiguousarray(found.T)
 
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
-    """Refuse a curve that the nodes of its boundary are not on."""
-    way = np.hypot(*(nodes - projected(curve, nodes, name)).T)
-    off, size, (x, y) = way.max(), size_of(nodes), nodes[np.argmax(way)]
+    """Refuse a curve or surface that the nodes (n, d) of its boundary are not on."""
+    way = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
+    off, size, kind = way.max(), size_of(nodes), KINDS[nodes.shape[1]]
     if off > NEAR * size:
+        place = ", ".join(f"{coordinate:.6g}" for coordinate in nodes[np.argmax(way)])
         raise ValueError(
-            f"the nodes of boundary {name!r} must lie on the curve given for it, within {NEAR:g} of its size, "
-            f"{size:.6g} in units of the mesh; the one at ({x:.6g}, {y:.6g}) is {off:.6g} away. Give the curve "
+            f"the nodes of boundary {name!r} must lie on the {kind} given for it, within {NEAR:g} of its size, "
+            f"{size:.6g} in units of the mesh; the one at ({place}) is {off:.6g} away. Give the {kind} "
             "that the mesh was made with, in the same unit."
         )
 
 
 def size_of(nodes: Floats) -> float:
-    """The larger extent of some points (n, 2)."""
+    """The largest extent of some points (n, d)."""
     return float(np.max(np.ptp(nodes, axis=0)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.arrays import HELD, JUNCTION, UNGUARDED, Constraints, Elements
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.curved import facet_displacements, is_second_order, with_displacements
@@ -18,7 +18,7 @@ from kohonen_adapt.outline.facets import facet_of_edge
 from kohonen_adapt.outline.isoparametric import bent_sides
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.rules import Rules, check_for, floor_of
 
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
 
@@ -83,11 +83,12 @@ class MovableMesh:
         bent outlines are curves: those given, arcs, or splines through corners and mid-side nodes. Sides that are bent
         on no outline become straight.
         """
+        check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
         second_order = is_second_order(mesh)
         outline = Outline.of(triangulation, rules, facet_displacements(mesh) if second_order else None)
         lay(triangulation, outline.constraints, rules.layers)
-        floor = UNGUARDED if rules.min_quality is None else float(rules.min_quality)
+        floor = floor_of(rules, 2)
         bends = (second_order if curved is None else curved) and not outline.straight.all()
         return cls(triangulation, outline, floor, rules.flips, bends)
 

@@ -10,7 +10,6 @@ from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Freedom, Surfaces
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
@@ -18,7 +17,7 @@ from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seam
 from kohonen_adapt.outline.facets import LEFT, turned
 from kohonen_adapt.outline.patches import Patches, patches_of
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
-from kohonen_adapt.outline.rules import Rules, pinned_nodes
+from kohonen_adapt.outline.rules import Rules, check_for, floor_of, pinned_nodes
 
 __all__ = ["MovableSolid"]
 
@@ -57,6 +56,7 @@ class MovableSolid:
     @classmethod
     def of(cls, mesh: MeshTet, rules: Rules) -> "MovableSolid":
         """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name."""
+        check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
         pinned = pinned_nodes(mesh, rules.pinned)
         faces = constrained_faces(tet)
@@ -64,7 +64,7 @@ class MovableSolid:
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position)
         ridges = ridges_of(edges, patches, tet.position)
         mark_faces(tet, faces, patches.of_face)
-        floor = UNGUARDED if rules.min_quality is None else float(rules.min_quality)
+        floor = floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned)
         return cls(tet, surfaces_of(patches, ridges), freedom, patches, floor, rules.flips)
 

@@ -2,31 +2,39 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.kernels.arrays import UNGUARDED
+from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.motions import Motion, Pair
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.surfaces import Surface
 
 __all__ = [
     "TOPOLOGIES",
+    "LeastQuality",
     "Pinned",
     "Rules",
+    "check_for",
     "checked_curves",
     "checked_layers",
     "checked_pair",
     "checked_pairs",
+    "checked_surfaces",
+    "floor_of",
     "holding",
     "pinned_nodes",
 ]
 
 TOPOLOGIES = ("fixed", "flip", "recycle")
 
+LeastQuality = float | Literal["auto"]
 Pinned = Sequence[int | str] | Ints | str
 
 
@@ -43,8 +51,8 @@ class Rules:
         corners and pinned nodes stay, and the number of elements may change.
     min_quality
         A move, flip, collapse or split is accepted if the worst quality it leaves in what it touches is at least
-        ``min(min_quality, the worst there before)``; from 0 to below 1. None switches every check off (`KohonenMap`
-        only).
+        ``min(min_quality, the worst there before)``; from 0 to below 1. ``"auto"`` means 0.3 for triangles and 0.2 for
+        tetrahedra, which do not fill space by good ones alone. None switches every check off (`KohonenMap` only).
     pinned
         What stays where it is: node numbers, names of boundaries and subdomains.
     curves
@@ -65,6 +73,11 @@ class Rules:
         distance, with whatever joins pieces of one side; the ends of a gap are none. Where there are fewer, edges
         across are halved with ``"recycle"``, which takes nodes elsewhere for it, and in `adapt` with `target_nodes`;
         without either it is refused.
+    surfaces
+        Of tetrahedra, the surfaces that named boundaries are on: `Plane`, `Sphere`, `Cylinder`, `Cone`, or any object
+        with a method ``project(x (3, n)) -> (3, n)``, by name. Nodes slide on them, where two meet on both.
+
+    `curves`, `periodic` and `layers` are for triangles only, and `surfaces` for tetrahedra only.
 
     Raises
     ------
@@ -73,17 +86,18 @@ class Rules:
     """
 
     topology: str = "flip"
-    min_quality: float | None = 0.3
+    min_quality: LeastQuality | None = "auto"
     pinned: Pinned = ()
     curves: Mapping[str, Curve] | None = None
     periodic: Sequence[Pair] = ()
     layers: Mapping[str, int] | None = None
+    surfaces: Mapping[str, Surface] | None = None
 
     def __post_init__(self) -> None:
         if self.topology not in TOPOLOGIES:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {self.topology!r}.")
-        if self.min_quality is not None and not (is_number(self.min_quality) and 0 <= self.min_quality < 1):
-            raise ValueError(f"min_quality must be from 0 to below 1; got {self.min_quality!r}.")
+        if not is_least_quality(self.min_quality):
+            raise ValueError(f"min_quality must be 'auto' or from 0 to below 1; got {self.min_quality!r}.")
         if not isinstance(self.pinned, Iterable) or (isinstance(self.pinned, np.ndarray) and self.pinned.ndim == 0):
             raise ValueError(f"pinned must be a sequence of node numbers and names; got {self.pinned!r}.")
         if not isinstance(self.periodic, Iterable) or isinstance(self.periodic, str):
@@ -108,8 +122,33 @@ class Rules:
             If `min_quality` is None.
         """
         if self.min_quality is None:
-            raise ValueError("min_quality must be a number here; only KohonenMap works unchecked. Got None.")
+            raise ValueError("min_quality must be 'auto' or a number here; only KohonenMap works unchecked. Got None.")
         return self
+
+
+def is_least_quality(value: object) -> bool:
+    """Whether it is a least quality, "auto" or none."""
+    if isinstance(value, str):
+        return value == "auto"
+    return value is None or (is_number(value) and bool(0 <= value < 1))  # type: ignore[operator]
+
+
+def floor_of(rules: Rules, dimension: int) -> float:
+    """The least quality that elements in so many dimensions are to keep; UNGUARDED where nothing is checked."""
+    if rules.min_quality is None:
+        return UNGUARDED
+    return float(CELLS[dimension].floor if rules.min_quality == "auto" else rules.min_quality)
+
+
+def check_for(rules: Rules, dimension: int) -> None:
+    """Refuse what is for elements in another number of dimensions."""
+    if dimension == 2 and rules.surfaces:
+        raise ValueError("surfaces are for tetrahedra; a boundary in the plane may be given one of the curves.")
+    if dimension == 3 and rules.curves:
+        raise ValueError("curves are for triangles; a boundary of tetrahedra may be given one of the surfaces.")
+    for name in ("periodic", "layers"):
+        if dimension == 3 and len(getattr(rules, name) or ()):
+            raise ValueError(f"{name} must be left out for tetrahedra; it is for triangles only.")
 
 
 def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
@@ -118,7 +157,7 @@ def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
     return replace(rules, pinned=[*given, *nodes]) if nodes else rules
 
 
-def pinned_nodes(mesh: MeshTri, pinned: Pinned) -> Mask:
+def pinned_nodes(mesh: Mesh, pinned: Pinned) -> Mask:
     """Mask (nodes,) of the nodes meant by node numbers and names of boundaries and subdomains.
 
     Refuses unknown names and those of both a boundary and a subdomain, numbers out of range, and whatever is neither.
@@ -136,7 +175,7 @@ def pinned_nodes(mesh: MeshTri, pinned: Pinned) -> Mask:
     return mask
 
 
-def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
+def nodes_of_name(mesh: Mesh, name: str) -> Ints:
     """The nodes of a named boundary or subdomain."""
     boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
     if name in boundaries and name in subdomains:
@@ -151,18 +190,28 @@ def nodes_of_name(mesh: MeshTri, name: str) -> Ints:
 
 def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
     """The curves given for boundaries of a mesh; refused without a mapping, a boundary or a method `project`."""
-    if curves is None:
+    return checked_shapes(mesh, curves, "curve", "kohonen_adapt.Line, Arc or Spline", 2)
+
+
+def checked_surfaces(mesh: MeshTet, surfaces: Mapping[str, Surface] | None) -> dict[str, Surface]:
+    """The surfaces given for boundaries of a mesh; refused without a mapping, a boundary or a method `project`."""
+    return checked_shapes(mesh, surfaces, "surface", "kohonen_adapt.Plane, Sphere, Cylinder or Cone", 3)
+
+
+def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, known: str, d: int) -> dict[str, Curve]:
+    """What boundaries of a mesh in d dimensions are given by a rule, each of which is one of a `kind`."""
+    if shapes is None:
         return {}
-    if not isinstance(curves, Mapping):
-        raise ValueError(f"curves must map names of boundaries to curves; got {type(curves).__name__}.")
-    for name, curve in curves.items():
-        check_boundary(mesh, name, "curves")
-        if not callable(getattr(curve, "project", None)):
+    if not isinstance(shapes, Mapping):
+        raise ValueError(f"{kind}s must map names of boundaries to {kind}s; got {type(shapes).__name__}.")
+    for name, shape in shapes.items():
+        check_boundary(mesh, name, f"{kind}s")
+        if not callable(getattr(shape, "project", None)):
             raise ValueError(
-                f"the curve of boundary {name!r} must be a kohonen_adapt.Line, Arc or Spline, or have a method "
-                f"project(x (2, n)) -> (2, n); got {curve!r}."
+                f"the {kind} of boundary {name!r} must be a {known}, or have a method "
+                f"project(x ({d}, n)) -> ({d}, n); got {shape!r}."
             )
-    return dict(curves)
+    return dict(shapes)
 
 
 def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, str, Motion | None]]:
@@ -212,7 +261,7 @@ def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str,
     return {name: int(number) for name, number in layers.items()}
 
 
-def check_boundary(mesh: MeshTri, name: str, argument: str) -> None:
+def check_boundary(mesh: Mesh, name: str, argument: str) -> None:
     """Refuse a name in an argument that is not that of a boundary."""
     known = mesh.boundaries or {}
     if not isinstance(name, str) or name not in known:

@@ -10,7 +10,8 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Pinned, Rules, holding
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, holding
+from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
@@ -32,12 +33,13 @@ def polish(
     *,
     sweeps: int = SWEEPS,
     topology: str = "flip",
-    min_quality: float = 0.3,
+    min_quality: LeastQuality = "auto",
     pinned: Pinned = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
+    surfaces: Mapping[str, Surface] | None = None,
 ) -> MeshTri:
     """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.
 
@@ -59,7 +61,7 @@ def polish(
     topology
         ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
         ``mesh.t``.
-    min_quality, pinned, curves, periodic, layers
+    min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. Nodes slide on arcs and splines with chords for facets as the notes say.
     seed
         An integer >= 0, as everywhere; nothing here is random.
@@ -102,7 +104,7 @@ def polish(
     True
     """
     check_polish(problem, sweeps, topology, seed)
-    rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
+    rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()
     expect(*loops_of(problem))

@@ -13,7 +13,8 @@ from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
+from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Draw
@@ -33,7 +34,7 @@ class KohonenMap:
         element may change sides for a neuron to leave; ``"fixed"`` keeps the elements.
     min_quality
         As in `Rules`; None switches every check off: elements may then overlap (Fig. 7 of the paper).
-    pinned, curves, periodic, layers
+    pinned, curves, periodic, layers, surfaces
         As in `Rules`.
 
     Attributes
@@ -68,16 +69,17 @@ class KohonenMap:
         mesh: MeshTri,
         *,
         topology: str = "flip",
-        min_quality: float | None = 0.3,
+        min_quality: LeastQuality | None = "auto",
         pinned: Pinned = (),
         curves: Mapping[str, Curve] | None = None,
         periodic: Sequence[Pair] = (),
         layers: Mapping[str, int] | None = None,
+        surfaces: Mapping[str, Surface] | None = None,
     ) -> None:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
         expect("map")
-        self._movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers))
+        self._movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces))
         self._trainer = Trainer.of(self._movable)
 
     def __repr__(self) -> str:

@@ -16,7 +16,8 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh, Work
-from kohonen_adapt.outline.rules import Pinned, Rules
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
+from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled, unchanged
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
@@ -79,12 +80,13 @@ def relocate(
     *,
     schedule: Schedule | None = None,
     topology: str = "flip",
-    min_quality: float = 0.3,
+    min_quality: LeastQuality = "auto",
     pinned: Pinned = (),
     seed: int = 0,
     curves: Mapping[str, Curve] | None = None,
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
+    surfaces: Mapping[str, Surface] | None = None,
 ) -> MeshTri:
     """Move the nodes of a mesh to where a density wants them; every node is kept, and its number.
 
@@ -101,7 +103,7 @@ def relocate(
         None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
         ``topology="flip"`` it makes each region constrained Delaunay.
-    topology, min_quality, pinned, curves, periodic, layers
+    topology, min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
     seed
         The same seed gives the same mesh, bit for bit, on one type of CPU.
@@ -137,7 +139,7 @@ def relocate(
     True
     """
     check_training(schedule, seed)
-    rules = Rules(topology, min_quality, pinned, curves, periodic, layers).guarded()
+    rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     layered = with_layers(mesh, rules)
     movable = MovableMesh.of(layered, rules)
     if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:

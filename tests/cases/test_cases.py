@@ -61,7 +61,7 @@ passes = 3
 rtol = 0.01
 atol = 0
 topology = "flip"
-min_quality = 0.2
+min_quality = "auto"
 pinned = ["coil", 3]
 seed = 7
 polish = false
@@ -145,7 +145,7 @@ def test_every_key():
         "rtol": 0.01,
         "atol": 0.0,
         "topology": "flip",
-        "min_quality": 0.2,
+        "min_quality": "auto",
         "pinned": ["coil", 3],
         "seed": 7,
         "polish": False,
@@ -375,6 +375,7 @@ def test_a_wrong_case_names_file_and_key(text, said, tmp_path):
         ("passes = 4", "output_rtol = 0.1", "adapt: output_rtol"),
         ("passes = 4", "target_nodes = 3", "adapt: target_nodes must be at least the number of nodes of the mesh, 899"),
         ("min_quality = 0.3", "min_quality = 2", "adapt: min_quality must be"),
+        ("min_quality = 0.3", "min_quality = 'none'", "adapt.min_quality must be one of 'auto'; got 'none'."),
     ],
 )
 def test_what_adapt_would_refuse_is_refused_before_the_run(old, new, said):

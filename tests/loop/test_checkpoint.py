@@ -317,7 +317,7 @@ def folder(tmp_path):
     ("changed", "said"),
     [
         ({"seed": 6}, "its seed was 5, not 6"),
-        ({"min_quality": 0.2}, "its min_quality was 0.3, not 0.2"),
+        ({"min_quality": 0.2}, "its min_quality was auto, not 0.2"),
         ({"topology": "flip"}, "its topology was recycle, not flip"),
         ({"polish": False}, "its polish was True, not False"),
         ({"pinned": ["core"]}, r"its pinned was \[\], not \['core'\]"),

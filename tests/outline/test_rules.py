@@ -1,19 +1,32 @@
 """The rules for nodes: what they refuse on their own, and against the names of a mesh."""
 
+import inspect
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from helpers.meshes import inset, square
+from helpers.solids import box
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import TOPOLOGIES, checked_curves, checked_layers, checked_pairs, pinned_nodes
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.rules import (
+    TOPOLOGIES,
+    check_for,
+    checked_curves,
+    checked_layers,
+    checked_pairs,
+    floor_of,
+    pinned_nodes,
+)
 
 
 def test_what_holds_where_nothing_is_said():
     rules = Rules()
-    assert (rules.topology, rules.min_quality, rules.pinned) == ("flip", 0.3, ())
-    assert (rules.curves, rules.periodic, rules.layers) == (None, (), None)
+    assert (rules.topology, rules.min_quality, rules.pinned) == ("flip", "auto", ())
+    assert (rules.curves, rules.periodic, rules.layers, rules.surfaces) == (None, (), None, None)
     assert rules.guarded() is rules
 
 
@@ -27,9 +40,9 @@ def test_topologies(topology):
         Rules(topology)
 
 
-@pytest.mark.parametrize("min_quality", [-0.1, 1.0, 2, np.nan, np.inf, "a", True])
+@pytest.mark.parametrize("min_quality", [-0.1, 1.0, 2, np.nan, np.inf, "a", "Auto", True])
 def test_min_qualities(min_quality):
-    with pytest.raises(ValueError, match=rf"^min_quality must be from 0 to below 1; got {min_quality!r}\.$"):
+    with pytest.raises(ValueError, match=rf"^min_quality must be 'auto' or from 0 to below 1; got {min_quality!r}\.$"):
         Rules(min_quality=min_quality)
 
 
@@ -40,9 +53,48 @@ def test_min_qualities_in_range(min_quality):
 
 def test_what_keeps_a_quality_has_one_to_keep():
     unchecked = Rules(min_quality=None)
-    message = r"^min_quality must be a number here; only KohonenMap works unchecked\. Got None\.$"
+    message = r"^min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$"
     with pytest.raises(ValueError, match=message):
         unchecked.guarded()
+
+
+def test_the_least_quality_is_one_for_triangles_and_one_for_tetrahedra():
+    assert [floor_of(Rules(), dimension) for dimension in (2, 3)] == [0.3, 0.2]
+    assert [floor_of(Rules(min_quality=0.25), dimension) for dimension in (2, 3)] == [0.25, 0.25]
+    assert MovableMesh.of(square(2), Rules()).floor == 0.3 and MovableSolid.of(box(1), Rules()).floor == 0.2
+
+
+FRONT_DOORS = [ka.relocate, ka.adapt, ka.polish, ka.KohonenMap]
+
+
+@pytest.mark.parametrize("front_door", FRONT_DOORS)
+def test_front_doors_take_the_defaults_of_the_rules(front_door):
+    """But `adapt`, which recycles, and asks its problem for pairs."""
+    own = {"topology", "periodic"} if front_door is ka.adapt else set()
+    known = inspect.signature(front_door).parameters
+    for each in fields(Rules):
+        assert each.name in own or known[each.name].default == each.default
+
+
+ONE_DIMENSION = {
+    r"surfaces are for tetrahedra; a boundary in the plane may be given one of the curves\.": (
+        2,
+        "surfaces",
+        {"rim": 0},
+    ),
+    r"curves are for triangles; a boundary of tetrahedra may be given one of the surfaces\.": (3, "curves", {"rim": 0}),
+    r"periodic must be left out for tetrahedra; it is for triangles only\.": (3, "periodic", [("left", "right")]),
+    r"layers must be left out for tetrahedra; it is for triangles only\.": (3, "layers", {"coil": 2}),
+}
+
+
+@pytest.mark.parametrize("message", ONE_DIMENSION)
+def test_rules_for_other_cells(message):
+    dimension, name, value = ONE_DIMENSION[message]
+    rules, mesh = Rules(**{name: value}), [square(2), box(1)]
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        (MovableMesh if dimension == 2 else MovableSolid).of(mesh[dimension - 2], rules)
+    check_for(rules, 5 - dimension)
 
 
 @pytest.mark.parametrize("pinned", [3, None, 1.5])

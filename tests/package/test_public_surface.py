@@ -137,6 +137,7 @@ def test_what_people_start_with_has_an_example():
                 "Arc",
                 "Line",
                 "Spline",
+                *("Plane", "Sphere", "Cylinder", "Cone"),
                 "sweep",
             ),
             *("density_from_indicators", "density_from_sizes", "interpolate", "find_elements", "quality"),

@@ -260,7 +260,7 @@ class Quadratic(Diffusion):
             {"topology": "recycle"},
             r"topology must be 'fixed' or 'flip', for polish keeps every node; got",
         ),
-        (Diffusion(), {"min_quality": None}, r"min_quality must be a number here"),
+        (Diffusion(), {"min_quality": None}, r"min_quality must be 'auto' or a number here"),
         (Diffusion(), {"seed": -1}, r"seed must be an integer >= 0; got -1\."),
         (Diffusion(), {"pinned": ["rim"]}, r"pinned name 'rim' is not in the mesh"),
     ],

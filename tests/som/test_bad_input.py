@@ -244,7 +244,7 @@ def test_topologies(topology):
 
 
 def test_relocation_and_polish_work_under_the_guard_only():
-    message = r"^min_quality must be a number here; only KohonenMap works unchecked\. Got None\.$"
+    message = r"^min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$"
     for call in (lambda: ka.relocate(MESH, ONES, min_quality=None), lambda: ka.polish(MESH, Given(), min_quality=None)):
         with pytest.raises(ValueError, match=message):
             call()
@@ -274,7 +274,7 @@ class Given:
 @pytest.mark.parametrize(
     ("rule", "message"),
     [
-        ({"min_quality": 1.0}, r"min_quality must be from 0 to below 1; got 1\.0\."),
+        ({"min_quality": 1.0}, r"min_quality must be 'auto' or from 0 to below 1; got 1\.0\."),
         ({"pinned": 3}, r"pinned must be a sequence of node numbers and names; got 3\."),
         ({"pinned": ["coil"]}, r"pinned name 'coil' is not in the mesh; .* are: none\."),
         ({"curves": {"rim": ka.Arc((0, 0), 1)}}, r"curves has 'rim', which is no boundary of the mesh; .* are: none\."),
