@@ -28,13 +28,13 @@ def killed_and_resumed(name, folder):
     """The table as columns of floats by name."""
     cases = folder / f"{name}_cases"
     process = begin(name, folder)
-    wait_until(lambda: len(list(cases.glob("case-*"))) >= 8, seconds=300)
+    wait_until(lambda: len(list(cases.glob("case-*"))) >= 8, seconds=900)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=30)
     kept = {file: file.read_bytes() for file in cases.glob("case-*")}
     assert 8 <= len(kept) < 30 and not (folder / f"{name}_sweep.csv").exists()
     again = begin(name, folder)
-    again.communicate(timeout=600)
+    again.communicate(timeout=1800)
     assert again.returncode == 0
     assert all(file.read_bytes() == content for file, content in kept.items())
     with (folder / f"{name}_sweep.csv").open(newline="") as stream:
