@@ -8,7 +8,7 @@ from skfem import Basis, BilinearForm, ElementTriP2, LinearForm, MeshTri, conden
 from skfem.helpers import dot, grad
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes, weighted_product
+from kohonen_adapt.estimators.equilibration import check_plane, equilibrated_correction, fixed_nodes, weighted_product
 from kohonen_adapt.estimators.explicit import DiscreteFlux, mean_and_rest
 
 __all__ = ["goal_error", "goal_oriented"]
@@ -82,6 +82,7 @@ def goal_oriented(
     >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=np.ones(8), dual_source=np.ones(8))  # of int u
     >>> density = ka.density_from_indicators(mesh, eta)
     """
+    check_plane(mesh)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
     return np.sqrt(np.abs(_contributions(mesh, reluctivity, fixed, primal, weight)))
 
@@ -140,6 +141,7 @@ def goal_error(
     >>> bool(0.9 * true < missing < true)
     True
     """
+    check_plane(mesh)
     mean, varying = mean_and_rest(mesh, "dual_flux", dual_flux)
     given, _ = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     wanted, _ = _of_dual(mesh, reluctivity, fixed, (dual, dual_source, mean))

@@ -11,11 +11,13 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.explicit import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, fan_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
+    "check_plane",
     "duality_gap",
     "equilibrated",
     "equilibrated_correction",
@@ -185,6 +187,7 @@ def duality_gap(
     >>> np.allclose(eta, ka.estimators.equilibrated(*given, source=np.ones(8)))  # of linear material
     True
     """
+    check_plane(mesh)
     check_mesh(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
@@ -220,6 +223,7 @@ def equilibrated_correction(
     fixed: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats]:
     """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
+    check_plane(mesh)
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     held = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, held)
@@ -230,6 +234,16 @@ def equilibrated_correction(
     correction = np.empty_like(rows)
     np.put_along_axis(correction, order[:, :, None], rows, axis=1)
     return discrete, correction.T
+
+
+def check_plane(mesh: object) -> None:
+    """Refuse what is not a plain mesh of triangles; of tetrahedra it is said what estimates their error."""
+    if type(mesh) is TETRAHEDRON.mesh:
+        raise ValueError(
+            "mesh must be a skfem.MeshTri: fluxes are not equilibrated in space; got MeshTet1. Take "
+            "estimators.residual or estimators.recovery."
+        )
+    check_kind(mesh)
 
 
 def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floats:

@@ -7,17 +7,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
-    "ENDS",
-    "OPPOSITE",
     "DiscreteFlux",
     "corner_averages",
     "discrete_flux",
@@ -25,29 +24,26 @@ __all__ = [
     "residual",
 ]
 
-# scikit-fem's sides of a triangle join these local nodes, and are opposite to these.
-ENDS, OPPOSITE = [(0, 1), (1, 2), (0, 2)], [2, 0, 1]
-
 
 @dataclass(frozen=True)
 class DiscreteFlux:
     """The flux ``nu grad u - flux`` of a P1 solution, with what an estimator needs beside it, per element."""
 
     area: Floats  # (nelements,)
-    hats: Floats  # (2, 3, nelements), gradients of the hat functions
+    hats: Floats  # (d, d + 1, nelements), gradients of the hat functions
     reluctivity: Floats  # (nelements,)
     source: Floats  # (nelements,)
-    prescribed: Floats  # (2, nelements), the argument `flux`
-    values: Floats  # (2, nelements), nu grad u - flux
+    prescribed: Floats  # (d, nelements), the argument `flux`
+    values: Floats  # (d, nelements), nu grad u - flux
 
 
 def discrete_flux(
-    mesh: MeshTri, potential: ArrayLike, reluctivity: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None
+    mesh: Mesh, potential: ArrayLike, reluctivity: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None
 ) -> DiscreteFlux:
     """Check the arguments of an estimator and evaluate the flux of the solution; what is None counts as zero."""
-    check_mesh(mesh)
+    check_mesh(mesh, space=True)
     number_facets(mesh)
-    nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
+    (dim, nnodes), nelements = mesh.p.shape, mesh.t.shape[1]
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
     material = finite_reals("reluctivity", reluctivity, {"nelements": nelements}, "element")
     bad = np.flatnonzero(material <= 0.0)
@@ -57,17 +53,19 @@ def discrete_flux(
             f"first {bad[0]} ({material[bad[0]]:g})."
         )
     source = np.zeros(nelements) if source is None else source
-    flux = np.zeros((2, nelements)) if flux is None else flux
+    flux = np.zeros((dim, nelements)) if flux is None else flux
     load = finite_reals("source", source, {"nelements": nelements}, "element")
-    prescribed = finite_reals("flux", flux, {"2": 2, "nelements": nelements}, "element")
+    prescribed = finite_reals("flux", flux, {str(dim): dim, "nelements": nelements}, "element")
     hats = hat_gradients(mesh)
     values = material * gradient(mesh, nodal, hats) - prescribed
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
 
 
-def mean_and_rest(mesh: MeshTri, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
-    """The mean of a flux in every element, and what it has beyond that at the corners, (2, 3, nelements)."""
-    shape = {"2": 2, "3": 3, "nelements": mesh.t.shape[1]}
+def mean_and_rest(mesh: Mesh, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
+    """The mean of a flux in every element, and what it has beyond that at the corners, (d, d + 1, nelements)."""
+    check_kind(mesh, space=True)
+    dim = cell_of(mesh).dim
+    shape = {str(dim): dim, str(dim + 1): dim + 1, "nelements": mesh.t.shape[1]}
     if np.ndim(flux) != 3:  # type: ignore[arg-type]
         return flux, np.zeros(tuple(shape.values()))
     corners = finite_reals(name, flux, shape, "element")  # type: ignore[arg-type]
@@ -76,7 +74,7 @@ def mean_and_rest(mesh: MeshTri, name: str, flux: ArrayLike | None) -> tuple[Arr
 
 
 def residual(
-    mesh: MeshTri,
+    mesh: Mesh,
     potential: ArrayLike,
     reluctivity: ArrayLike,
     *,
@@ -88,24 +86,25 @@ def residual(
 
     ``eta_K^2 = h_K^2 ||source||_K^2 / nu_K + 1/2 sum_F h_F ||[(nu grad u - flux) . n]||_F^2 / max(nu)`` over the
     interior facets F of K, with the larger reluctivity of the two elements at F; facets of the boundary add nothing.
-    h_K is the square root of the area of K, h_F the length of F. With this weight the effectivity does not depend on
+    h_K is the square root of the area of K, h_F the length of F; in space the cube root of the volume, and the square
+    root of the area. With this weight the effectivity does not depend on
     the ratio of the materials (Bernardi and Verfuerth, Numer. Math. 85, 2000); with each element's own nu the estimate
     sends all nodes into the iron. In magnetostatics the jump is that of the tangential field strength H_t.
 
     Parameters
     ----------
     mesh
-        A plain triangular mesh.
+        A plain mesh of triangles or of tetrahedra.
     potential : (nnodes,)
         Nodal values of the solution u.
     reluctivity : (nelements,)
         The coefficient nu > 0.
     source : (nelements,), optional
         Right-hand side; None is zero.
-    flux : (2, nelements), optional
-        Prescribed flux, for magnets ``nu (-Br_y, Br_x)``; None is zero. Where it varies inside of elements (2, 3,
-        nelements): at their corners, in the order of ``mesh.t``, and linear between. The mean alone would jump from
-        element to element, and the estimate be off by half.
+    flux : (d, nelements), optional
+        Prescribed flux in d dimensions, for magnets in the plane ``nu (-Br_y, Br_x)``; None is zero. Where it varies
+        inside of elements (d, d + 1, nelements): at their corners, in the order of ``mesh.t``, and linear between. The
+        mean alone would jump from element to element, and the estimate be off by half.
     joined : (k,), (k,), (k,), optional
         Facets of the boundary, those that a periodic mesh goes on with beyond them, and the sign that u changes by, 1
         or -1: across these there is a jump, too.
@@ -114,13 +113,13 @@ def residual(
     -------
     ndarray (nelements,)
         Indicators of the energy norm ``sqrt(int nu |grad e|^2)``, unsquared, in its unit. The root of their sum of
-        squares is 3.4 to 4.4 times the error.
+        squares is 3.4 to 4.4 times the error, on tetrahedra 2.8 to 3.8 times, with slivers up to 5.2 times.
 
     Raises
     ------
     ValueError
-        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or not a plain
-        `MeshTri`.
+        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or neither a plain
+        `MeshTri` nor a `MeshTet`.
 
     Examples
     --------
@@ -135,37 +134,40 @@ def residual(
     """
     mean, rest = mean_and_rest(mesh, "flux", flux)
     discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
-    # h_K^2 ||source||_K^2 with h_K^2 = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
-    load = discrete.area**2 * discrete.source**2 / discrete.reluctivity
+    # h_K^2 ||source||_K^2 with h_K^d = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
+    load = discrete.area ** (1.0 + 2.0 / len(discrete.hats)) * discrete.source**2 / discrete.reluctivity
     return np.sqrt(load + _jumps(mesh, discrete, rest, joined))
 
 
 def _jumps(
-    mesh: MeshTri, discrete: DiscreteFlux, rest: Floats, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None
+    mesh: Mesh, discrete: DiscreteFlux, rest: Floats, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None
 ) -> Floats:
-    """The facet part of eta_K^2; h_F ||jump||_F^2 is the square of the jump integrated over F, so no length appears.
+    """The facet part of eta_K^2: h_F ||jump||_F^2 is the square of the jump integrated over F, times h_F / |F|.
 
-    Of a flux that varies, which has the rest (2, 3, nelements) beyond its mean, the jump is that in the middle of F.
+    In the plane that factor is one. Of a flux that varies, which has the rest (d, d + 1, nelements) beyond its mean,
+    the jump is that in the middle of F.
     """
-    nfacets = mesh.facets.shape[1]
-    side = mesh.t2f.ravel()
-    at_sides = discrete.values[:, None] - 0.5 * np.stack([rest[:, one] + rest[:, other] for one, other in ENDS], axis=1)
-    outflow = -2.0 * discrete.area * np.einsum("cik,cik->ik", at_sides, discrete.hats[:, OPPOSITE])
+    cell, nfacets, side = cell_of(mesh), mesh.facets.shape[1], mesh.t2f.ravel()
+    at_sides = discrete.values[:, None] - np.stack([rest[:, corners].mean(axis=1) for corners in cell.facets], axis=1)
+    inward, size = discrete.hats[:, cell.opposite], np.empty(nfacets)  # of length |F| / (d |K|)
+    outflow = -cell.dim * discrete.area * np.einsum("cik,cik->ik", at_sides, inward)
+    size[mesh.t2f] = cell.dim * discrete.area * np.linalg.norm(inward, axis=0)
     jump = np.bincount(side, outflow.ravel(), nfacets)
     outer = np.where(np.bincount(side, minlength=nfacets) < 2, jump, 0.0)
     jump -= outer
     largest = np.zeros(nfacets)
-    np.maximum.at(largest, side, np.tile(discrete.reluctivity, 3))
+    np.maximum.at(largest, side, np.tile(discrete.reluctivity, cell.dim + 1))
     if joined is not None:
         one, other, sign = (np.asarray(each) for each in joined)
         jump[one] = outer[one] + sign * outer[other]
         jump[other] = sign * jump[one]
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
-    return 0.5 * np.sum((jump**2 / largest)[mesh.t2f], axis=0)
+    squared = size ** (1.0 / (cell.dim - 1) - 1.0) * jump**2
+    return 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0)
 
 
 def recovery(
-    mesh: MeshTri,
+    mesh: Mesh,
     potential: ArrayLike,
     reluctivity: ArrayLike,
     *,
@@ -175,10 +177,10 @@ def recovery(
 ) -> Floats:
     """Recovery indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
 
-    ``eta_K^2 = int_K |q* - q|^2 / nu_K`` with ``q = nu grad u - flux`` and q* the P1 field of its area-weighted
-    averages at the nodes (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987), taken separately over each region:
-    connected elements of equal reluctivity and flux. Averages across materials would smear the true jump at the
-    interface and overrate the error there, without bound as the ratio of the materials grows.
+    ``eta_K^2 = int_K |q* - q|^2 / nu_K`` with ``q = nu grad u - flux`` and q* the P1 field of its averages at the
+    nodes, weighted by area or volume (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987), taken separately over
+    each region: connected elements of equal reluctivity and flux. Averages across materials would smear the true jump
+    at the interface and overrate the error there, without bound as the ratio of the materials grows.
 
     Parameters
     ----------
@@ -214,22 +216,22 @@ def recovery(
     discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
     values = discrete.values[:, None] - rest
     averages = corner_averages(mesh, values, _regions(mesh, _data(discrete, region)))
-    squared = np.zeros(mesh.t.shape[1])
+    squared, dim = np.zeros(mesh.t.shape[1]), cell_of(mesh).dim
     for average, component in zip(averages, values, strict=True):
         difference = average - component
         squared += np.sum(difference**2, axis=0) + np.sum(difference, axis=0) ** 2
-    return np.sqrt(discrete.area / 12.0 * squared / discrete.reluctivity)
+    return np.sqrt(discrete.area / ((dim + 1) * (dim + 2)) * squared / discrete.reluctivity)
 
 
-def corner_averages(mesh: MeshTri, values: Floats, region: Ints) -> Floats:
-    """Area-weighted averages of values per element (k, nelements), or per corner of each (k, 3, nelements), at the
-    corners of the elements, (k, 3, nelements).
+def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
+    """Averages, weighted by |K|, of values per element (k, nelements), or per corner of each (k, d + 1, nelements), at
+    the corners of the elements, (k, d + 1, nelements).
 
     A corner takes the elements around its node that are of its own region, so that jumps between regions stay jumps.
     """
     pair = region * mesh.p.shape[1] + mesh.t
     corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
-    weight = np.bincount(corner.ravel(), np.tile(size, 3))
+    weight = np.bincount(corner.ravel(), np.tile(size, len(mesh.t)))
     totals = [np.bincount(corner.ravel(), np.broadcast_to(size * each, corner.shape).ravel()) for each in values]
     return np.stack([(total / weight)[corner] for total in totals])
 
@@ -247,7 +249,7 @@ def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
     return number[None]
 
 
-def _regions(mesh: MeshTri, data: NDArray[Any]) -> Ints:
+def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
     """Number of the region of every element: connected across facets, of equal data."""
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]

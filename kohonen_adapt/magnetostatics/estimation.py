@@ -15,7 +15,6 @@ from kohonen_adapt.estimators import (
     recovery,
     residual,
 )
-from kohonen_adapt.estimators.explicit import ENDS, OPPOSITE
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
@@ -31,6 +30,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import quadratic_solution, tangent_solution
+from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points, signed_area
 from kohonen_adapt.outline.rounding import refined_on_arcs
@@ -57,6 +57,8 @@ HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
 # Around an axis a coil alone and around an iron core, squares, and adapted with and without the polish (`benchmarks
 # axis`): of order 1 3.4 - 4.8, of order 2 4.3 - 8.9, of order 3 6.6 - 13.9, most where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
+
+ENDS, OPPOSITE = TRIANGLE.facets, list(TRIANGLE.opposite)  # scikit-fem's sides of a triangle
 
 # Corners and middles of sides by barycentric coordinates.
 LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in ENDS]))

@@ -109,6 +109,8 @@ def quality(mesh: Mesh) -> Floats:
     >>> import skfem, kohonen_adapt as ka
     >>> ka.quality(skfem.MeshTri()).round(3).tolist()  # half a square is 0.866
     [0.866, 0.866]
+    >>> ka.quality(skfem.MeshTet()).round(3).tolist()  # a cube in five: four corners around a regular one
+    [0.84, 0.84, 0.84, 1.0, 0.84]
     """
     check_kind(mesh, bent=True, space=True)
     if is_second_order(mesh):

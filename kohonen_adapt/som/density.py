@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
@@ -16,13 +16,13 @@ __all__ = ["density_from_indicators", "density_from_sizes", "equidistributing", 
 QUIET = 1e-3  # of the median: an indicator below it says nothing
 
 
-def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int = 1, norm: str = "energy") -> Floats:
+def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1, norm: str = "energy") -> Floats:
     """Density of nodes for which all elements would carry the same error.
 
     Parameters
     ----------
     mesh
-        The mesh that the indicators belong to.
+        The mesh that the indicators belong to, of triangles or of tetrahedra.
     indicators
         (nelements,): error of every element in the energy norm, not squared. The estimates of scikit-fem's own examples
         are squares: take their root.
@@ -34,7 +34,7 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     Returns
     -------
     ndarray (nelements,)
-        Nodes per area, positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
+        Nodes per area, in space per volume, positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
 
     Raises
     ------
@@ -46,7 +46,8 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     With the error of an element ``eta_K^2 ~ |K| h^(2p) |D^(p+1) u|^2``, minimising the sum over the mesh at a given
     number of nodes ``int h^-d`` gives ``rho_K ~ (eta_K^2 / |K|^(1 + 2p/d))^(d / (d + q))`` in d dimensions, with
     q = 2p for the energy norm and, as the L2 error is smaller by another h, q = 2p + 2 for the L2 norm. For p = 1 and
-    d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``. At the optimum for the energy norm all indicators are
+    d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``, for d = 3 ``(eta_K^2 / |K|^(5/3))^(3/5)`` and the power
+    3/7 of the same. At the optimum for the energy norm all indicators are
     equal (equidistribution). Indicators are floored at a thousandth of their median, so that no region is emptied on
     the strength of a small number; all zero gives a constant.
 
@@ -76,7 +77,7 @@ def density_from_indicators(mesh: MeshTri, indicators: ArrayLike, *, order: int 
     return equidistributing(mesh, values, order, norm)
 
 
-def equidistributing(mesh: MeshTri, values: Floats, order: int, norm: str) -> Floats:
+def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Floats:
     """What `density_from_indicators` says of a mesh and indicators that need no check."""
     sizes = area(mesh)
     if not values.any():
@@ -88,20 +89,22 @@ def equidistributing(mesh: MeshTri, values: Floats, order: int, norm: str) -> Fl
     return density * (mesh.nvertices / np.sum(sizes * density))
 
 
-def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
-    """Density of nodes of equilateral triangles with the wanted edge lengths.
+def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
+    """Density of nodes of equilateral triangles, or of densely packed spheres, with the wanted edge lengths.
 
     Parameters
     ----------
     mesh
-        The mesh that the sizes belong to.
+        The mesh that the sizes belong to, of triangles or of tetrahedra.
     sizes
         (nelements,): wanted edge length at every element, in mesh units.
 
     Returns
     -------
     ndarray (nelements,)
-        ``2 / (sqrt(3) h^2)`` nodes per area: a triangle has half a node and the area ``sqrt(3) h^2 / 4``.
+        ``2 / (sqrt(3) h^2)`` nodes per area: a triangle has half a node and the area ``sqrt(3) h^2 / 4``. In space
+        ``sqrt(2) / h^3`` nodes per volume: the face-centred cubic lattice has 4 nodes in a cube with sides sqrt(2) h,
+        and regular tetrahedra alone fill no space.
 
     Raises
     ------
@@ -114,6 +117,8 @@ def density_from_sizes(mesh: MeshTri, sizes: ArrayLike) -> Floats:
     >>> mesh = skfem.MeshTri().refined(1)
     >>> ka.density_from_sizes(mesh, np.full(8, 0.1)).round(2)[0]  # equilateral triangles with edges of 0.1
     np.float64(115.47)
+    >>> ka.density_from_sizes(skfem.MeshTet(), np.full(5, 0.1)).round(2)[0]
+    np.float64(1414.21)
     """
     check_mesh(mesh, bent=True, space=True)
     lengths = per_element(mesh.nelements, sizes, "sizes")

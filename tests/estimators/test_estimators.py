@@ -306,7 +306,7 @@ def test_wrong_arguments_are_named(estimator, change, message):
 @pytest.mark.parametrize("estimator", BOTH)
 def test_other_meshes_are_refused(estimator):
     for mesh in (MeshQuad(), MeshTri2()):
-        with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}"):
+        with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri or MeshTet; got {type(mesh).__name__}"):
             estimator(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.t.shape[1]))
     flat = MeshTri(np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.0]]), np.array([[0, 0], [1, 1], [2, 3]]))
     with pytest.raises(ValueError, match="every element must have an area above zero; 1 have none"):

@@ -108,12 +108,13 @@ OTHER_CLASSES = [
 PLANE_ONLY = {
     "relocate": lambda mesh: ka.relocate(mesh, ONES),
     "map": KohonenMap,
-    "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(25), np.zeros((2, 1))),
 }
 SPACE_TOO = {
     "indicators": lambda mesh: ka.density_from_indicators(mesh, ONES),
     "sizes": lambda mesh: ka.density_from_sizes(mesh, ONES),
     "quality": ka.quality,
+    "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(25), np.zeros((2, 1))),
+    "find": lambda mesh: ka.find_elements(mesh, np.zeros((2, 1))),
 }
 
 

@@ -1,12 +1,12 @@
 """List the loops over tetrahedra that Python calls, with the types that they take, in the order they are needed in."""
 
-from numba.types import boolean, float64, int8, int32, int64
+from numba.types import UniTuple, boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.entry import B1, I1, I2, L1, LESSON, R1, R2, SEARCH_SCRATCH, Entry
 from kohonen_adapt.kernels.records import RecordType
-from kohonen_adapt.kernels.tetrahedron import arrays, connectivity, search, stars, train
+from kohonen_adapt.kernels.tetrahedron import arrays, connectivity, locate, search, stars, train
 
 __all__ = ["SPACE"]
 
@@ -27,5 +27,14 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
         Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
+    ),
+    "space carrying": (
+        Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),
+        Entry(locate.barycentric, R2, I2, R2, I1, R2),
+    ),
+    "space locating": (
+        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 3), L1),
+        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 3), L1, I1),
+        Entry(locate.find, R2, TETRAHEDRA, R2, R1, R1, UniTuple(int64, 3), L1, I1, I1),
     ),
 }

@@ -1,0 +1,155 @@
+"""Walk from element to element to the one that holds a point; where that is blocked a grid is asked."""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+
+TOLERANCE = 1e-10  # of an element's size: points on a face or on the outline count as inside
+WALK = 128  # steps before the grid is asked; walks from the grid's hints take three or four where elements are alike
+
+
+@inner_kernel
+def side_of_face(position, node, e, k, x, y, z):
+    """Six times the signed volume that (x, y, z) spans with the face opposite to corner k of e; negative beyond it."""
+    a, b, c = node[e, (k + 1) & 3], node[e, (k + 2) & 3], node[e, (k + 3) & 3]
+    ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
+    vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
+    x, y, z = x - position[a, 0], y - position[a, 1], z - position[a, 2]
+    side = x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + z * (ux * vy - uy * vx)
+    return side if k & 1 else -side  # of every other corner the three that follow run the other way about
+
+
+@inner_kernel
+def depth_in_element(position, node, e, x, y, z):
+    """Smallest barycentric coordinate of (x, y, z) in element e: negative outside."""
+    least, total = np.inf, 0.0
+    for k in range(4):
+        side = side_of_face(position, node, e, k, x, y, z)
+        least = min(least, side)
+        total += side
+    return least / total
+
+
+@inner_kernel
+def walk(position, elements, e, x, y, z):
+    """Walk from element e towards (x, y, z) within its region; returns (element, whether that holds the point)."""
+    node, region, e = elements.node, elements.region[e], np.int64(e)
+    for _ in range(WALK):
+        onward, most, least, total = np.int64(-1), 0.0, np.inf, 0.0
+        for k in range(4):
+            side = side_of_face(position, node, e, k, x, y, z)
+            least = min(least, side)
+            total += side
+            across = np.int64(elements.neighbour[e, k])
+            if side < most and across >= 0 and elements.region[across] == region:
+                onward, most = across, side
+        if least / total >= -TOLERANCE:
+            return e, True
+        if onward < 0:
+            return e, False
+        e = onward
+    return e, False
+
+
+@kernel
+def walk_each(position, elements, points, found, inside):
+    """Walk to every point from the element that `found` holds, which becomes where the walk ended."""
+    for t in range(points.shape[0]):
+        found[t], inside[t] = walk(position, elements, found[t], points[t, 0], points[t, 1], points[t, 2])
+
+
+@kernel
+def count_in_cells(position, node, origin, size, shape, start):
+    """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
+    for c in range(start.shape[0]):
+        start[c] = 0
+    for e in range(node.shape[0]):
+        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, origin, size, shape)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                for k in range(k0, k1 + 1):
+                    start[(i * shape[1] + j) * shape[2] + k] += 1
+    for c in range(start.shape[0] - 1):
+        start[c + 1] += start[c]
+
+
+@kernel
+def fill_cells(position, node, origin, size, shape, start, content):
+    """List the elements of every cell; `start` says where the lists end, and then where they start."""
+    for e in range(node.shape[0] - 1, -1, -1):
+        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, origin, size, shape)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                for k in range(k0, k1 + 1):
+                    c = (i * shape[1] + j) * shape[2] + k
+                    start[c] -= 1
+                    content[start[c]] = e
+
+
+@inner_kernel
+def cell_index(value, origin, size, count):
+    """Index of the cell that holds a coordinate, clipped to the grid."""
+    return int(min(count - 1.0, max(0.0, (value - origin) / size)))
+
+
+@inner_kernel
+def cells_between(position, node, e, axis, origin, size, shape):
+    """First and last cell along an axis that the bounding box of element e meets."""
+    low = high = position[node[e, 0], axis]
+    for k in range(1, 4):
+        low, high = min(low, position[node[e, k], axis]), max(high, position[node[e, k], axis])
+    first = cell_index(low, origin[axis], size[axis], shape[axis])
+    return first, cell_index(high, origin[axis], size[axis], shape[axis])
+
+
+@inner_kernel
+def cells_of_element(position, node, e, origin, size, shape):
+    """Range of cells that the bounding box of element e meets, an empty one where the row is not in use."""
+    if node[e, 0] < 0:
+        return 0, -1, 0, -1, 0, -1
+    i0, i1 = cells_between(position, node, e, 0, origin, size, shape)
+    j0, j1 = cells_between(position, node, e, 1, origin, size, shape)
+    k0, k1 = cells_between(position, node, e, 2, origin, size, shape)
+    return i0, i1, j0, j1, k0, k1
+
+
+@inner_kernel
+def best_in_cell(position, node, content, first, last, x, y, z):
+    """The element of a cell that holds (x, y, z) deepest, or -1 if none does."""
+    best, deepest = -1, -TOLERANCE
+    for k in range(first, last):
+        depth = depth_in_element(position, node, np.int64(content[k]), x, y, z)
+        if depth >= deepest:
+            best, deepest = content[k], depth
+    return best
+
+
+@kernel
+def find(position, elements, points, origin, size, shape, start, content, found):
+    """Find the element that holds each point, or -1: walk from any element of its cell, else look at all of them."""
+    node = elements.node
+    for t in range(points.shape[0]):
+        x, y, z = points[t, 0], points[t, 1], points[t, 2]
+        found[t] = -1
+        if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
+            continue
+        i, j = cell_index(x, origin[0], size[0], shape[0]), cell_index(y, origin[1], size[1], shape[1])
+        c = (i * shape[1] + j) * shape[2] + cell_index(z, origin[2], size[2], shape[2])
+        if start[c] == start[c + 1]:
+            continue
+        e, inside = walk(position, elements, content[start[c]], x, y, z)
+        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x, y, z)
+
+
+@kernel
+def barycentric(position, node, points, found, out):
+    """Compute barycentric coordinates of every point in the element found for it; nan where there is none."""
+    for t in range(points.shape[0]):
+        e = np.int64(found[t])
+        total = 0.0
+        for k in range(4):
+            x, y, z = points[t, 0], points[t, 1], points[t, 2]
+            out[t, k] = np.nan if e < 0 else side_of_face(position, node, e, k, x, y, z)
+            total += out[t, k]
+        for k in range(4):
+            out[t, k] /= total
