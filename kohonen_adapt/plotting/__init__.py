@@ -5,6 +5,7 @@ from kohonen_adapt.plotting.animation import animate_map, animate_passes
 from kohonen_adapt.plotting.charts import draw_passes, plot_bh, plot_convergence, plot_density, plot_qualities
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
 from kohonen_adapt.plotting.outlines import plot_outlines
+from kohonen_adapt.plotting.solids import plot_slice, plot_surface
 from kohonen_adapt.plotting.sweeps import sweep_figure
 
 __all__ = [
@@ -21,5 +22,7 @@ __all__ = [
     "plot_density",
     "plot_outlines",
     "plot_qualities",
+    "plot_slice",
+    "plot_surface",
     "sweep_figure",
 ]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
@@ -20,9 +20,10 @@ from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 from kohonen_adapt.mesh.measures import quality
+from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.drawing import COLOURS, draw_indicators
 
-__all__ = ["draw_passes", "plot_bh", "plot_convergence", "plot_density", "plot_qualities"]
+__all__ = ["axes_of", "draw_passes", "plot_bh", "plot_convergence", "plot_density", "plot_qualities"]
 
 BLUE, VERMILION = COLOURS[:2]
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -98,7 +99,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     """
     if not 1 <= len(histories) <= len(COLOURS) or not all(histories.values()):
         raise ValueError(f"histories must be one to {len(COLOURS)}, each with a pass; got {len(histories)}.")
-    axes = _axes_of(ax)
+    axes = axes_of(ax)
     passes = [step for history in histories.values() for step in history]
     percent = _in_percent(passes)
     drawn = [_points(history, percent) for history in histories.values()]
@@ -185,7 +186,7 @@ def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: A
     axes.add_artist(Line2D(x, y, color="0.45", linestyle=style, label=label, zorder=1))
 
 
-def plot_qualities(meshes: Mapping[str, MeshTri], *, ax: Axes | None = None) -> Axes:
+def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axes:
     """Plot how many elements have which quality, in per cent of all elements of their mesh.
 
     Parameters
@@ -207,21 +208,23 @@ def plot_qualities(meshes: Mapping[str, MeshTri], *, ax: Axes | None = None) -> 
     """
     if not 1 <= len(meshes) <= len(STYLES):
         raise ValueError(f"meshes must be one to {len(STYLES)}; got {len(meshes)}. Plot the others in another figure.")
-    axes = _axes_of(ax)
+    axes = axes_of(ax)
     for (word, mesh), (colour, style) in zip(meshes.items(), STYLES, strict=False):
         values = quality(mesh)
         label = f"{word}: worst {values.min():.2f}, mean {values.mean():.2f}"
         share = 100.0 / len(values) * np.histogram(values, BINS)[0]
         axes.stairs(share, BINS, fill=True, color=colour, alpha=0.15)
         axes.stairs(share, BINS, color=colour, linestyle=style, linewidth=1.6, label=label)
-    axes.set(xlabel="quality of an element (1: equilateral, 0: flat)", ylabel="share of the elements (%)")
+    axes.set(xlabel="quality of an element (1: regular, 0: flat)", ylabel="share of the elements (%)")
     axes.set(xlim=(0.0, 1.0), title="Quality of the elements")
     axes.legend(loc="upper left", frameon=False)
     _rule(axes)
     return axes
 
 
-def plot_density(mesh: MeshTri, density: ArrayLike, *, ax: Axes | None = None, unit: str = "m") -> Axes:
+def plot_density(
+    mesh: Mesh, density: ArrayLike, *, plane: CutBy | None = None, ax: Axes | None = None, unit: str = "m"
+) -> Axes:
     """Colour every element by the density of nodes that is asked for there, on a logarithmic scale.
 
     Parameters
@@ -229,12 +232,14 @@ def plot_density(mesh: MeshTri, density: ArrayLike, *, ax: Axes | None = None, u
     mesh
         The mesh.
     density
-        (nelements,), nodes per area in mesh units, as `kohonen_adapt.density_from_indicators` gives them: over the mesh
-        they integrate to its number of nodes.
+        (nelements,), nodes per area or volume in mesh units, as `kohonen_adapt.density_from_indicators` gives them:
+        over the mesh they integrate to its number of nodes.
+    plane
+        Where tetrahedra are cut, a `kohonen_adapt.Plane`.
     ax
         Where to; None for a new figure.
     unit
-        Unit of lengths, "m", "mm" or ""; the density is shown per square of it.
+        Unit of lengths, "m", "mm" or ""; the density is shown per square or cube of it.
 
     Returns
     -------
@@ -244,14 +249,15 @@ def plot_density(mesh: MeshTri, density: ArrayLike, *, ax: Axes | None = None, u
     Raises
     ------
     ValueError
-        If `density` has another shape or the unit is unknown.
+        If `density` has another shape, the unit is unknown, or the plane does not go with the mesh.
     """
-    axes = _axes_of(ax, height=5.0)
-    shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** 2
+    axes = axes_of(ax, height=5.0)
+    shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** len(mesh.p)
     low, high = _scale_of(shown)
     norm = LogNorm(low, high) if low < high else Normalize(0.0, high)
-    shades = draw_indicators(axes, mesh, shown, norm=norm, unit=unit)
-    label = f"nodes asked for per {unit}²" if unit else "nodes asked for per unit of area"
+    shades = draw_indicators(axes, mesh, shown, norm=norm, plane=plane, unit=unit)
+    power, size = {2: ("²", "area"), 3: ("³", "volume")}[len(mesh.p)]
+    label = f"nodes asked for per {unit}{power}" if unit else f"nodes asked for per unit of {size}"
     axes.figure.colorbar(shades, ax=axes, label=label, extend="min" if shown.min() < low < high else "neither")
     axes.set_title("Density of nodes asked for")
     return axes
@@ -285,7 +291,7 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
     >>> from kohonen_adapt.plotting import plot_bh
     >>> plot_bh(Brauer(k1=50.0, k2=10.0, k3=1.5)).figure.savefig("brauer.png")
     """
-    axes = _axes_of(ax)
+    axes = axes_of(ax)
     b = np.linspace(0.0, 4.0, 4001)
     saturated = np.flatnonzero(law.slope(b) > SATURATED / VACUUM_PERMEABILITY)
     b = np.linspace(0.01, 1.03, 800) * (b[saturated[0]] if saturated.size else b[-1])
@@ -299,7 +305,7 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def _axes_of(given: Axes | None, *, height: float = 4.4) -> Axes:
+def axes_of(given: Axes | None, *, height: float = 4.4) -> Axes:
     """The axes that were given, or those of a new figure; inches."""
     return Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots() if given is None else given
 

@@ -7,7 +7,7 @@ from matplotlib.collections import Collection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
@@ -24,8 +24,19 @@ from kohonen_adapt.display import (
 )
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
 
-__all__ = ["COLOURS", "draw_field_lines", "draw_indicators", "draw_mesh", "indicator_scale", "set_axes"]
+__all__ = [
+    "COLOURS",
+    "draw_edges",
+    "draw_elements",
+    "draw_field_lines",
+    "draw_indicators",
+    "draw_mesh",
+    "draw_outline",
+    "indicator_scale",
+    "set_axes",
+]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white; blue and vermilion come first."""
@@ -40,8 +51,10 @@ LONGEST = 50_000
 """Facets in one line."""
 
 
-def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
+def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str = "m") -> None:
     """Draw the edges of a mesh, the outlines of its regions thicker.
+
+    Of tetrahedra it is a cut, whose lines are where the plane meets their faces.
 
     Parameters
     ----------
@@ -49,8 +62,16 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
         Where to.
     mesh
         The mesh.
+    plane
+        Where tetrahedra are cut, a `kohonen_adapt.Plane`. Along two axes, coordinates are those of the mesh.
     unit
         Unit of the axes, "m", "mm" or "".
+
+    Raises
+    ------
+    ValueError
+        If tetrahedra come without a plane or it does not meet them, a plane mesh comes with one, or the unit is
+        unknown.
 
     Examples
     --------
@@ -62,20 +83,32 @@ def draw_mesh(axes: Axes, mesh: MeshTri, *, unit: str = "m") -> None:
     >>> figure.savefig("mesh.png")
     """
     # Thinner lines on finer meshes, down to where they would vanish.
-    width = float(np.clip(20.0 / np.sqrt(mesh.t.shape[1]), 0.08, 0.5))
-    inner = np.setdiff1d(np.arange(mesh.facets.shape[1]), outlined_facets(mesh))
-    _draw_facets(axes, mesh, inner, unit, "0.4", width)
-    _draw_outline(axes, mesh, unit, "black")
+    shown = flat(mesh, plane)
+    width = float(np.clip(20.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5))
+    draw_edges(axes, shown, unit, "0.4", width)
+    draw_outline(axes, shown, unit, "black")
+
+
+def draw_edges(axes: Axes, shown: Flat, unit: str, colour: str, width: float) -> None:
+    """Draw the sides of elements that are not on an outline."""
+    inner = np.setdiff1d(shown.sides, outlined_facets(shown.mesh))
+    _draw_facets(axes, shown.mesh, inner, unit, colour, width)
 
 
 def draw_indicators(
-    axes: Axes, mesh: MeshTri, indicators: ArrayLike, *, norm: Normalize | None = None, unit: str = "m"
+    axes: Axes,
+    mesh: Mesh,
+    indicators: ArrayLike,
+    *,
+    norm: Normalize | None = None,
+    plane: CutBy | None = None,
+    unit: str = "m",
 ) -> Collection:
     """Colour every element by its error indicator.
 
     Parameters
     ----------
-    axes, mesh, unit
+    axes, mesh, plane, unit
         As for `draw_mesh`.
     indicators
         (nelements,), unsquared.
@@ -100,19 +133,27 @@ def draw_indicators(
     values = as_reals("indicators", indicators, {"nelements": mesh.t.shape[1]})
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
-    shades = _draw_elements(axes, mesh, values, unit, norm or indicator_scale(values), colours)
-    _draw_outline(axes, mesh, unit, "white")
+    shown = flat(mesh, plane)
+    shades = draw_elements(axes, shown.mesh, shown.of_elements(values), unit, norm or indicator_scale(values), colours)
+    draw_outline(axes, shown, unit, "white")
     return shades
 
 
 def draw_field_lines(
-    axes: Axes, mesh: MeshTri, potential: ArrayLike, magnitude: ArrayLike, *, lines: int = 20, unit: str = "m"
+    axes: Axes,
+    mesh: Mesh,
+    potential: ArrayLike,
+    magnitude: ArrayLike,
+    *,
+    lines: int = 20,
+    plane: CutBy | None = None,
+    unit: str = "m",
 ) -> Collection:
     """Draw contours of a potential, for A_z the flux lines, over the magnitude of a field.
 
     Parameters
     ----------
-    axes, mesh, unit
+    axes, mesh, plane, unit
         As for `draw_mesh`.
     potential
         (nnodes,), at the corners and linear in every element; between neighbouring lines it changes by the same amount.
@@ -139,11 +180,13 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    magnitude = _values("magnitude", magnitude, mesh, {"nelements": mesh.t.shape[1]})
+    shown = flat(mesh, plane)
+    magnitude = shown.of_elements(_values("magnitude", magnitude, mesh, {"nelements": mesh.t.shape[1]}))
+    potential = shown.of_nodes(_values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)}))
+    mesh = shown.mesh
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
     norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
-    colours = _draw_elements(axes, mesh, magnitude, unit, norm, PALE)
-    potential = _values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)})
+    colours = draw_elements(axes, mesh, magnitude, unit, norm, PALE)
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
@@ -153,7 +196,7 @@ def draw_field_lines(
         x, y = in_unit(unit) * fine.p
         style = {"colors": "black", "linewidths": 0.5, "linestyles": "solid"}
         axes.tricontour(x, y, fine.t.T, potential.ravel(), levels=levels, **style)
-    _draw_outline(axes, mesh, unit, "black")
+    draw_outline(axes, shown, unit, "black")
     return colours
 
 
@@ -162,7 +205,7 @@ def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
     return lattice(PARTS)[0].T @ values if is_second_order(mesh) and len(values) == 3 else values
 
 
-def _values(name: str, given: ArrayLike, mesh: MeshTri, shape: dict[str, int]) -> Floats:
+def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
     """Values of that shape, or at the points of a lattice in every element."""
     array = np.asarray(given)
     if array.ndim == 2 and divisions_of(len(array)):
@@ -187,15 +230,16 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
     return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
 
 
-def set_axes(axes: Axes, mesh: MeshTri, unit: str) -> None:
+def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:
     """Equal scales, a little room around the mesh, units."""
     low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
     room = 0.02 * np.max(high - low)
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    axes.set(xlabel=f"x ({unit})" if unit else "x", ylabel=f"y ({unit})" if unit else "y")
+    across, up = (f"{name} ({unit})" if unit else name for name in names)
+    axes.set(xlabel=across, ylabel=up)
 
 
-def _draw_elements(
+def draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
 ) -> Collection:
     """Elements in colours: constant, or where values are those of a lattice, (k, nelements), linear between them."""
@@ -226,6 +270,7 @@ def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str
             axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
 
 
-def _draw_outline(axes: Axes, mesh: MeshTri, unit: str, colour: str) -> None:
-    _draw_facets(axes, mesh, outlined_facets(mesh), unit, colour, OUTLINE)
-    set_axes(axes, mesh, unit)
+def draw_outline(axes: Axes, shown: Flat, unit: str, colour: str) -> None:
+    """Draw the outlines of regions, and fit the axes."""
+    _draw_facets(axes, shown.mesh, outlined_facets(shown.mesh), unit, colour, OUTLINE)
+    set_axes(axes, shown.mesh, unit, shown.axes)

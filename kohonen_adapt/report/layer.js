@@ -219,9 +219,10 @@ class Layer {
     if (!(e >= 0)) return null;
     const x = (column + 0.5 - this.left) / this.zoom, y = (this.top - row - 0.5) / this.zoom;
     const point = [x + this.mesh.centre[0], y + this.mesh.centre[1]];
-    if (field.kind === "plain") return {e, point, value: null};
-    if (field.at === "element") return {e, point, value: this.valuesOf(k, field)[e]};
+    const said = {e: this.mesh.elements ? this.mesh.elements[e] : e, point};  // of a cut, what it is a piece of
+    if (field.kind === "plain") return {...said, value: null};
+    if (field.at === "element") return {...said, value: this.valuesOf(k, field)[e]};
     const planes = this.planesOf(k, field);
-    return {e, point, value: planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y};
+    return {...said, value: planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y};
   }
 }

@@ -25,7 +25,8 @@ async function meshOf(packed) {
   const values = await Promise.all(packed.values.map(each => each && unpacked(each)));
   const mesh = {name: packed.name, centre: packed.centre, x, y, nodes, outline, values};
   mesh.count = nodes.length / 3;
-  mesh.edges = edgesOf(nodes, x.length);
+  mesh.edges = packed.edges ? await unpacked(packed.edges) : edgesOf(nodes, x.length);
+  mesh.elements = packed.elements && await unpacked(packed.elements);
   return mesh;
 }
 

@@ -8,21 +8,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets, straight_and_bent
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
+from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
 
 __all__ = ["FieldOf", "packed", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
 """A function from the solution that a problem returned to the values of a field."""
 
-Results = Sequence[AdaptResult]
+Results = Sequence[tuple[AdaptResult, Flat]]
+"""Results, each with what is shown of its mesh."""
+
+QUALITY = "quality (1: regular, 0: flat)"
 
 NAMELESS = "no name"
 NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
@@ -44,37 +48,48 @@ def view_data(
     point_data: Mapping[str, FieldOf],
     cell_data: Mapping[str, FieldOf],
     indicator_label: str,
+    plane: CutBy | None,
     unit: str,
 ) -> dict[str, Any]:
     """Everything the view needs, ready for JSON; the words of `results` are what is left and right of the divider.
 
+    Of meshes of tetrahedra it is a cut.
+
     Raises
     ------
     ValueError
-        If a function gives an array of the wrong shape, or the unit is unknown.
+        If a function gives an array of the wrong shape, the unit is unknown, or the plane does not go with a mesh.
     """
-    each = list(results.values())
+    each = [(result, flat(result.mesh, plane)) for result in results.values()]
     shown = [
         *(_elementwise(label, each, function) for label, function in cell_data.items()),
         *(_nodal(label, each, function) for label, function in point_data.items()),
         _indicators(indicator_label, each),
-        _found_by_page("quality (1: equilateral, 0: flat)", "quality", 0.0, 1.0),
-        _sizes(each, unit),
+        _found_by_page(QUALITY, "quality", 0.0, 1.0) if plane is None else _qualities(each),
+        _sizes(each, unit) if plane is None else _lengths(each, unit),
         _subdomains(each),
     ]
     return {
         "unit": unit,
-        "bounds": _bounds([result.mesh for result in each], unit),
+        "axes": each[0][1].axes,
+        "bounds": _bounds([shown.mesh for _, shown in each], unit),
         "fields": [field.about for field in shown],
         "meshes": [
-            {"name": word, **_mesh(result.mesh, unit), "values": [field.values[k] for field in shown]}
-            for k, (word, result) in enumerate(results.items())
+            {"name": word, **_mesh(each[k][1], unit), "values": [field.values[k] for field in shown]}
+            for k, word in enumerate(results)
         ],
     }
 
 
-def _mesh(mesh: MeshTri, unit: str) -> dict[str, Any]:
-    """Coordinates relative to the middle of the mesh, where float32 is finest; bent sides have points of their own."""
+def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
+    """Coordinates relative to the middle of the mesh, where float32 is finest; bent sides have points of their own.
+
+    Of a cut, the page does not find out which lines are sides of elements, and of which.
+    """
+    mesh = shown.mesh
+    cut = {}
+    if shown.element is not None:
+        cut = {"edges": packed(mesh.facets[:, shown.sides].T, "u4"), "elements": packed(shown.element, "u4")}
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
     straight, bent = straight_and_bent(mesh, outlined_facets(mesh))
     along = mesh.nvertices + np.arange(bent[0].size).reshape(bent.shape[1:])
@@ -87,38 +102,45 @@ def _mesh(mesh: MeshTri, unit: str) -> dict[str, Any]:
         "y": packed(y, "f4"),
         "t": packed(mesh.t, "u4"),
         "outline": packed(lines, "u4"),
+        **cut,
     }
 
 
-def _bounds(meshes: Sequence[MeshTri], unit: str) -> list[list[float]]:
+def _bounds(meshes: Sequence[Mesh], unit: str) -> list[list[float]]:
     low = np.min([mesh.p.min(axis=1) for mesh in meshes], axis=0)
     high = np.max([mesh.p.max(axis=1) for mesh in meshes], axis=0)
     return [(in_unit(unit) * bound).tolist() for bound in (low, high)]
 
 
 def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [_by_element(label, function(each.solution), each.mesh) for each in results]
-    ends = [_middle_ends(each, result.mesh) for each, result in zip(values, results, strict=True)]
+    values = [shown.of_elements(_by_element(label, function(each.solution), each.mesh)) for each, shown in results]
+    ends = [_middle_ends(each, shown.mesh) for each, (_, shown) in zip(values, results, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     at = "element" if all(each.ndim == 1 for each in values) else "corner"
     return _scaled(label, at, values, 0.0 if low >= 0.0 else low, high)
 
 
-def _by_element(label: str, values: ArrayLike, mesh: MeshTri) -> Floats:
-    """Values (nelements,), or (3, nelements) at the corners of the elements."""
+def _by_element(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
+    """Values (nelements,), or (3, nelements) at the corners of triangles."""
     shape = {"nelements": mesh.t.shape[1]}
-    return as_reals(label, values, {"3": 3} | shape if np.ndim(values) == 2 else shape)
+    return as_reals(label, values, {"3": 3} | shape if np.ndim(values) == len(mesh.p) == 2 else shape)
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [as_reals(label, function(each.solution), {"nnodes": int(each.mesh.nvertices)}) for each in results]
+    values = [
+        shown.of_nodes(as_reals(label, function(each.solution), {"nnodes": int(each.mesh.nvertices)}))
+        for each, shown in results
+    ]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     return _scaled(label, "node", values, low, high)
 
 
 def _indicators(label: str, results: Results) -> Shown:
-    values = [as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}) for each in results]
+    values = [
+        shown.of_elements(as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}))
+        for each, shown in results
+    ]
     largest = max((float(each[np.isfinite(each)].max(initial=0.0)) for each in values), default=0.0)
     if largest == 0.0:
         return _scaled(label, "element", values, 0.0, 1.0)
@@ -132,7 +154,7 @@ def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: flo
     return Shown(about, [packed(each, "f4", coarse=at != "node") for each in values])
 
 
-def _middle_ends(values: Floats, mesh: MeshTri) -> tuple[float, float]:
+def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
     """Between which values all but a hundredth of the area lies at either end: corners have spikes."""
     finite = np.isfinite(values)
     if not finite.any():
@@ -146,20 +168,31 @@ def _found_by_page(label: str, kind: str, low: float, high: float, scale: str = 
     return Shown(about, [None, None])
 
 
+def _qualities(results: Results) -> Shown:
+    """Of tetrahedra, which the page does not have."""
+    return _scaled(QUALITY, "element", [shown.of_elements(quality(each.mesh)) for each, shown in results], 0.0, 1.0)
+
+
+def _lengths(results: Results, unit: str) -> Shown:
+    lengths = [in_unit(unit) * shown.of_elements(np.cbrt(area(each.mesh))) for each, shown in results]
+    low, high = min(float(each.min()) for each in lengths), max(float(each.max()) for each in lengths)
+    return _scaled(f"size, cube root of the volume{f' ({unit})' if unit else ''}", "element", lengths, low, high, "log")
+
+
 def _sizes(results: Results, unit: str) -> Shown:
-    sizes = [in_unit(unit) * np.sqrt(area(each.mesh)) for each in results]
+    sizes = [in_unit(unit) * np.sqrt(area(each.mesh)) for each, _ in results]
     low, high = min(float(each.min()) for each in sizes), max(float(each.max()) for each in sizes)
     return _found_by_page(f"size, root of the area{f' ({unit})' if unit else ''}", "size", low, high, "log")
 
 
 def _subdomains(results: Results) -> Shown:
     names: dict[str, int] = {}
-    values = [_numbers_of_names(each.mesh, names) for each in results]
+    values = [_numbers_of_names(shown.mesh, names) for _, shown in results]
     about = {"label": "subdomain", "kind": "values", "at": "element", "names": list(names)[: MOST_NAMES + 1]}
     return Shown(about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values])
 
 
-def _numbers_of_names(mesh: MeshTri, names: dict[str, int]) -> Ints:
+def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
     """For every element the number of its set of names, (nelements,); new sets are added to `names`."""
     subdomains = named_sets(mesh.subdomains)
     codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])

@@ -240,7 +240,8 @@ class View {
     const shown = field.names ? field.names[found.value] : digits(found.value);
     const value = found.value === null ? "" : `${field.label}: ${shown}; `;
     const [x, y] = found.point.map(each => digits(each, 5));
-    element("value").textContent = `${name}: ${value}element ${found.e}, x = ${x}${unit}, y = ${y}${unit}`;
+    const [across, up] = this.data.axes;
+    element("value").textContent = `${name}: ${value}element ${found.e}, ${across} = ${x}${unit}, ${up} = ${y}${unit}`;
   }
 }
 

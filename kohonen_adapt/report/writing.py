@@ -6,6 +6,7 @@ from pathlib import Path
 
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.page import filled_page
 from kohonen_adapt.report.scene import FieldOf, view_data
 from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
@@ -25,6 +26,7 @@ def write_report(
     point_data: Mapping[str, FieldOf] | None = None,
     cell_data: Mapping[str, FieldOf] | None = None,
     indicator_label: str = "error indicator of an element",
+    plane: CutBy | None = None,
     unit: str = "m",
     pictures: Mapping[str, Picture] | None = None,
     settings: Mapping[str, str] | None = None,
@@ -52,6 +54,8 @@ def write_report(
         Indicators, quality, size and subdomains are there anyhow.
     indicator_label
         What the indicators are called, with their unit.
+    plane
+        Where meshes of tetrahedra are cut for the view, a `kohonen_adapt.Plane`.
     unit
         Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
     pictures
@@ -63,7 +67,8 @@ def write_report(
     Raises
     ------
     ValueError
-        If a field has the wrong shape, the unit is unknown, or a picture is neither PNG nor GIF.
+        If a field has the wrong shape, the unit is unknown, a picture is neither PNG nor GIF, or tetrahedra come
+        without a plane that meets them.
     OSError
         If the file cannot be written or a picture cannot be read.
 
@@ -79,6 +84,7 @@ def write_report(
         point_data=point_data or {},
         cell_data=cell_data or {},
         indicator_label=indicator_label,
+        plane=plane,
         unit=unit,
     )
     content = filled_page(

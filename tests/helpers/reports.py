@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 from skfem import MeshTri
 
+from helpers.mesh_files import two_boxes
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.outline.surfaces import Plane
 from kohonen_adapt.report import write_report
 
+CUT = Plane((0.5, 0.4, 0.4), (0.0, 1.0, 0.0))
 HOSTILE = '</script><img src=x onerror="document.title=1"><!--${oops}&amp;'
 
 
@@ -56,6 +59,16 @@ def before_and_after():
 
 def mean_of_x(mesh):
     return lambda solution: solution[mesh.t].mean(axis=0)
+
+
+def solid_report(folder, **changed):
+    """Write a report of a mesh of tetrahedra, seen in a cut; its path."""
+    mesh = two_boxes(1)
+    result = a_result(mesh, [a_pass(0, mesh, 1.0)])
+    given = {"point_data": {"x (m)": lambda solution: solution}, "cell_data": {"middle (m)": mean_of_x(mesh)}}
+    path = folder / "solid.html"
+    write_report(path, result, before=result, **given | {"plane": CUT} | changed)
+    return path
 
 
 def hostile_report(folder, **changed):

@@ -8,6 +8,7 @@ from skfem import MeshTri2
 from kohonen_adapt.commands.check import outlines_described
 from kohonen_adapt.display import PARTS, divided, lattice, straight_and_bent
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.plotting import draw_field_lines, draw_indicators, draw_mesh, plot_outlines
@@ -55,7 +56,7 @@ def test_colours_and_lines_reach_the_arc():
 
 def test_a_report_has_lines_along_the_arc(monkeypatch):
     monkeypatch.setattr("kohonen_adapt.report.scene.packed", lambda values, kind, **how: np.asarray(values))
-    shown = _mesh(ROUND, "")
+    shown = _mesh(flat(ROUND, None), "")
     places = np.stack([shown["x"], shown["y"]]) + np.array(shown["centre"])[:, None]
     assert shown["outline"].shape == (PARTS * len(ROUND.boundary_facets()), 2)
     np.testing.assert_allclose(np.hypot(*places[:, shown["outline"]]), 1.0, atol=FLAT)

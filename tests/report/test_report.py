@@ -10,7 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.reports import HOSTILE, a_mesh, a_pass, a_result, before_and_after, hostile_report
+from helpers.mesh_files import two_boxes
+from helpers.reports import CUT, HOSTILE, a_mesh, a_pass, a_result, before_and_after, hostile_report, solid_report
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -18,6 +19,8 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.result import Status
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
 from kohonen_adapt.report.page import filled_page
 from kohonen_adapt.report.scene import packed
@@ -252,6 +255,26 @@ def test_a_field_that_is_linear_in_every_element_is_shown_by_its_corners(tmp_pat
         assert_allclose(unpacked(mesh["values"][0]).reshape(3, -1), wanted, rtol=2.0**-16)
     with pytest.raises(ValueError, match=r"^b must have shape \(3, nelements\) = \(3, 128\); got \(2, 128\)\.$"):
         hostile_report(tmp_path, cell_data={"b": lambda solution: np.ones((2, 128))})
+
+
+def test_tetrahedra_are_shown_in_a_cut(tmp_path):
+    path, mesh = solid_report(tmp_path), two_boxes(1)
+    data, cut = Page(path).data, flat(mesh, CUT)
+    shown = data["meshes"][0]
+    assert data["axes"] == ["x", "z"] and len(unpacked(shown["edges"])) == 2 * len(cut.sides)
+    assert_array_equal(unpacked(shown["elements"]), cut.element)
+    values = dict(zip([field["label"] for field in data["fields"]], shown["values"], strict=True))
+    assert_allclose(unpacked(values["x (m)"]), cut.mesh.p[0], atol=1e-7)
+    assert_allclose(unpacked(values["quality (1: regular, 0: flat)"]), ka.quality(mesh)[cut.element], rtol=2.0**-16)
+    sizes = np.cbrt(area(mesh))[cut.element]
+    assert_allclose(unpacked(values["size, cube root of the volume (m)"]), sizes, rtol=2.0**-16)
+    names = np.array(next(field["names"] for field in data["fields"] if field["label"] == "subdomain"))
+    assert set(names[unpacked(values["subdomain"])]) == {"low", "low, left", "upper half", "upper half, left"}
+
+
+def test_tetrahedra_need_a_plane(tmp_path):
+    with pytest.raises(ValueError, match="shown in a cut"):
+        solid_report(tmp_path, plane=None)
 
 
 def test_wrong_input(tmp_path):

@@ -4,7 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
-from helpers.reports import HOSTILE, a_mesh, hostile_report
+from helpers.reports import HOSTILE, a_mesh, hostile_report, solid_report
 
 webdriver = pytest.importorskip("selenium.webdriver")
 
@@ -232,6 +232,15 @@ def test_a_field_that_is_linear_in_every_element_is_read_there(browser, tmp_path
     opened(browser, hostile_report(tmp_path, cell_data={"inside (m)": lambda solution: solution[t] + jump}), 1280)
     _, value, x = read_at_a_point(browser, "inside (m)")
     assert value - x == pytest.approx(round(value - x), abs=2e-3)
+    do(browser, "element('edges').click();")
+    assert browser.get_log("browser") == []
+
+
+def test_a_cut_through_tetrahedra_is_read_like_a_plane_mesh(browser, tmp_path):
+    opened(browser, solid_report(tmp_path), 1280)
+    _, value, x = read_at_a_point(browser, "middle (m)")
+    assert value == pytest.approx(x, abs=0.4)
+    assert "z = " in browser.execute_script("return document.getElementById('value').textContent")
     do(browser, "element('edges').click();")
     assert browser.get_log("browser") == []
 

@@ -1,0 +1,256 @@
+"""Draw a mesh of tetrahedra in a cut by a plane, and from outside."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, Normalize, to_rgb
+from matplotlib.patches import Patch
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import as_reals
+from kohonen_adapt.display import in_unit
+from kohonen_adapt.mesh.cells import check_kind
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import directed
+from kohonen_adapt.mesh.names import combinations, named_sets
+from kohonen_adapt.mesh.slicing import CutBy, flat
+from kohonen_adapt.plotting.charts import axes_of
+from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline
+
+__all__ = ["plot_slice", "plot_surface"]
+
+WHITE = 0.45
+"""How much white is in the colour of a name, so that lines stand out on it."""
+
+NAMELESS = "#d9dde2"
+SHADE = 0.45
+"""How much darker a face is that turns away from the light."""
+
+LIGHT = np.array([-0.3, 0.5, 1.0]) / np.linalg.norm([-0.3, 0.5, 1.0])
+"""Direction to the light: to the right, up, and to the eye."""
+
+ARROW = 0.09
+"""Length of the arrows that show the axes, in widths of the picture."""
+
+
+def plot_slice(
+    mesh: MeshTet,
+    plane: CutBy,
+    values: ArrayLike | None = None,
+    *,
+    label: str = "",
+    norm: Normalize | None = None,
+    ax: Axes | None = None,
+    unit: str = "m",
+) -> Axes:
+    """Draw where a plane cuts a mesh of tetrahedra: its elements in the colours of values or of their subdomains.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    plane
+        Where it is cut, a `kohonen_adapt.Plane`; through faces of elements, those on one of its sides are shown.
+    values
+        (nelements,), constant in every element, or (nnodes,), linear between the nodes. None colours subdomains.
+    label
+        Of the colour bar, with a unit.
+    norm
+        The scale of the colours, for several pictures on one.
+    ax
+        Where to; None makes a figure, which is ``plot_slice(mesh, plane).figure``.
+    unit
+        Unit of the axes, "m", "mm" or "".
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(path)`` saves the figure.
+
+    Raises
+    ------
+    ValueError
+        If the plane does not meet the mesh, values have another shape, or the unit is unknown.
+
+    Examples
+    --------
+    >>> import kohonen_adapt as ka, skfem
+    >>> from kohonen_adapt.plotting import plot_slice
+    >>> mesh = skfem.MeshTet().refined(3)
+    >>> ax = plot_slice(mesh, ka.Plane((0.5, 0.5, 0.5), (1.0, 1.0, 0.0)), ka.quality(mesh), label="quality")
+    >>> ax.figure.savefig("slice.png")
+    """
+    _check(mesh)
+    shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
+    if values is None:
+        number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.t.shape[1])
+        draw_elements(axes, shown.mesh, number.astype(float), unit, _numbered(colours), ListedColormap(colours))
+        _add_legend(axes, colours, labels)
+    else:
+        given = _values(mesh, values)
+        if len(given) == mesh.t.shape[1]:
+            found = shown.of_elements(given)
+        else:
+            found = shown.of_nodes(given)[shown.mesh.t]
+        norm = norm or Normalize(given.min(), given.max())
+        drawn = draw_elements(axes, shown.mesh, found, unit, norm, colormaps["viridis"])
+        axes.figure.colorbar(drawn, ax=axes, label=label)
+    draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5)))
+    draw_outline(axes, shown, unit, "black")
+    return axes
+
+
+def plot_surface(
+    mesh: MeshTet,
+    values: ArrayLike | None = None,
+    *,
+    names: str = "boundaries",
+    view: tuple[float, float] = (-60.0, 25.0),
+    label: str = "",
+    norm: Normalize | None = None,
+    ax: Axes | None = None,
+    unit: str = "m",
+) -> Axes:
+    """Draw a mesh of tetrahedra from outside: its outer faces in the colours of values or of names.
+
+    Faces that look away are left out, the others drawn from the farthest to the nearest, without perspective.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    values
+        (nelements,), or (nnodes,), of which a face has the mean over its corners. None colours names.
+    names
+        Whose colours: "boundaries" or "subdomains".
+    view
+        Degrees from which one looks: around z from x on, and above the horizon.
+    label
+        Of the colour bar, with a unit.
+    norm
+        The scale of the colours, for several pictures on one.
+    ax
+        Where to; None makes a figure, which is ``plot_surface(mesh).figure``.
+    unit
+        Unit of the lengths that are told, "m", "mm" or "".
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(path)`` saves the figure.
+
+    Raises
+    ------
+    ValueError
+        If values have another shape, or the names or the unit are unknown.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.plotting import plot_surface
+    >>> mesh = skfem.MeshTet().refined(2).with_boundaries({"top": lambda x: x[2] == 1.0})
+    >>> plot_surface(mesh).figure.savefig("surface.png")
+    """
+    _check(mesh)
+    if names not in ("boundaries", "subdomains"):
+        raise ValueError(f'names must be "boundaries" or "subdomains"; got {names!r}.')
+    axes, camera = axes_of(ax, height=5.0), _camera(*view)
+    rim = mesh.boundary_facets()
+    faces, order, brightness = _faces(mesh, rim, camera, in_unit(unit))
+    if values is None:
+        number, colours, labels = _named_colours(_on_rim(mesh, rim, names), len(rim))
+        shade = 1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0))
+        faces.set_facecolor(colours[number[order]] * shade[:, None])
+        _add_legend(axes, colours, labels)
+    else:
+        given = _values(mesh, values)
+        at = mesh.f2t[0, rim] if len(given) == mesh.t.shape[1] else mesh.facets[:, rim]
+        faces.set_array(np.atleast_2d(given[at]).mean(axis=0)[order])
+        faces.set_norm(norm or Normalize(given.min(), given.max()))
+        axes.figure.colorbar(faces, ax=axes, label=label)
+    axes.add_collection(faces)
+    axes.autoscale_view()
+    sizes = " x ".join(f"{size:.4g}" for size in in_unit(unit) * np.ptp(mesh.p, axis=1))
+    axes.set(aspect="equal", xticks=[], yticks=[], xlabel=f"{sizes} {unit}".rstrip())
+    axes.spines[:].set_visible(False)
+    _draw_arrows(axes, *camera[:2])
+    return axes
+
+
+def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
+    """The outer faces that are seen, which they are of `rim` from the farthest on, and how they turn to the light."""
+    corners = mesh.p[:, directed(mesh, rim, np.zeros_like(rim)).T]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    seen = np.flatnonzero(camera[2] @ normal > 0.0)
+    order = seen[np.argsort(camera[2] @ corners.mean(axis=1)[:, seen], kind="stable")]
+    places = scale * np.einsum("kc,cif->fik", camera[:2], corners[:, :, order])
+    width = float(np.clip(15.0 / np.sqrt(len(order)), 0.05, 0.4))
+    drawn = PolyCollection(places, linewidths=width, edgecolors="0.25", rasterized=True)
+    towards_light = (LIGHT @ camera) @ normal[:, order] / np.linalg.norm(normal[:, order], axis=0)
+    return drawn, order, towards_light
+
+
+def _check(mesh: MeshTet) -> None:
+    """Refuse what is no mesh of tetrahedra, and number its facets."""
+    check_kind(mesh, bent=True, space=True)
+    if len(mesh.p) != 3:
+        raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
+    number_facets(mesh)
+
+
+def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
+    shape = {"nnodes": mesh.p.shape[1]} if len(np.atleast_1d(values)) == mesh.p.shape[1] else {}
+    return as_reals("values", values, shape or {"nelements": mesh.t.shape[1]})
+
+
+def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
+    """The number of the set of names that each of `count` things carries, and the colour and label of every one."""
+    number, members = combinations(list(sets.values()), count)
+    names = list(sets)
+    labels = [", ".join(names[k] for k in each.tolist()) for each in members]
+    chosen = [COLOURS[k % len(COLOURS)] for k in range(len(labels))]
+    colours = np.array([WHITE + (1.0 - WHITE) * np.array(to_rgb(colour)) for colour in chosen])
+    colours[[not text for text in labels]] = to_rgb(NAMELESS)
+    return number, colours, labels
+
+
+def _numbered(colours: Floats) -> Normalize:
+    return Normalize(-0.5, len(colours) - 0.5)
+
+
+def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
+    """Say what colours mean, unless nothing has a name."""
+    if any(labels):
+        handles = [Patch(color=colour, label=text or "no name") for colour, text in zip(colours, labels, strict=True)]
+        axes.legend(
+            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small",
+            frameon=False,
+        )  # fmt: skip
+
+
+def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
+    """Which of the outer faces carry every name: as rows of `rim`."""
+    of_face = {"boundaries": rim, "subdomains": mesh.f2t[0, rim]}[names]
+    found = {name: np.flatnonzero(np.isin(of_face, rows)) for name, rows in named_sets(getattr(mesh, names)).items()}
+    return {name: rows for name, rows in found.items() if len(rows)}
+
+
+def _camera(around: float, above: float) -> NDArray[np.float64]:
+    """Unit vectors to the right, up and towards the eye, (3, 3)."""
+    turn, rise = np.radians([around, above])
+    right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+    towards = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
+    return np.stack([right, np.cross(towards, right), towards])
+
+
+def _draw_arrows(axes: Axes, right: Floats, up: Floats) -> None:
+    """Show which way x, y and z are, in the corner below on the left."""
+    for name, tip in zip("xyz", ARROW * np.stack([right, up], axis=1), strict=True):
+        look = {"arrowstyle": "<|-", "color": "0.35", "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate(
+            name, xy=(0.06, 0.06), xytext=(0.06 + tip[0], 0.06 + tip[1]), xycoords="axes fraction", arrowprops=look,
+            ha="center", va="center", color="0.35", fontsize="small", annotation_clip=False,
+        )  # fmt: skip
