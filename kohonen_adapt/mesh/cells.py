@@ -152,7 +152,7 @@ def remedy_for(mesh: object, space: bool) -> str:
     if "Quad" in name:
         return "Split the quadrilaterals: mesh.to_meshtri()."
     if "Line" in name or (not space and any(kind in name for kind in SOLID)):
-        return f"Only two-{' and three-' if space else ''}dimensional meshes can be adapted."
+        return f"This works in the plane{' and in space' if space else ''} only."
     if name == "MeshTet2":
         return "Keep its corners only: MeshTet(mesh.p[:, :mesh.nvertices], mesh.t)."
     if name.endswith("DG") and "Tri" in name:

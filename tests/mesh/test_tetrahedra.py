@@ -229,7 +229,7 @@ OTHER_CLASSES = [
     (MeshHex(), r"MeshHex1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
     (MeshWedge1(), r"MeshWedge1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
     (MeshTet2(), r"MeshTet2\. Keep its corners only: MeshTet\(mesh\.p\[:, :mesh\.nvertices\], mesh\.t\)\."),
-    (MeshLine(), r"MeshLine1\. Only two- and three-dimensional meshes can be adapted\."),
+    (MeshLine(), r"MeshLine1\. This works in the plane and in space only\."),
     ("mesh.msh", r"str\. Build one with skfem\.MeshTri or MeshTet or kohonen_adapt\.read_mesh\."),
 ]
 

@@ -101,7 +101,7 @@ OTHER_CLASSES = [
         MeshTri1DG.from_mesh(MESH),
         r"MeshTri1DG\. Connect its elements: MeshTri\(mesh\.p, mesh\.dofs\.element_dofs\)\.remove_dup",
     ),
-    (MeshLine(), r"MeshLine1\. Only two-( and three-)?dimensional meshes can be adapted\."),
+    (MeshLine(), r"MeshLine1\. This works in the plane( and in space)? only\."),
     ("mesh.msh", r"str\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
     (None, r"NoneType\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
 ]
@@ -129,7 +129,7 @@ def test_meshes_of_another_class_get_the_remedy(mesh, message, call):
 @pytest.mark.parametrize("call", PLANE_ONLY)
 @pytest.mark.parametrize("mesh", [MeshTet(), MeshTet2(), MeshHex()])
 def test_what_works_in_the_plane_only_says_so(mesh, call):
-    message = rf"^mesh must be a skfem\.MeshTri or MeshTri2; got {type(mesh).__name__}\. Only two-dim"
+    message = rf"^mesh must be a skfem\.MeshTri or MeshTri2; got {type(mesh).__name__}\. This works in the plane only\."
     with pytest.raises(ValueError, match=message):
         PLANE_ONLY[call](mesh)
 
