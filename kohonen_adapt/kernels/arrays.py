@@ -7,7 +7,7 @@ kernel costs numba as much as some lines of code; kernels name the columns by th
 the properties of the records.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -188,9 +188,9 @@ class Neurons(NamedTuple):
     """A mesh that learns: triangles, or tetrahedra with the records of `tetrahedron/arrays.py`."""
 
     position: np.ndarray  # (n, d)
-    elements: Elements
-    star: Star
-    constraints: Constraints
+    elements: Any
+    star: Any
+    constraints: Any
 
 
 @record

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -21,6 +22,7 @@ from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled, unchanged
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
+from kohonen_adapt.som.space import relocated_in_space
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of
 
@@ -75,7 +77,7 @@ class Moved:
 
 
 def relocate(
-    mesh: MeshTri,
+    mesh: Mesh,
     density: ArrayLike | Callable[[Floats], ArrayLike],
     *,
     schedule: Schedule | None = None,
@@ -87,22 +89,25 @@ def relocate(
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
     surfaces: Mapping[str, Surface] | None = None,
-) -> MeshTri:
+) -> Mesh:
     """Move the nodes of a mesh to where a density wants them; every node is kept, and its number.
 
-    A Kohonen map does it. `adapt` goes on from here: by default it recycles nodes, too.
+    A Kohonen map does it, of tetrahedra sweeps of smoothing with swaps of elements between them. `adapt` goes on from
+    here: by default it recycles nodes, too.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, or a `skfem.MeshTri2` of which the corners are moved; it is not modified.
+        A `skfem.MeshTri`, a `skfem.MeshTri2` of which the corners are moved, or a `skfem.MeshTet`; it is not modified.
     density
-        Wanted nodes per area up to a factor, >= 0 and not zero everywhere: (nelements,), or a callable of points x
-        (2, n) that returns (n,). Zeros are raised to 1e-6 of the largest value.
+        Wanted nodes per area or volume, up to a factor, >= 0 and not zero everywhere: (nelements,), or a callable of
+        points x (2, n), in space (3, n), that returns (n,). Zeros are raised to 1e-6 of the largest value.
     schedule
         None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
-        ``topology="flip"`` it makes each region constrained Delaunay.
+        ``topology="flip"`` it makes each region constrained Delaunay. Of tetrahedra only its sweeps count, by default 8
+        with "flip", 6 with "fixed" and 2 with "recycle"; stages and rounds are refused. Without sweeps they are only
+        swapped, for the best least quality, and recycled.
     topology, min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
     seed
@@ -110,7 +115,7 @@ def relocate(
 
     Returns
     -------
-    MeshTri
+    MeshTri or MeshTet
         With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. Of
         a `skfem.MeshTri2` one again where an outline is curved: its bent outlines are curves that nodes slide on (arcs
         where corners and mid-side nodes lie on a circle, otherwise splines through both), and mid-side nodes are put
@@ -120,15 +125,17 @@ def relocate(
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTri2`, an argument is out of range, or there are fewer
-        layers than are to be kept; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, an argument is out of range, or
+        there are fewer layers than are to be kept; nothing is changed then.
 
     Notes
     -----
     The density is what its own mesh says throughout; a training point moves only nodes of the region it lies in.
     Equation 1, the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh
-    Generation using Kohonen Maps". Where no node moves, the logger ``kohonen_adapt`` says why; it also says how far
-    facets are from the curves that their nodes slide on (INFO) and which arcs were recognised (DEBUG).
+    Generation using Kohonen Maps". Tetrahedra are swapped as `kernels/tetrahedron/swap.py` says, and smoothed as
+    `kernels/tetrahedron/smooth.py` does: what counts is the mass of the density in every element, and its shape.
+    Where no node moves, the logger ``kohonen_adapt`` says why; it also says how far facets are from the curves that
+    their nodes slide on (INFO) and which arcs were recognised (DEBUG).
 
     Examples
     --------
@@ -140,13 +147,27 @@ def relocate(
     """
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
+    check_kind(mesh, bent=True, space=True)
+    if cell_of(mesh) is TETRAHEDRON:
+        return relocated_in_space(mesh, density, schedule, rules)
+    return relocated_in_plane(mesh, density, schedule, rules, seed)
+
+
+def relocated_in_plane(
+    mesh: MeshTri,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
+    schedule: Schedule | None,
+    rules: Rules,
+    seed: int,
+) -> MeshTri:
+    """What `relocate` does with triangles."""
     layered = with_layers(mesh, rules)
     movable = MovableMesh.of(layered, rules)
     if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
-    expect_loops(topology)
+    expect_loops(rules.topology)
     wanted = density_of(movable.triangulation, density)
-    moved = move(movable, wanted, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))
+    moved = move(movable, wanted, schedule, rules.topology, np.random.default_rng(seed), int(mesh.nvertices))
     work = moved.work(movable)
     report_curves(moved.before, movable)
     if not work.moved and schedule != Schedule(()):  # that one is asked for its flips

@@ -24,7 +24,7 @@ from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element
 
-__all__ = ["CallableDensity", "Density", "Draw", "ElementDensity", "density_of"]
+__all__ = ["CallableDensity", "Density", "Draw", "ElementDensity", "density_of", "values_at", "without_zeros"]
 
 
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
@@ -138,19 +138,7 @@ class CallableDensity(OfElements):
         """As many random points in every element, along the curve, and the density there."""
         element = np.repeat(self._order, self.share)
         points = points_in(self.position, self.elements, element, rng)
-        return points, self._evaluate(points)
-
-    def _evaluate(self, points: Floats) -> Floats:
-        """The function at the rows of an (n, 2) array, checked."""
-        values = np.asarray(self.function(points.T.copy()))
-        if values.shape != (len(points),):
-            raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
-        values = as_reals("density", values, {"n": len(points)})
-        bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
-        if len(bad):
-            where = tuple(points[bad[0]].tolist())
-            raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
-        return values
+        return points, values_at(self.function, points)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """About `number` of many candidates, chosen by the density at each and stratified along the curve."""
@@ -168,7 +156,7 @@ class CallableDensity(OfElements):
         """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
         corners = triangulation.position[triangulation.elements.node]
         points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
-        values = self._evaluate(points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
+        values = values_at(self.function, points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
         return without_zeros(values, self.largest).mean(axis=0) ** 2
 
 
@@ -189,6 +177,19 @@ def density_of(triangulation: Triangulation, density: ArrayLike | Callable[[Floa
     if not values.any():
         raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
     return ElementDensity(triangulation, values)
+
+
+def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
+    """A user's density at the rows of an (n, d) array, checked."""
+    values = np.asarray(function(points.T.copy()))
+    if values.shape != (len(points),):
+        raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
+    values = as_reals("density", values, {"n": len(points)})
+    bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+    if len(bad):
+        where = tuple(points[bad[0]].tolist())
+        raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
+    return values
 
 
 def without_zeros(values: Floats, largest: float) -> Floats:

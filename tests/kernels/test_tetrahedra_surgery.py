@@ -8,10 +8,11 @@ from helpers.boxes import check, jittered, opened, qualities, volumes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
-from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue, Star
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, RING, Constraints, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
@@ -32,7 +33,7 @@ def swaps(mesh, below=1.0, limit=1000):
 def exchange(mesh, missing=0, ratio=2.2, limit=10):
     queue, rows = Queue.of(len(mesh.elements.node)), len(mesh.elements.node)
     heaps, net, total, done = (Heap.of(4 * rows), Heap.of(4 * rows)), 0, 0, False
-    fill_heaps(mesh, *heaps)
+    fill_heaps(mesh, *heaps, 0, len(mesh.position))
     while not done:
         splits, collapses, done = recycle(mesh, queue, *heaps, missing - net, ratio, FLOOR**3, limit)
         net, total = net + splits - collapses, total + splits
@@ -45,8 +46,11 @@ def sweep(mesh, density):
     fill_star(node, star)
     weight = density(mesh.position[node].mean(axis=1)) ** (5 / 3)
     order = np.flatnonzero(mesh.pool.anchor >= 0).astype(np.int32)
-    rest = star, mesh.surfaces, mesh.freedom, weight, FLOOR**3, order, np.ones(n, dtype=bool), True
-    return smooth_nodes(mesh.position, *rest)
+    constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
+    before = mesh.position.copy()
+    neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+    smooth_nodes(neurons, weight, FLOOR**3, order, np.ones(n, dtype=bool), True)
+    return int(np.count_nonzero(np.any(mesh.position != before, axis=1)))
 
 
 def bump(centre, height):

@@ -106,10 +106,10 @@ OTHER_CLASSES = [
     (None, r"NoneType\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
 ]
 PLANE_ONLY = {
-    "relocate": lambda mesh: ka.relocate(mesh, ONES),
     "map": KohonenMap,
 }
 SPACE_TOO = {
+    "relocate": lambda mesh: ka.relocate(mesh, ONES),
     "indicators": lambda mesh: ka.density_from_indicators(mesh, ONES),
     "sizes": lambda mesh: ka.density_from_sizes(mesh, ONES),
     "quality": ka.quality,

@@ -4,9 +4,20 @@ from numba.types import UniTuple, boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.entry import B1, I1, I2, L1, LESSON, R1, R2, SEARCH_SCRATCH, Entry
+from kohonen_adapt.kernels.entry import B1, HEAP, I1, I2, L1, LESSON, POOL, R1, R2, R3, SEARCH_SCRATCH, Entry
 from kohonen_adapt.kernels.records import RecordType
-from kohonen_adapt.kernels.tetrahedron import arrays, connectivity, locate, search, stars, train
+from kohonen_adapt.kernels.tetrahedron import (
+    arrays,
+    connectivity,
+    locate,
+    recycle,
+    search,
+    smooth,
+    stars,
+    surfaces,
+    swap,
+    train,
+)
 
 __all__ = ["SPACE"]
 
@@ -15,13 +26,31 @@ STAR = RecordType(arrays.Star, (I1, I1, I2))
 SURFACES = RecordType(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1))
 FREEDOM = RecordType(arrays.Freedom, (int8[::1], I1, B1))
 CONSTRAINTS = RecordType(arrays.Constraints, (FREEDOM, SURFACES, B1))
+ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, R1))
+I3 = int32[:, :, ::1]
+CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
+OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
+QUEUE = RecordType(arrays.Queue, (B1, I1, L1))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
 SPACE: dict[str, tuple[Entry, ...]] = {
-    "space map": (
+    "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
         Entry(connectivity.fill_star, I2, STAR),
+    ),
+    "space moves": (
+        Entry(connectivity.mark_pinched, OPEN_TETRAHEDRA, STAR, B1),
+        Entry(surfaces.measure_bulges, OPEN_TETRAHEDRA, R1),
+        Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
+        Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
+        Entry(smooth.smooth_nodes, NEURONS, R1, float64, I1, B1, boolean),
+    ),
+    "space recycling": (
+        Entry(recycle.fill_heaps, OPEN_TETRAHEDRA, HEAP, HEAP, int64, int64),
+        Entry(recycle.recycle, OPEN_TETRAHEDRA, QUEUE, HEAP, HEAP, int64, float64, float64, int64),
+    ),
+    "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(stars.mark_sound, R2, STAR, float64, int64, int64, B1),
         Entry(stars.mark_deep, STAR, I1, int64, B1, I1),

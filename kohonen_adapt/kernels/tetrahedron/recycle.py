@@ -47,10 +47,9 @@ def enter_edges(mesh, longest, shortest, v, higher):
 
 
 @kernel
-def fill_heaps(mesh, longest, shortest):
-    """Enter every edge once, that of a pinched node perhaps not."""
-    longest.size[0] = shortest.size[0] = 0
-    for v in range(mesh.pool.anchor.shape[0]):
+def fill_heaps(mesh, longest, shortest, first, last):
+    """Enter the edges from nodes `first` to `last` to nodes of higher number, those of pinched nodes perhaps not."""
+    for v in range(first, last):
         if mesh.pool.anchor[v] >= 0:
             enter_edges(mesh, longest, shortest, v, True)
 

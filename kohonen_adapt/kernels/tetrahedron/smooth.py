@@ -11,14 +11,14 @@ and Newton's method needs no help.
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, PLANE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed
 from kohonen_adapt.kernels.tetrahedron.surfaces import (
     has_formula,
-    onto_patch,
-    onto_ridge,
     signed_distance,
+    slid,
     tangent_of_ridge,
+    within_reach,
 )
 
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -146,17 +146,6 @@ def newton_step(position, star, surfaces, freedom, weight, v):
 
 
 @inner_kernel
-def back_onto(surfaces, freedom, v, x, y, z):
-    """Where a node that slides comes to be after a step along its tangent."""
-    place = np.int64(freedom.place[v])
-    if freedom.number[v] == INSIDE:
-        return x, y, z
-    if freedom.number[v] == ON_PATCH:
-        return onto_patch(surfaces, place, x, y, z) if surfaces.shape[place] != PLANE else (x, y, z)
-    return onto_ridge(surfaces, place, x, y, z) if surfaces.ridge_shape[place] != LINE else (x, y, z)
-
-
-@inner_kernel
 def may_slide(surfaces, freedom, v):
     """Whether loops can move a node: not where it is held, or on a patch without a formula."""
     if freedom.number[v] == HELD or freedom.pinned[v]:
@@ -172,14 +161,23 @@ def may_slide(surfaces, freedom, v):
     return True
 
 
+@inner_kernel
+def is_curved(surfaces, freedom, v):
+    """Whether facets on curved patches may be at a node that slides."""
+    return freedom.number[v] != INSIDE and not (
+        freedom.number[v] == ON_PATCH and surfaces.shape[freedom.place[v]] == PLANE
+    )
+
+
 @kernel
-def smooth_nodes(position, star, surfaces, freedom, weight, floor, order, deep, which):
+def smooth_nodes(neurons, weight, floor, order, deep, which):
     """Take Newton's step, or half of it and so on, where it lowers the sum and the guard lets it.
 
     `weight` (m,) is rho^(5/3) up to a factor, `floor` is cubed. Of the nodes in `order` those move for which `deep` is
-    as `which` says. Returns how many have moved.
+    as `which` says.
     """
-    moved = 0
+    position, elements, star = neurons.position, neurons.elements, neurons.star
+    surfaces, freedom = neurons.constraints.surfaces, neurons.constraints.freedom
     for node in order:
         v = np.int64(node)
         if deep[v] != which or not may_slide(surfaces, freedom, v):
@@ -187,12 +185,15 @@ def smooth_nodes(position, star, surfaces, freedom, weight, floor, order, deep, 
         x, y, z = position[v, 0], position[v, 1], position[v, 2]
         before, worst_before = star_energy(position, star, weight, v, x, y, z)
         dx, dy, dz = newton_step(position, star, surfaces, freedom, weight, v)
+        curved = is_curved(surfaces, freedom, v)
         for _ in range(HALVINGS + 1):
-            nx, ny, nz = back_onto(surfaces, freedom, v, x + dx, y + dy, z + dz)
-            after, worst = star_energy(position, star, weight, v, nx, ny, nz)
-            if allowed(worst, worst_before, floor) and after < before:
-                position[v, 0], position[v, 1], position[v, 2] = nx, ny, nz
-                moved += 1
+            x, y, z = slid(position, neurons.constraints, v, dx, dy, dz)
+            after, worst = star_energy(position, star, weight, v, x, y, z)
+            if (
+                allowed(worst, worst_before, floor)
+                and after < before
+                and not (curved and not within_reach(position, elements, star, surfaces, v, x, y, z))
+            ):
+                position[v, 0], position[v, 1], position[v, 2] = x, y, z
                 break
             dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
-    return moved

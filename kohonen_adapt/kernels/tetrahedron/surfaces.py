@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
     CYLINDER,
@@ -182,3 +182,20 @@ def within_reach(position, elements, star, surfaces, v, x, y, z):
                     if not nx * wx + ny * wy + nz * wz >= min(TURN, ux * wx + uy * wy + uz * wz):
                         return False
     return True
+
+
+@kernel
+def measure_bulges(mesh, bulge):
+    """Measure how far middles of edges are off each patch with a formula, at most, (p,)."""
+    elements = mesh.elements
+    for e in range(elements.node.shape[0]):
+        if elements.node[e, 0] < 0:
+            continue
+        for k in range(4):
+            p = elements.patch[e, k]
+            if p < 0 or mesh.surfaces.shape[p] == PLANE or not has_formula(mesh.surfaces, p):
+                continue
+            for i in range(4):
+                for j in range(i):
+                    if i != k and j != k:
+                        bulge[p] = max(bulge[p], off_patch(mesh, p, elements.node[e, i], elements.node[e, j]))

@@ -1,0 +1,135 @@
+"""Make room in the arrays of a movable solid for swaps, splits and collapses, and give the rows in use back."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    MOST,
+    Cavity,
+    Freedom,
+    OpenTetrahedra,
+    Origins,
+    Queue,
+    Star,
+    Tetrahedra,
+)
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
+from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
+from kohonen_adapt.outline.surgery import free_rows, padded, ranks
+
+__all__ = ["OpenSolid"]
+
+PER_NODE = 7.5  # elements: meshes of well shaped ones have 5 to 6.5
+LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
+
+# What stands in rows that are not in use, where it is not -1.
+UNUSED = {"position": 0.0, "freedom.number": HELD, "freedom.pinned": False}
+
+
+@dataclass(frozen=True)
+class OpenSolid:
+    """The arrays of a movable solid with room for more nodes and elements, by name and as loops take them.
+
+    Attributes
+    ----------
+    state
+        The arrays by the names of `MovableSolid.state`.
+    mesh
+        The same, as loops take them.
+    queue
+        Elements whose surroundings have changed since swaps were looked for.
+    """
+
+    state: dict[str, NDArray[Any]]
+    mesh: OpenTetrahedra
+    queue: Queue
+
+    @classmethod
+    def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
+        """Copies with a node more than the larger of what there are and a `target`; every element waits for its turn.
+
+        `density` (nnodes,) is wanted nodes per volume, up to a factor.
+        """
+        n, node = movable.nnodes, movable.tetrahedralization.elements.node
+        rows = max(n, target) + 2
+        room = max(len(node) + len(node) // 4, int(PER_NODE * rows)) + 4 * MOST
+        state = {
+            name: padded(array, room if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
+            for name, array in movable.state().items()
+        }
+        star = star_of(node, n)
+        first = star.element[star.start[:-1]]
+        fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
+        numbers, hint = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
+        bulge, pinched = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
+        used = np.count_nonzero(node[:, 0] >= 0)
+        empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), room)[: room - len(node)])
+        stack = np.empty(room, dtype=np.int32)
+        stack[: room - used] = np.sort(empty)[::-1]
+        mesh = OpenTetrahedra(
+            state["position"],
+            Tetrahedra(*(state[name] for name in BY_ELEMENT)),
+            movable.surfaces,
+            Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"]),
+            Pool(padded(first, rows, -1), free_rows(n, rows), stack, np.array([rows - n, room - used], dtype=np.int64)),
+            Origins(fineness, numbers, hint, pinched, bulge),
+            Cavity.of(rows, room),
+        )
+        mark_pinched(mesh, star, pinched)
+        measure_bulges(mesh, bulge)
+        queue = Queue.of(room)
+        enter_worse(mesh, queue, 1.0)
+        return cls(state, mesh, queue)
+
+    def swap(self) -> int:
+        """Swap until no swap makes the worst of what it touches better; returns how often."""
+        swaps = 0
+        while self.queue.state[1]:
+            swaps += swap_waiting(self.mesh, self.queue, 1.0, LOOKS)
+        return swaps
+
+    def look_again(self) -> None:
+        """Have all elements looked at, because nodes have moved."""
+        enter_worse(self.mesh, self.queue, 1.0)
+
+    def star(self) -> Star:
+        """The elements around every row of nodes, as they are now."""
+        return star_of(self.mesh.elements.node, len(self.mesh.position))
+
+    def nodes(self) -> Ints:
+        """The rows of nodes in use."""
+        return np.flatnonzero(self.mesh.pool.anchor >= 0)
+
+    def hand_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
+        """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
+
+        Returns the row of every node.
+        """
+        node, kept = self.mesh.elements.node, self.nodes()
+        used = np.flatnonzero(node[:, 0] >= 0)
+        if renumbered:
+            kept = kept[along_curve(self.mesh.position[kept])]
+            first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
+            used = used[np.argsort(first, kind="stable")]
+        number, place = ranks(kept, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
+        state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
+        nodes, across = BY_ELEMENT[:2]
+        state[nodes], state[across] = number[state[nodes]], place[state[across]]
+        movable.become(state)
+        return kept
+
+
+def star_of(node: NDArray[np.int32], nodes: int) -> Star:
+    """The elements around so many nodes."""
+    star = Star.of(nodes, len(node))
+    fill_star(node, star)
+    return star

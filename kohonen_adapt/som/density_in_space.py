@@ -1,0 +1,93 @@
+"""Look a density of nodes in space up, wherever nodes and elements have gone."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.som.density import per_element
+from kohonen_adapt.som.training_points import values_at, without_zeros
+
+__all__ = ["DensityInSpace", "density_in_space"]
+
+
+class ElementDensityInSpace:
+    """A density that is constant on every element of the mesh it was estimated on."""
+
+    def __init__(self, tet: Tetrahedralization, values: Floats) -> None:
+        node, region = tet.elements.node[tet.used], tet.elements.region[tet.used]
+        self.values = without_zeros(values, values.max())
+        self._node, self._nnodes = node, tet.nnodes
+        self._locator, self._centroids = Locator(tet), tet.centroids()
+        self._log_at_corners = averages_by_region(node, region, tet.volumes(), np.log(self.values))
+
+    def at_nodes(self) -> Floats:
+        """The mean over the elements around every node, (n,); each counts the same, as small ones know better."""
+        node = self._node.ravel()
+        return np.bincount(node, weights=np.repeat(self.values, 4), minlength=self._nnodes) / np.bincount(node)
+
+    def at(self, points: Floats) -> Floats:
+        """Shares of the largest density at points (k, 3): linear in the logarithm, outside those of the nearest one."""
+        found = self._locator.find(points)
+        logs = np.sum(self._locator.shares(points, found) * self._log_at_corners[found], axis=1)
+        lost = np.flatnonzero(found < 0)
+        if len(lost):
+            nearest = cKDTree(self._centroids).query(points[lost])[1]
+            logs[lost] = np.log(self.values[nearest])
+        return np.exp(logs)
+
+
+class CallableDensityInSpace:
+    """A density given as a function of position, asked wherever it is needed."""
+
+    def __init__(self, tet: Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
+        self.function = function
+        nodes, centroids = (values_at(function, points) for points in (tet.position, tet.centroids()))
+        self.largest = max(nodes.max(), centroids.max())
+        if not self.largest > 0:
+            raise ValueError(
+                f"density must not be zero everywhere; the callable is at all {len(nodes) + len(centroids)} points "
+                "looked at. Give it a small positive value where few nodes are wanted."
+            )
+        self._at_nodes = without_zeros(nodes, self.largest)
+
+    def at_nodes(self) -> Floats:
+        """The function at the nodes of the mesh that it came with, as shares, (n,)."""
+        return self._at_nodes
+
+    def at(self, points: Floats) -> Floats:
+        """Shares of the largest value seen, at points (k, 3)."""
+        return without_zeros(values_at(self.function, points), self.largest)
+
+
+DensityInSpace = ElementDensityInSpace | CallableDensityInSpace
+
+
+def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]) -> DensityInSpace:
+    """A user's density, checked, for a mesh of tetrahedra.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape than (nelements,), is negative, not finite, or zero everywhere.
+    """
+    if callable(density):
+        return CallableDensityInSpace(tet, density)
+    values = per_element(len(tet.used), density, "density")
+    if not values.any():
+        raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
+    return ElementDensityInSpace(tet, values)
+
+
+def averages_by_region(node: Ints, region: Ints, volumes: Floats, values: Floats) -> Floats:
+    """Averages by volume around every corner, over the elements of its own region alone, (m, 4)."""
+    count = int(region.max()) + 1
+    site, of_corner = np.unique(node.astype(np.int64) * count + region[:, None], return_inverse=True)
+    of_corner = of_corner.ravel()
+    total = np.bincount(of_corner, weights=np.repeat(volumes, 4), minlength=len(site))
+    mean = np.bincount(of_corner, weights=np.repeat(volumes * values, 4), minlength=len(site)) / total
+    return mean[of_corner].reshape(node.shape)

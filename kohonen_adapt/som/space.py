@@ -1,0 +1,170 @@
+"""Bring the nodes of tetrahedra to where a density wants them: exchange nodes, swap elements, smooth by sweeps."""
+
+import logging
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
+from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
+from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
+from kohonen_adapt.kernels.threads import number_of_threads, shared
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import Recycled
+from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
+from kohonen_adapt.som.schedule import Schedule
+
+logger = logging.getLogger("kohonen_adapt")
+
+__all__ = ["move_in_space", "relocated_in_space"]
+
+SWEEPS = {"flip": 8, "fixed": 6, "recycle": 2}  # of smoothing; more carry too many nodes to where most are wanted
+RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
+ROUNDS = 6  # what could not be collapsed at first may be when its surroundings have been swapped
+SETTLED = 0.003  # share of the nodes: a round with fewer splits is the last
+POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the mass of all elements alike
+LEAST = 1_000  # nodes in a part: fewer are not worth a thread
+STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts that they have to wait
+PAIRS, NODES = 10_000, 50_000  # per compiled call: Python hears Ctrl-C at least every half second
+
+
+def relocated_in_space(
+    mesh: MeshTet, density: ArrayLike | Callable[[Floats], ArrayLike], schedule: Schedule | None, rules: Rules
+) -> MeshTet:
+    """What `relocate` does with tetrahedra."""
+    if schedule is not None and schedule.trains:
+        raise ValueError(
+            "schedule must have neither stages nor rounds for tetrahedra, of which relocate takes the sweeps alone; "
+            "KohonenMap trains with stages."
+        )
+    movable = MovableSolid.of(mesh, rules)
+    wanted = density_in_space(movable.tetrahedralization, density)
+    expect("space ground", "space moves", *["space recycling"] * (rules.topology == "recycle"))
+    before = movable.copy()
+    moved = move_in_space(movable, wanted, rules.topology, None if schedule is None else schedule.sweeps)
+    still = not moved.splits and np.array_equal(before.tetrahedralization.position, movable.tetrahedralization.position)
+    if still and schedule != Schedule(()):
+        why = "every move would have broken the quality rule" if movable.can_move() else "every node is held"
+        logger.warning("relocate moved no node: %s.", why)
+    return movable.mesh()
+
+
+def move_in_space(
+    movable: MovableSolid, density: DensityInSpace, topology: str, sweeps: int | None = None, nodes: int = 0
+) -> Recycled:
+    """Exchange nodes, swap and smooth, in place, as far as a topology allows it; to so many `nodes`, 0 for as many.
+
+    Of nodes that are kept the number stays, but with "recycle", where new ones take the numbers of old ones and all are
+    put in the order of a space-filling curve. Returns which nodes are old, and how many edges were split and collapsed.
+    """
+    target = nodes if nodes and topology == "recycle" else movable.nnodes
+    opened = OpenSolid.of(movable, density.at_nodes(), target)
+    if movable.flips:
+        opened.swap()
+    splits, collapses = exchange(opened, movable.floor, target) if topology == "recycle" else (0, 0)
+    smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
+    rows = opened.hand_back(movable, renumbered=topology == "recycle")
+    return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
+
+
+def exchange(opened: OpenSolid, floor: float, target: int) -> tuple[int, int]:
+    """Rounds of splits and collapses with swaps between; returns how many of each."""
+    mesh, rows = opened.mesh, 2 * len(opened.mesh.elements.node)
+    heaps = Heap.of(rows), Heap.of(rows)
+    splits = collapses = 0
+    for _ in range(ROUNDS):
+        fill(opened, heaps)
+        at_first, finished = splits, False
+        while not finished:
+            missing = target - len(opened.nodes())
+            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, RATIO, cubed(floor), PAIRS)
+            splits, collapses = splits + more, collapses + fewer
+        opened.swap()
+        if splits - at_first <= SETTLED * len(mesh.position):
+            break
+    return splits, collapses
+
+
+def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
+    """Enter all edges in both heaps."""
+    for heap in heaps:
+        heap.size[0] = 0
+    for first in range(0, len(opened.mesh.position), NODES):
+        fill_heaps(opened.mesh, *heaps, first, min(first + NODES, len(opened.mesh.position)))
+
+
+def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
+    """Sweep with the weight of a density, and swap after every sweep where that is allowed."""
+    for _ in range(sweeps):
+        sweep(opened, weights(opened, density), cubed(movable.floor))
+        if movable.flips:
+            opened.look_again()
+            opened.swap()
+
+
+def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
+    """What every element counts in smoothing, (rows,)."""
+    node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
+    used = np.flatnonzero(node[:, 0] >= 0)
+    weight[used] = density.at(opened.mesh.position[node[used]].mean(axis=1)) ** POWER
+    return weight
+
+
+def sweep(opened: OpenSolid, weight: Floats, floor: float) -> None:
+    """Smooth every node once, the slabs into which the mesh is cut side by side, and then what is near the cuts.
+
+    What moves deep in a slab touches nothing of the others, and slabs do not depend on the number of threads.
+    """
+    mesh = opened.mesh
+    order, starts, deep = slabs(mesh.position, opened.nodes(), mesh.elements.node)
+    constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
+    neurons = Neurons(mesh.position, mesh.elements, opened.star(), constraints)
+
+    def task(thread: int, first: int, last: int) -> None:
+        smooth_nodes(neurons, weight, floor, order[first:last], deep, True)
+
+    for first in range(0, len(starts) - 1, number_of_threads()):
+        shared(task, starts[first : first + number_of_threads() + 1])
+    rest = order[~deep[order]]
+    for first in range(0, len(rest), NODES):
+        smooth_nodes(neurons, weight, floor, rest[first : first + NODES], deep, False)
+
+
+def slabs(position: Floats, nodes: Ints, node: Ints) -> tuple[NDArray[np.int32], list[int], Mask]:
+    """Rows of nodes slab by slab across the longest way through the mesh, where each slab begins, and the end; and
+    which rows, (rows,), have neighbours in their own slab only.
+    """
+    coordinate = position[nodes, np.argmax(np.ptp(position[nodes], axis=0))]
+    parts = parts_for(len(nodes))
+    rank = np.empty(len(nodes), dtype=np.int64)
+    rank[np.argsort(coordinate, kind="stable")] = np.arange(len(nodes))
+    part = np.zeros(len(position), dtype=np.int64)
+    part[nodes] = rank * parts // len(nodes)
+    order = nodes[np.argsort(part[nodes], kind="stable")].astype(np.int32)
+    starts = np.searchsorted(part[order], np.arange(parts + 1)).tolist()
+    elements = node[node[:, 0] >= 0]
+    across = elements[np.any(part[elements] != part[elements[:, :1]], axis=1)]
+    deep = np.ones(len(position), dtype=np.bool_)
+    deep[across] = False
+    return order, starts, deep
+
+
+def parts_for(nodes: int) -> int:
+    """The largest power of two of slabs beside whose cuts, n^(2/3) nodes on each side, are no more than is allowed."""
+    parts = 1
+    while 2 * parts * LEAST <= nodes and 2 * (2 * parts - 1) * nodes ** (2 / 3) <= STRIPS * nodes:
+        parts *= 2
+    return parts
+
+
+def cubed(floor: float) -> float:
+    """A quality as loops over tetrahedra compare it."""
+    return floor**3

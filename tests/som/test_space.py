@@ -1,0 +1,164 @@
+"""Relocation of tetrahedra: nodes where a density wants them, and everything that must stay as it was."""
+
+import numpy as np
+import pytest
+from helpers.solids import boundary_facts, box, cut, l_shape, two_regions, volumes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import config
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+
+TOPOLOGIES = ("flip", "recycle", "fixed")
+
+
+def shell(x):
+    """A sphere about the middle of the cube, with twenty times the density of the rest."""
+    return 1.0 + 20.0 / np.cosh(20.0 * (((x - 0.5) ** 2).sum(axis=0) - 0.16)) ** 2
+
+
+def spread(mesh, density):
+    """Coefficient of variation of the mass of elements, from the density at their nodes."""
+    mass = np.abs(volumes(mesh)) * density(mesh.p)[mesh.t].mean(axis=0)
+    return mass.std() / mass.mean()
+
+
+def area(mesh, facets):
+    a, b, c = mesh.p[:, mesh.facets[:, facets]].transpose(1, 2, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def regions(mesh):
+    return {name: np.abs(volumes(mesh)[rows]).sum() for name, rows in (mesh.subdomains or {}).items()}
+
+
+@pytest.mark.parametrize(("topology", "most"), [("recycle", 0.35), ("flip", 0.65), ("fixed", 0.65)])
+def test_mass_is_shared_out(topology, most):
+    """From 0.90; what only moves cannot carry nodes far."""
+    mesh = box(12)
+    found = ka.relocate(mesh, shell, topology=topology)
+    assert found.nvertices == mesh.nvertices and found.is_valid()
+    assert spread(found, shell) < most < spread(mesh, shell)
+    assert ka.quality(found).min() >= 0.2 and ka.quality(found).mean() > 0.8
+    assert np.abs(volumes(found)).sum() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_more_relocations_from_better_estimates_share_out_better():
+    mesh, spreads = box(8), []
+    for _ in range(3):
+        mesh = ka.relocate(mesh, shell(mesh.p[:, mesh.t].mean(axis=1)), topology="recycle")
+        spreads.append(spread(mesh, shell))
+    assert spreads[-1] < min(0.34, spreads[0])
+
+
+@settings(max_examples=10)
+@given(
+    st.sampled_from(TOPOLOGIES),
+    st.sampled_from([two_regions(4), cut(4), l_shape(2)]),
+    st.sampled_from([0.0, 0.3, 0.5]),
+    st.sampled_from([10.0, 1e4]),
+    st.tuples(*[st.sampled_from([0.0, 0.4, 1.0])] * 3),
+)
+def test_names_volumes_and_numbers_stay(topology, mesh, floor, height, centre):
+    def density(x):
+        return 1.0 + height * np.exp(-10.0 * ((x - np.array(centre)[:, None]) ** 2).sum(axis=0))
+
+    found = ka.relocate(mesh, density, topology=topology, min_quality=floor)
+    assert found.nvertices == mesh.nvertices
+    assert regions(found) == pytest.approx(regions(mesh), rel=1e-12)
+    assert np.abs(volumes(found)).sum() == pytest.approx(np.abs(volumes(mesh)).sum(), rel=1e-12)
+    assert ka.quality(found).min() >= min(floor, ka.quality(mesh).min()) * (1 - 1e-9)
+    for name, facets in (mesh.boundaries or {}).items():
+        now, rows = np.asarray(found.boundaries[name]), np.asarray(facets)
+        assert type(found.boundaries[name]) is type(facets)
+        assert area(found, now) == pytest.approx(area(mesh, rows), rel=1e-12)
+        flat = np.ptp(mesh.p[:, mesh.facets[:, rows]], axis=(1, 2)) == 0.0
+        assert np.array_equal(np.ptp(found.p[:, found.facets[:, now]], axis=(1, 2)) == 0.0, flat)
+    if topology == "fixed":
+        assert np.array_equal(found.t, mesh.t)
+
+
+def test_oriented_boundaries_keep_their_side():
+    mesh = two_regions(4)
+    found = ka.relocate(mesh, shell, topology="recycle")
+    _, sides = boundary_facts(found)["wall"], found.boundaries["wall"]
+    inner = found.f2t[sides.ori, np.asarray(sides)]
+    before = mesh.f2t[mesh.boundaries["wall"].ori, np.asarray(mesh.boundaries["wall"])]
+    low = [np.isin(of.subdomains["low"], rows).any() for of, rows in ((mesh, before), (found, inner))]
+    assert low[0] == low[1]
+    assert len(np.unique(np.isin(inner, found.subdomains["low"]))) == 1
+
+
+def test_facets_that_adaptive_refinement_forgets_are_kept():
+    """scikit-fem keeps the numbers of facets when it refines some elements: here all facets are where they were."""
+    mesh = box(3).with_boundaries({"left": lambda x: x[0] == 0.0})
+    refined = mesh.refined(np.arange(20))
+    stale = refined.p[0, refined.facets[:, refined.boundaries["left"]]]
+    assert np.any(stale != 0.0)
+    for topology in TOPOLOGIES:
+        found = ka.relocate(mesh, shell, topology=topology)
+        assert np.all(found.p[0, found.facets[:, found.boundaries["left"]]] == 0.0)
+        assert area(found, found.boundaries["left"]) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_the_number_of_threads_changes_nothing(topology, monkeypatch):
+    found = []
+    for threads in (1, 3):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        found.append(ka.relocate(box(13), shell, topology=topology))
+    assert np.array_equal(found[0].p, found[1].p) and np.array_equal(found[0].t, found[1].t)
+
+
+def test_pinned_nodes_stay():
+    mesh = two_regions(4)
+    for topology in TOPOLOGIES:
+        found = ka.relocate(mesh, shell, topology=topology, pinned=["wall", 0])
+        kept = {tuple(x) for x in found.p.T}
+        assert {
+            tuple(x) for x in mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries["wall"])]].reshape(3, -1).T
+        } <= kept
+
+
+def test_the_input_is_not_modified():
+    mesh = two_regions(4)
+    before = mesh.p.copy(), mesh.t.copy()
+    ka.relocate(mesh, shell, topology="recycle")
+    assert np.array_equal(mesh.p, before[0]) and np.array_equal(mesh.t, before[1])
+
+
+def test_without_sweeps_bad_elements_are_swapped_away():
+    mesh = box(6)
+    rng = np.random.default_rng(0)
+    inner = np.all((mesh.p > 0) & (mesh.p < 1), axis=0)
+    moved = mesh.p + np.where(inner, rng.uniform(-0.04, 0.04, mesh.p.shape), 0.0)
+    mesh = MeshTet(moved, mesh.t)
+    found = ka.relocate(mesh, shell, schedule=ka.Schedule(()))
+    assert np.array_equal(found.p, mesh.p)
+    assert ka.quality(found).min() > 1.2 * ka.quality(mesh).min()
+
+
+@pytest.mark.parametrize(
+    ("density", "message"),
+    [
+        (np.ones(3), "density must have shape"),
+        (np.zeros(162), "density must not be zero everywhere"),
+        (lambda x: np.zeros(x.shape[1]), "density must not be zero everywhere"),
+        (lambda x: np.full(x.shape[1], np.nan), "density must be finite"),
+        (lambda x: x, "must return shape"),
+    ],
+)
+def test_densities_that_are_none_are_refused(density, message):
+    with pytest.raises(ValueError, match=message):
+        ka.relocate(box(3), density)
+
+
+def test_stages_are_refused():
+    with pytest.raises(ValueError, match="neither stages nor rounds"):
+        ka.relocate(box(2), shell, schedule=ka.Schedule.default(27))
+
+
+def test_it_says_why_no_node_moves(caplog):
+    ka.relocate(box(1), shell)
+    assert "relocate moved no node: every node is held" in caplog.text
