@@ -1,9 +1,11 @@
-"""Set up what holds for every test: hypothesis's profiles, and a quiet logger."""
+"""Set up what holds for every test: compiled loops, hypothesis's profiles, and a quiet logger."""
 
 import logging
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from kohonen_adapt.precompile import warmup
 
 # By the clock nothing fails: a busy machine, or one that has to compile first, is no fault of the code.
 STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -12,6 +14,12 @@ STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("steady", derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
 settings.load_profile("steady")
+
+
+def pytest_sessionstart(session):
+    """Compile all loops before processes begin that share the tests: each of them would compile them all by itself."""
+    if session.config.getoption("numprocesses", default=None):
+        warmup(space=True)
 
 
 @pytest.fixture(autouse=True)

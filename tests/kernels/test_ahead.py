@@ -8,13 +8,15 @@ import sys
 import pytest
 
 from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.precompile import compile_missing
 
-SPACE = [name for name in ENTRIES if name.startswith("space")]
-NAMES = [entry.name for name in ENTRIES if name not in SPACE for entry in ENTRIES[name]]
+PLANE = {name: chapter for name, chapter in ENTRIES.items() if not name.startswith("space")}
+FEW = ("carrying", "locating")  # chapters that are compiled in a second or two
+FIRST, *REST = [entry.name for chapter in ENTRIES if chapter in FEW for entry in ENTRIES[chapter]]
 
-# What this process compiled itself, and what it has, by name.
-WARM = """
-import json, sys
+# What this process compiles itself, by name.
+HEARD = """
+import json, sys, time
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 compiled, depth = [], 0
@@ -31,18 +33,40 @@ class Heard(event.Listener):
 
 event.register("numba:compile", Heard())
 import kohonen_adapt as ka
+from kohonen_adapt.kernels.compilation import expect, expected, is_kept
+from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.entry import name_of
+"""
+# Of loops that are on disk only those have code that Python has called, and not those that these call.
+WARM = """
 ka.warmup()
 modules = [module for name, module in sys.modules.items() if name.startswith("kohonen_adapt.kernels")]
 loops = {d for module in modules for d in vars(module).values() if isinstance(d, Dispatcher)}
-print(json.dumps([compiled, {name_of(d): [str(types) for types in d.overloads] for d in loops}]))
+print(json.dumps([compiled, sorted(expected), {name_of(d): [str(types) for types in d.overloads] for d in loops}]))
+"""
+# All of one chapter; or of several, the first loop here and the others when somebody has compiled them.
+CHAPTER = """
+for entry in ENTRIES["locating"]:
+    entry.compile()
+print(json.dumps([compiled]))
+"""
+HELPED = f"""
+expect(*{FEW})
+first, *rest = [entry for chapter in ENTRIES if chapter in {FEW} for entry in ENTRIES[chapter]]
+first.compile()
+end = time.monotonic() + 100
+while not all(is_kept(entry.loop, entry.types) for entry in rest) and time.monotonic() < end:
+    time.sleep(0.02)
+for entry in rest:
+    entry.compile()
+print(json.dumps([compiled]))
 """
 
 
-def warmed(cache, **environment):
+def in_a_process(script, **environment):
     done = subprocess.run(
-        [sys.executable, "-c", WARM],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)} | environment,
+        [sys.executable, "-c", HEARD + script],
+        env=os.environ | environment,
         capture_output=True,
         text=True,
         check=True,
@@ -50,38 +74,25 @@ def warmed(cache, **environment):
     return *json.loads(done.stdout), done.stderr
 
 
-@pytest.fixture(scope="module")
-def first(tmp_path_factory):
-    cache = tmp_path_factory.mktemp("cache")
-    return cache, *warmed(cache, NUMBA_NUM_THREADS="2")
+@pytest.mark.slow
+def test_the_entries_are_the_loops_of_a_warm_up_which_expects_all_and_finds_what_is_compiled():
+    compile_missing()
+    compiled, expected, has, said = in_a_process(WARM)
+    entries = {entry.name: [str(entry.types)] for chapter in PLANE.values() for entry in chapter}
+    assert {name: types for name, types in has.items() if types} == entries
+    assert len(entries) == sum(map(len, PLANE.values()))
+    assert expected == sorted(PLANE)
+    assert compiled == [] and said == ""
 
 
 @pytest.mark.slow
-def test_the_types_of_the_entries_are_those_of_a_warm_up(first):
-    _, _, has, _ = first
-    entries = {entry.name: [str(entry.types)] for name in ENTRIES if name not in SPACE for entry in ENTRIES[name]}
-    assert {name: has[name] for name in NAMES} == entries and len(NAMES) == len(entries)
+def test_a_second_process_compiles_what_is_expected_beside_what_is_compiled_here(tmp_path):
+    compiled, said = in_a_process(HELPED, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2")
+    assert compiled == [FIRST]
+    assert f"compiling loops of kohonen_adapt, once ({1 + len(REST)}, about" in said and said.count("\n") == 1
 
 
-@pytest.mark.slow
-def test_a_second_process_compiles_a_part(first):
-    cache, compiled, _, said = first
-    assert set(compiled) < set(NAMES)
-    assert f"compiling loops of kohonen_adapt, once ({len(NAMES)}, about" in said
-    again, _, said = warmed(cache)
-    assert again == [] and said == ""
-
-
-@pytest.mark.slow
-def test_with_one_core_one_process_compiles_all_entries_and_no_other_loop(tmp_path):
-    compiled, _, said = warmed(tmp_path, NUMBA_NUM_THREADS="1")
-    assert sorted(compiled) == sorted(NAMES)
-    assert said.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_a_chapter_that_nobody_expected_is_said_once(tmp_path):
-    code = "import skfem, kohonen_adapt as ka; mesh = skfem.MeshTri(); ka.interpolate(mesh, mesh.p[0], mesh.p)"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert done.stderr.count("compiling loops of kohonen_adapt") == 1
+def test_with_one_core_one_process_compiles_a_chapter_that_nobody_expected_and_says_so_once(tmp_path):
+    compiled, said = in_a_process(CHAPTER, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="1")
+    assert compiled == [entry.name for entry in ENTRIES["locating"]]
+    assert f"compiling loops of kohonen_adapt, once ({len(compiled)}, about" in said and said.count("\n") == 1
