@@ -69,14 +69,6 @@ def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["magnet.msh", "magnet.vtu"]
 
 
-@pytest.mark.slow
-def test_demo_in_a_process_of_its_own(tmp_path):
-    done = run("demo", "magnet", "--out", tmp_path)
-    assert done.returncode == 0
-    assert "Traceback" not in done.stderr
-    assert "c_core.msh': 899 nodes" in done.stderr  # progress goes to one stream, remarks to the other
-
-
 def test_version(capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(["--version"])

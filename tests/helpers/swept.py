@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numba.core import event
+from helpers.processes import wait_until
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -56,12 +57,17 @@ def returns(x):
     return {1: "text", 2: {"a": "text"}, 3: {"seconds": 1.0}, 4: {"x": 1.0}, 5: None, 6: np.float32(0.5), 7: {}}[x]
 
 
-def compilations(x):
-    """How many functions numba compiles for a relocation, and the threads that compiled loops have."""
+def relocated(x, y):
+    """How many functions numba compiles for a relocation, and a number that depends on where every node is then."""
     mesh = MeshTri().refined(4)
     with event.install_recorder("numba:compile") as recorder:
-        ka.relocate(mesh, lambda place: 1.0 + place[0])
-    return {"compiled": len(recorder.buffer), "threads": int(os.environ["NUMBA_NUM_THREADS"])}
+        moved = ka.relocate(mesh, lambda place: x + y * place[0])
+    return {"compiled": len(recorder.buffer), "moved": float(np.linalg.norm(moved.p[0]))}
+
+
+def threads(x):
+    """How many threads compiled loops have."""
+    return int(os.environ["NUMBA_NUM_THREADS"])
 
 
 def slow(x, folder, seconds):
@@ -72,10 +78,12 @@ def slow(x, folder, seconds):
 
 
 def dies_once(x, folder):
-    """The process of the case 5 is killed when it computes that for the first time."""
+    """The process of the case 5 is killed when it computes that for the first time; then a third one must come."""
     mark = Path(folder) / "died"
+    (Path(folder) / f"process {os.getpid()}").touch()
     if x == 5 and not mark.exists():
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    time.sleep(0.1)
+    if x >= 5:
+        wait_until(lambda: mark.exists() and len(list(Path(folder).glob("process *"))) == 3)
     return {"square": x**2, "process": os.getpid()}

@@ -159,17 +159,13 @@ def test_csv_holds_every_digit_and_the_errors(tmp_path):
 # ---- processes of this machine ----
 
 
-def test_local_processes_compute_the_same():
-    cases = {"x": [1, 2, 3], "y": [0.5, 1.5]}
-    local, threaded = ka.sweep(swept.product, cases), here(swept.product, cases)
-    for name in ("x", "y", "product", "sum"):
+def test_local_processes_compute_the_same_and_find_everything_compiled():
+    before, cases = dict(os.environ), {"x": [1, 2], "y": [0.5, 1.5]}
+    local, threaded = ka.sweep(swept.relocated, cases), here(swept.relocated, cases)
+    for name in ("x", "y", "moved"):
         np.testing.assert_array_equal(local.table[name], threaded.table[name])
-
-
-def test_local_processes_find_everything_compiled():
-    before = dict(os.environ)
-    result = ka.sweep(swept.compilations, {"x": [1, 2]})
-    np.testing.assert_array_equal(result.table["compiled"], 0)
+    assert len(set(local.table["moved"])) == 4
+    np.testing.assert_array_equal(local.table["compiled"], 0)
     assert os.environ == before
 
 
@@ -185,15 +181,16 @@ def test_before_they_begin_all_is_compiled_that_is_not_kept(monkeypatch):
 THREADS = """
 from helpers import swept
 import kohonen_adapt as ka
-print(ka.sweep(swept.compilations, {"x": range(%d)}).table["threads"].tolist())
+for cases in (8, 2, 1):
+    print(ka.sweep(swept.threads, {"x": range(cases)}).table["value"].tolist())
 """
 
 
-@pytest.mark.parametrize(("cases", "each"), [(8, 1), (2, 2), (1, 4)])
-def test_local_processes_share_the_threads(cases, each):
+@pytest.mark.slow
+def test_local_processes_share_the_threads():
     """Four threads, as the environment says: not more processes than cases, and each has its share."""
-    said = output_with(THREADS % cases, NUMBA_NUM_THREADS="4")
-    assert said.split("\n")[-2] == str([float(each)] * cases)
+    said = output_with(THREADS, NUMBA_NUM_THREADS="4")
+    assert said.splitlines()[-3:] == [str([1.0] * 8), str([2.0] * 2), str([4.0])]
 
 
 def test_a_process_that_dies_takes_its_own_case_with_it():
@@ -250,11 +247,11 @@ def script_fails(code, tmp_path, *command):
     return done.stderr.splitlines()[-1]
 
 
-TYPED = "import kohonen_adapt as ka\ndef f(x): return x\nka.sweep(f, {'x': range(9)})"
+TYPED = "import kohonen_adapt as ka\ndef f(x): return x\nka.sweep(f, {{'x': range({})}})"
 
 
 def test_a_function_that_only_stands_at_a_prompt_is_refused_with_the_remedy(tmp_path):
-    said = script_fails(TYPED, tmp_path, "-c", TYPED)
+    said = script_fails("", tmp_path, "-c", TYPED.format(1))
     assert "ValueError: function must be one" in said.replace(
         "kohonen_adapt.sweeps.pool.CannotBeginError", "ValueError"
     )
@@ -262,7 +259,7 @@ def test_a_function_that_only_stands_at_a_prompt_is_refused_with_the_remedy(tmp_
 
 
 def test_a_script_without_its_guard_is_refused_with_the_remedy(tmp_path):
-    assert 'only below `if __name__ == "__main__":`' in script_fails(TYPED, tmp_path)
+    assert 'only below `if __name__ == "__main__":`' in script_fails(TYPED.format(9), tmp_path)
 
 
 # ---- other executors ----

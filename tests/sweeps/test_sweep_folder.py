@@ -132,8 +132,7 @@ import kohonen_adapt as ka
 if __name__ == "__main__":
     folder, seconds = sys.argv[1], float(sys.argv[2])
     function = partial(swept.slow, folder=folder, seconds=seconds)
-    result = ka.sweep(function, {"x": range(6)}, folder=f"{folder}/cases")
-    result.to_csv(f"{folder}/sweep.csv")
+    ka.sweep(function, {"x": range(6)}, folder=f"{folder}/cases")
 """
 
 HEARING = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -146,7 +145,8 @@ def begin(folder, seconds):
     return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
-def outputs(folder):
+def outputs(result, folder):
+    result.to_csv(folder / "sweep.csv")
     return [line.rpartition(",")[0].rpartition(",")[0] for line in (folder / "sweep.csv").read_text().splitlines()]
 
 
@@ -167,11 +167,8 @@ def test_cut_short_and_resumed(end, tmp_path):
     wait_until(lambda: not any(map(alive, processes)), seconds=5)
     finished = {file.name: file.read_bytes() for file in tmp_path.glob("cases/case-*")}
     assert 2 <= len(finished) < 6 and all(json.loads(content)["outputs"] for content in finished.values())
-    again = begin(tmp_path, 1.0)
-    again.communicate(timeout=60)
-    assert again.returncode == 0
+    function = functools.partial(swept.slow, folder=str(tmp_path), seconds=1.0)
+    again = ka.sweep(function, {"x": range(6)}, executor=ThreadPoolExecutor(4), folder=tmp_path / "cases")
     assert all((tmp_path / "cases" / name).read_bytes() == content for name, content in finished.items())
-    straight = ka.sweep(functools.partial(swept.slow, folder=tmp_path, seconds=0.0), {"x": range(6)}, executor=THREAD)
-    before = outputs(tmp_path)
-    straight.to_csv(tmp_path / "sweep.csv")
-    assert before == outputs(tmp_path) and len(before) == 7
+    straight = here(functools.partial(swept.slow, folder=tmp_path, seconds=0.0), {"x": range(6)}, None)
+    assert outputs(again, tmp_path) == outputs(straight, tmp_path) and len(again.table) == 6
