@@ -163,18 +163,20 @@ def locally_delaunay(a, b, c, d):
 
 
 def functional(position, node, data, values, laws=None):
-    """int c/2 |grad u|^2 - f u - g . grad u, element by element; `data` (m, 4) holds c, f and the two parts of g.
+    """int c/2 |grad u|^2 - f u - g . grad u, the sum over elements; `data` (m, 4) holds c, f and the two parts of g.
 
     `laws` (m,) holds None, or the law whose energy stands in place of c/2 |grad u|^2.
     """
-    total = 0.0
-    for (c, f, *g), corners, law in zip(data, node, [None] * len(node) if laws is None else laws, strict=True):
-        plane = np.column_stack([position[corners], np.ones(3)])
-        gradient = np.linalg.solve(plane, values[corners])[:2]
-        area = 0.5 * cross(position[corners[1]] - position[corners[0]], position[corners[2]] - position[corners[0]])
-        stored = c / 2 * gradient @ gradient if law is None else float(law.energy(np.hypot(*gradient)))
-        total += area * (stored - f * values[corners].mean() - np.dot(g, gradient))
-    return total
+    corners, nodal, (c, f, *g) = position[node], values[node], data.T
+    planes = np.dstack([corners, np.ones(nodal.shape)])
+    gradient = np.linalg.solve(planes, nodal[..., None])[:, :2, 0].T
+    area = 0.5 * cross((corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T)
+    stored = c / 2 * np.sum(gradient**2, axis=0)
+    laws = [None] * len(node) if laws is None else laws
+    for law in {id(law): law for law in laws if law is not None}.values():
+        rows = np.array([each is law for each in laws])
+        stored[rows] = law.energy(np.hypot(*gradient[:, rows]))
+    return float(area @ (stored - f * nodal.mean(axis=1) - np.sum(g * gradient, axis=0)))
 
 
 def size_of_functional(position, node, data, values, laws=None):

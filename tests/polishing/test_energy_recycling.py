@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.alternatives import functional, signed_quality, size_of_functional
+from helpers.alternatives import functional, signed_quality, size_of_functional, star_of
 from helpers.examples import examples
 from helpers.meshes import area_of, disk, generic_square, inset, junction, length_of, named, perturbed, slit, square
 from helpers.processes import output_with
@@ -98,7 +98,7 @@ def slow_gain(at, e, k):
     """What the best value in the middle of an edge takes off; 0 where the quality rule forbids it."""
     position, node, data, values = at.arrays
     a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
-    beside = [e for e in range(len(node)) if {a, b} <= set(node[e])]
+    beside = [e for e in star_of(node, a) if b in node[e]]
     new = len(position)
     position = np.vstack([position, 0.5 * (position[a] + position[b])])
     halves = [np.where(node[e] == end, new, node[e]) for e in beside for end in (a, b)]
@@ -114,8 +114,8 @@ def slow_cost(at, v):
     """The least cost of a collapse of a node, inf where none is allowed."""
     position, node, data, values = at.arrays
     constraints, elements = at.movable.constraints, at.movable.triangulation.elements
-    star = [e for e in range(len(node)) if v in node[e]]
-    around = lambda u: set(node[[e for e in range(len(node)) if u in node[e]]].ravel())  # noqa: E731
+    star = star_of(node, v)
+    around = lambda u: set(node[star_of(node, u)].ravel())  # noqa: E731
     least = np.inf
     for w in around(v) - {v}:
         shared = [e for e in star if w in node[e]]
