@@ -136,6 +136,21 @@ def slit(n, tip=0.6):
     return MeshTri(p, np.where(above, twin[mesh.t], mesh.t))
 
 
+SIDES = {
+    "left": lambda x: x[0] == 0.0,
+    "right": lambda x: x[0] == 1.0,
+    "bottom": lambda x: x[1] == 0.0,
+    "top": lambda x: x[1] == 1.0,
+}
+BOTH = [("left", "right"), ("bottom", "top")]
+
+
+def cell(n):
+    """A unit square with names on its sides, and a band across it that is another material."""
+    mesh = square(n).with_boundaries(SIDES)
+    return mesh.with_subdomains({"band": lambda x: np.abs(x[1] - 0.5) < 0.25})
+
+
 def inset(n):
     """The unit square with a square "core" in its middle and "air" around it; n a multiple of 4."""
     core = lambda x: (np.abs(x[0] - 0.5) < 0.25) & (np.abs(x[1] - 0.5) < 0.25)  # noqa: E731

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from numba.core import event
-from helpers.processes import wait_until
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from helpers.processes import wait_until
 
 
 def product(x, y):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from helpers.meshes import area_of, circle, closed, peak, ring, shells, square, with_lines
-from helpers.processes import output_with
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
@@ -362,10 +361,10 @@ def test_after_any_number_of_calls_nodes_are_on_their_circles_and_only_sagittas_
     case = CASES[kind]()
     case.check(case.mesh)
     mesh, gone = case.mesh, 0.0
-    for number in range(50):
+    for number in range(20):
         moved = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number)
         gone, mesh = max(gone, np.abs(moved.p - mesh.p).max()), moved
-        if number in (0, 9, 49):
+        if number in (0, 4, 19):
             case.check(mesh)
     assert gone > 0.05
 
@@ -434,26 +433,6 @@ def test_no_epochs_and_no_sweeps_move_no_node(kind):
     assert (same.p.tobytes(), same.t.tobytes()) == (mesh.p.tobytes(), mesh.t.tobytes())
     flipped = ka.relocate(mesh, density, topology="flip", schedule=Schedule(()))
     assert flipped.p.tobytes() == mesh.p.tobytes()
-
-
-@pytest.mark.slow
-def test_any_number_of_threads_gives_the_same_bits():
-    """Numba fixes the number of threads at import, so in processes of their own."""
-    code = """
-import hashlib
-import numpy as np, kohonen_adapt as ka
-from helpers.meshes import peak, ring
-class Own:
-    def project(self, x):
-        return ka.Arc((0.0, 0.0), 0.5).project(x)
-mesh = ring(240, 40)
-for topology in ("flip", "recycle"):
-    mesh = ka.relocate(mesh, peak(mesh, 0.6, 0.3), topology=topology, curves={"inner": Own()})
-print(mesh.t.shape[1], hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
-"""
-    said = {output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}
-    assert len(said) == 1
-    assert int(said.pop().split()[0]) > 10_000
 
 
 # --- given curves ---
@@ -527,9 +506,9 @@ def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, t
     curves, size, seen = curves_for(mesh), np.ptp(mesh.p), 0
     kind_of = outline_of(mesh, curves=curves).constraints.kind
     ends = {tuple(x) for x in mesh.p[:, kind_of == HELD].T}
-    for number in range(20):
+    for number in range(8):
         mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves)
-        if number in (0, 4, 19):
+        if number in (0, 2, 7):
             outline = outline_of(mesh, curves=curves)
             own, sliding = outline.constraints.own_chain, outline.constraints.kind == SLIDING
             assert list(outline.curves) == list(curves)

@@ -1,13 +1,8 @@
 """Periodic pairs: boundaries that are one another's image stay so, node by node, and a point reaches across them."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from helpers.meshes import apart, circle, disk, ring, shells, slit, square
+from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, ring, shells, slit, square
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
@@ -16,20 +11,6 @@ from skfem.models import laplace
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-
-SIDES = {
-    "left": lambda x: x[0] == 0.0,
-    "right": lambda x: x[0] == 1.0,
-    "bottom": lambda x: x[1] == 0.0,
-    "top": lambda x: x[1] == 1.0,
-}
-BOTH = [("left", "right"), ("bottom", "top")]
-
-
-def cell(n):
-    """A unit square with names on its sides, and a band across it that is another material."""
-    mesh = square(n).with_boundaries(SIDES)
-    return mesh.with_subdomains({"band": lambda x: np.abs(x[1] - 0.5) < 0.25})
 
 
 def sector(n, angle, inner=0.4):
@@ -136,25 +117,6 @@ def test_a_pinned_node_pins_its_partner():
     node = int(np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.375))[0])
     result = ka.relocate(mesh, peak_at(0.0, 0.0), periodic=[("left", "right")], pinned=[node])
     assert 0.375 in result.p[1, result.p[0] == 1.0]
-
-
-@pytest.mark.slow
-def test_the_mesh_does_not_depend_on_the_number_of_threads():
-    """Numba fixes the number of threads at import, so in processes of their own."""
-    code = """
-from test_pairs import BOTH, cell, ka, peak_at
-print(ka.relocate(cell(48), peak_at(0.0, 0.3), periodic=BOTH).p.tobytes().hex())
-"""
-    here = Path(__file__).parent
-    path = os.pathsep.join([str(here), str(here.parent), str(here.parents[1])])
-    said = set()
-    for threads in ("1", "3"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": path}
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-        said.add(done.stdout)
-    assert len(said) == 1
-    moved = np.frombuffer(bytes.fromhex(said.pop())).reshape(2, -1)
-    np.testing.assert_array_equal(moved, ka.relocate(cell(48), peak_at(0.0, 0.3), periodic=BOTH).p)
 
 
 class Cell:

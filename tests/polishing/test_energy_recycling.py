@@ -5,7 +5,6 @@ import pytest
 from helpers.alternatives import functional, signed_quality, size_of_functional, star_of
 from helpers.examples import examples
 from helpers.meshes import area_of, disk, generic_square, inset, junction, length_of, named, perturbed, slit, square
-from helpers.processes import output_with
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
@@ -306,25 +305,3 @@ def test_a_finer_place_for_a_peak():
     at = Setting(mesh, values=bump, load=0.0)
     near = lambda each: np.count_nonzero(np.hypot(each.p[0] - 0.3, each.p[1] - 0.3) < 0.2)  # noqa: E731
     assert near(at.recycle().recycle().movable.mesh()) > 1.2 * near(mesh)
-
-
-def test_any_number_of_threads_gives_the_same_bits():
-    """On a mesh of several parts; numba fixes the number of threads at import, so in processes of their own."""
-    code = """
-import hashlib
-import numpy as np, skfem, kohonen_adapt as ka
-from skfem.models.poisson import laplace, unit_load
-class Load:
-    def solve(self, mesh):
-        basis = skfem.Basis(mesh, skfem.ElementTriP1())
-        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
-    def indicators(self, mesh, solution):
-        one = np.ones(mesh.nelements)
-        return ka.estimators.residual(mesh, solution, one, source=one)
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
-ticks = np.linspace(0, 1, 111)
-result = ka.adapt(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), passes=1, schedule=ka.Schedule(()))
-print(hashlib.sha256(result.mesh.p.tobytes() + result.mesh.t.tobytes()).hexdigest(), result.history[1].splits)
-"""
-    assert len({output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}) == 1

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from helpers.meshes import perturbed
-from helpers.processes import output_with
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
@@ -162,24 +161,6 @@ def test_a_polynomial_that_the_elements_have_is_carried_as_it_is(order):
     np.testing.assert_allclose(after.values, exact(moved.p), atol=1e-13)
     np.testing.assert_allclose(after.modes.side, expected.side, atol=1e-12)
     np.testing.assert_allclose(after.modes.bubble, expected.bubble, atol=1e-12)
-
-
-POLISHED = """
-import hashlib, sys
-import kohonen_adapt as ka
-from benchmarks.problems.l_shape import l_shaped_mesh
-from benchmarks.problems.orders import problem
-
-for order in (2, 3):
-    mesh = ka.adapt(l_shaped_mesh(24), problem("F", order), passes=1).mesh
-    print(hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
-"""
-
-
-@pytest.mark.slow
-def test_the_number_of_threads_has_no_say():
-    alone, crowd = (output_with(POLISHED, NUMBA_NUM_THREADS=str(number)) for number in (1, 3))
-    assert alone == crowd
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import pytest
 from helpers.alternatives import ritz_solution
 from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
-from helpers.processes import output_with
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshQuad, MeshTri
@@ -347,22 +346,3 @@ def test_nodes_slide_on_curves_of_ones_own():
 def test_a_mesh_of_another_kind_is_refused():
     with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri or MeshTri2; got MeshQuad"):
         ka.polish(MeshQuad(), Diffusion())
-
-
-def test_any_number_of_threads_gives_the_same_bits():
-    """On a mesh of several parts; numba fixes the number of threads at import, so in processes of their own."""
-    code = """
-import hashlib
-import numpy as np, skfem, kohonen_adapt as ka
-from skfem.models.poisson import laplace, unit_load
-class Load:
-    def solve(self, mesh):
-        basis = skfem.Basis(mesh, skfem.ElementTriP1())
-        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
-ticks = np.linspace(0, 1, 111)
-mesh = ka.polish(skfem.MeshTri.init_tensor(ticks, ticks**1.1), Load(), sweeps=3)
-print(hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
-"""
-    assert len({output_with(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}) == 1

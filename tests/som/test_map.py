@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.ordering import mark_deep, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.som.training import Trainer, parts_for
+from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 
 NOTHING = 1e-300  # a learning rate that moves no node
@@ -308,28 +308,10 @@ for topology in ("fixed", "flip"):
 """
 
 
-PARTED = """
-import hashlib
-import kohonen_adapt as ka
-from helpers.meshes import inset
-
-mesh = inset(104).with_boundaries({"floor": lambda x: x[1] == 0.0})
-mesh = ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.3) ** 2 + x[1] ** 2))
-print(mesh.p.shape[1], hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest())
-"""
-
-
 def arrays_with(**variables):
     fields = output_with(SCRIPT, **variables).split()
     assert len(fields) == 4
     return [np.frombuffer(bytes.fromhex(field), dtype) for field, dtype in zip(fields, "didi", strict=True)]
-
-
-@pytest.mark.slow
-def test_the_number_of_threads_has_no_say():
-    alone, pair, crowd = (output_with(PARTED, NUMBA_NUM_THREADS=str(number)) for number in (1, 2, 5))
-    assert parts_for(int(alone.split()[0]), 10) > 1
-    assert alone == pair == crowd
 
 
 @pytest.mark.slow

@@ -1,0 +1,86 @@
+"""Results on meshes that threads share, as one text each, by which processes of other numbers of threads compare."""
+
+import hashlib
+
+import numpy as np
+import skfem
+from skfem import MeshTri
+from skfem.models.poisson import laplace, unit_load
+
+import kohonen_adapt as ka
+from benchmarks.problems.l_shape import l_shaped_mesh
+from benchmarks.problems.orders import problem
+from helpers.meshes import BOTH, cell, inset, peak, ring
+
+
+class Own:
+    """A curve that somebody wrote."""
+
+    def project(self, x):
+        return ka.Arc((0.0, 0.0), 0.5).project(x)
+
+
+class Load:
+    """-div grad u = 1, zero on the boundary."""
+
+    def solve(self, mesh):
+        basis = skfem.Basis(mesh, skfem.ElementTriP1())
+        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+
+    def indicators(self, mesh, solution):
+        one = np.ones(mesh.nelements)
+        return ka.estimators.residual(mesh, solution, one, source=one)
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
+
+
+def relocated():
+    mesh = inset(104).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    return ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.3) ** 2 + x[1] ** 2))
+
+
+def on_curves():
+    mesh = ring(240, 40)
+    for topology in ("flip", "recycle"):
+        mesh = ka.relocate(mesh, peak(mesh, 0.6, 0.3), topology=topology, curves={"inner": Own()})
+    return mesh
+
+
+def paired():
+    return ka.relocate(cell(48), lambda x: 1 / (0.03 + np.hypot(x[0], x[1] - 0.3)) ** 2, periodic=BOTH)
+
+
+def grid():
+    ticks = np.linspace(0, 1, 111)
+    return MeshTri.init_tensor(ticks, ticks**1.1)
+
+
+def polished():
+    return ka.polish(grid(), Load(), sweeps=3)
+
+
+def recycled_by_energy():
+    result = ka.adapt(grid(), Load(), passes=1, schedule=ka.Schedule(()))
+    assert result.history[1].splits > 0
+    return result.mesh
+
+
+def of_order_2():
+    return ka.adapt(l_shaped_mesh(24), problem("F", 2), passes=1).mesh
+
+
+def of_order_3():
+    return ka.adapt(l_shaped_mesh(24), problem("F", 3), passes=1).mesh
+
+
+RESULTS = (relocated, on_curves, paired, polished, recycled_by_energy, of_order_2, of_order_3)
+
+
+def texts():
+    """By the name of what was done: how many nodes and elements there are, and a hash of where and which they are."""
+    meshes = {each.__name__: each() for each in RESULTS}
+    return {
+        name: f"{mesh.nvertices} {mesh.nelements} {hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest()}"
+        for name, mesh in meshes.items()
+    }
