@@ -139,10 +139,8 @@ def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, tmp_path):
         shown, known, written = shown_by("run", case, "--out", tmp_path / "out", stdout=stdout)
     assert shown == ["read", *first, *second, "draw"]
     assert re.fullmatch(r"899 nodes, estimate [\d.]+ \([\d.]+ %\)", known[-4])
-    said, remark = (
-        (tmp_path / "stdout").read_text(),
-        "mesh.msh': 899 nodes",
-    )  # lines go to one stream, remarks to another
+    # lines go to one stream, remarks to another
+    said, remark = (tmp_path / "stdout").read_text(), "mesh.msh': 899 nodes"
     assert "\r" not in said and "pass 1: 899 nodes, estimate" in said and remark not in said
     assert remark in written and "pass 1: 899 nodes" not in written
 
