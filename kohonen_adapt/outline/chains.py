@@ -10,7 +10,6 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
 from kohonen_adapt.outline.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.outline.cutting import FEWEST_FACETS, lengths_and_angles
-from kohonen_adapt.outline.facets import Facets
 from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, nodes_of
 
 logger = logging.getLogger("kohonen_adapt")
@@ -27,16 +26,19 @@ MOST_SHIFT = 0.25  # of a facet: a mid-side node that is farther off its middle 
 FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
 
 
-def curve_of_facets(facets: Facets, curves: Mapping[str, Curve]) -> Ints:
-    """Which of the given curves every facet is on, -1 for none, (f,); two are refused."""
-    found, names = np.full(len(facets.element), -1), list(curves)
+def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
+    """Which of the given curves or surfaces each of `count` facets is on, -1 for none, (f,); two are refused.
+
+    `sides` (f,) are, by name, above 0 where a facet carries that.
+    """
+    found, names = np.full(count, -1), list(curves)
     for number, name in enumerate(names):
-        on = facets.sides[name] > 0
+        on = sides[name] > 0
         twice = on & (found >= 0)
         if twice.any():
             other = names[found[np.flatnonzero(twice)[0]]]
             raise ValueError(
-                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a curve; leave one out."
+                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a {kind}; leave one out."
             )
         found[on] = number
     return found

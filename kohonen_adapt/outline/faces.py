@@ -43,6 +43,7 @@ class Seams(NamedTuple):
     edge: Ints  # (j,)
     faces: Ints  # (j, 2)
     turn: Floats  # (j,) between the faces, in radians, 0 where the one goes on straight into the other
+    opposite: Mask  # (j,) the elements of both are on the same side
     alike: Mask  # (j,) the same names and regions on both sides
 
 
@@ -81,9 +82,9 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
     edge = np.flatnonzero(edges.faces_around == 2)
     slot = edges.start[edge]
     one, other = edges.face[slot], edges.face[slot + 1]
-    opposite = edges.forth[slot] != edges.forth[slot + 1]  # then the elements of both are on the same side
+    opposite = edges.forth[slot] != edges.forth[slot + 1]
     normal = normals(position, faces.nodes)
     here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
     turn = np.arctan2(np.linalg.norm(np.cross(here, there), axis=1), np.einsum("ij,ij->i", here, there))
     alike = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
-    return Seams(edge, np.stack([one, other], axis=1), turn, alike)
+    return Seams(edge, np.stack([one, other], axis=1), turn, opposite, alike)

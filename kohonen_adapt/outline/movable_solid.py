@@ -10,14 +10,17 @@ from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.checks import listed
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Freedom, Surfaces
 from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
 from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seams_of
 from kohonen_adapt.outline.facets import LEFT, turned
-from kohonen_adapt.outline.patches import Patches, patches_of
+from kohonen_adapt.outline.patches import Patches, on_their_patches, patches_of
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
-from kohonen_adapt.outline.rules import Rules, check_for, floor_of, pinned_nodes
+from kohonen_adapt.outline.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
+from kohonen_adapt.outline.settling import left_out, places_of, settled
 
 __all__ = ["MovableSolid"]
 
@@ -61,11 +64,12 @@ class MovableSolid:
         pinned = pinned_nodes(mesh, rules.pinned)
         faces = constrained_faces(tet)
         edges = edges_of(faces, tet.nnodes)
-        patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position)
-        ridges = ridges_of(edges, patches, tet.position)
+        surfaces = checked_surfaces(mesh, rules.surfaces)
+        patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
+        ridges = ridges_of(edges, patches, on_their_patches(faces, patches, tet.position))
         mark_faces(tet, faces, patches.of_face)
         floor = floor_of(rules, 3)
-        freedom = freedom_of(faces, patches, ridges, pinned)
+        freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
         return cls(tet, surfaces_of(patches, ridges), freedom, patches, floor, rules.flips)
 
     @property
@@ -103,9 +107,10 @@ class MovableSolid:
         tet = self.tetrahedralization
         patch = tet.elements.patch[element, corner]
         nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
-        out, front = normals(tet.position, nodes), self.patches.front[patch]
-        outward = np.einsum("ij,ij->i", out, self.patches.axis[patch]) > 0.0
-        return np.where(front >= 0, tet.elements.region[element] == front, outward)
+        found, rows = tet.elements.region[element] == self.patches.front[patch], self.patches.front[patch] < 0
+        middles, out = tet.position[nodes[rows]].mean(axis=1), normals(tet.position, nodes[rows])
+        found[rows] = self.patches.sheet.looks_back(middles, patch[rows], out)
+        return found
 
     def copy(self) -> "MovableSolid":
         """The mesh as it is now, which later changes leave alone."""
@@ -128,6 +133,28 @@ class MovableSolid:
         tet = self.tetrahedralization
         tet.become(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
         self.freedom = self.freedom._replace(**arrays("freedom."))
+
+    def settle(self) -> None:
+        """Put the nodes that slide on curved patches and ridges exactly there, as far as the quality rule lets them."""
+        tet = self.tetrahedralization
+        target = places_of(tet.position, self.surfaces, self.freedom, self.patches)
+        tet.position[:] = settled(tet.position, tet.elements, target, self.floor)
+
+    def sagitta(self) -> float:
+        """How far at most a surface is from the faces on it, in mesh units; what is between is no part of the mesh."""
+        tet = self.tetrahedralization
+        return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
+
+    def farthest_surface(self) -> str:
+        """Which surface is farthest from its faces: the boundaries that it is part of, or what lies beside it."""
+        tet = self.tetrahedralization
+        p = np.argmax(left_out(tet.position, tet.elements, self.patches))
+        names = [name for name, manner in self.patches.names.items() if manner[p]]
+        if names:
+            return f"boundary {' + '.join(map(repr, names))}"
+        beside = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
+        found = named_sets(tet.mesh.subdomains).items()
+        return listed(name for name, rows in found if beside & set(tet.region_of_input[rows].tolist()))
 
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide."""

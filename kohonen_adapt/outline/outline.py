@@ -80,7 +80,7 @@ class Outline:
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
         bent = bent_facets(facets, triangulation, off)
-        curve = bent.told(curve_of_facets(facets, curves))
+        curve = bent.told(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, without_corner(curve, curves), bent.off)
         joints, circle = joined_alike(joints, facets, triangulation.position, bent, curve)
         runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves, circle)

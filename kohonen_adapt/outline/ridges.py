@@ -7,22 +7,37 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, Freedom
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    CIRCLE,
+    CONE,
+    HELD,
+    INSIDE,
+    INTERSECTION,
+    LINE,
+    ON_PATCH,
+    ON_RIDGE,
+    PLANE,
+    Freedom,
+)
+from kohonen_adapt.outline.cutting import BEND, cut_runs, fitted_circle
 from kohonen_adapt.outline.faces import Edges, Faces
-from kohonen_adapt.outline.patches import TURN, Patches, joined
-from kohonen_adapt.outline.polylines import Runs, meetings, traced
+from kohonen_adapt.outline.patches import Patches, joined
+from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, without_noise
+from kohonen_adapt.outline.recognition import TURN
 
 __all__ = ["Ridges", "freedom_of", "ridges_of"]
 
 MOST = 4  # patches that a ridge can tell; nodes where more meet along an edge are held
 SAME = 1e-8  # of the size of the mesh: lines and circles that are no farther apart are one
+ACROSS = 1e-3  # sine of the least angle at which two patches meet in an INTERSECTION
+APEX = 1e-9  # of the size of the mesh: a node so near to the apex of a cone is there
 
 
 class Ridges(NamedTuple):
     """The ridges, a row each, and the edges that are part of them."""
 
     ends: Ints  # (k, 2) nodes of the edges
-    of_edge: Ints  # (k,) ridge of every edge, -1 where more than MOST patches meet
+    of_edge: Ints  # (k,) ridge of every edge, -1 where more than MOST patches meet or none tells where the ridge is
     meets: NDArray[np.int32]  # (r, MOST) the patches that meet there, ascending, then -1
     shape: NDArray[np.int8]  # (r,)
     origin: Floats  # (r, 3)
@@ -30,25 +45,31 @@ class Ridges(NamedTuple):
     size: Floats  # (r,)
 
 
+class Pieces(NamedTuple):
+    """What ridge edges were cut into, a row each: pieces of one shape."""
+
+    of_edge: Ints  # (k,)
+    kind: Ints  # (q,) of the patches that meet there
+    shape: NDArray[np.int8]  # (q,)
+    origin: Floats  # (q, 3)
+    axis: Floats  # (q, 3)
+    size: Floats  # (q,)
+
+
 def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
-    """Trace the ridges; pieces of one line between the same patches are one ridge, whatever is between them."""
+    """Trace the ridges; pieces of one line or circle between the same patches are one, whatever is between them."""
     meets, crowded, is_ridge = meeting_patches(edges, patches)
     ends, crowded = edges.ends[is_ridge], crowded[is_ridge]
     kinds, kind = np.unique(meets[is_ridge], axis=0, return_inverse=True)
     kind = np.where(crowded, -1, kind.ravel())
-    runs = straight_runs(ends, kind, position)
-    first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]
-    way = position[last] - position[first]
-    axis = way / np.linalg.norm(way, axis=1, keepdims=True)
-    of_run = kind[runs.facet[runs.start[:-1]]]
-    ridge = joined(len(first), same_lines(position[first], axis, of_run, position))
-    kept = np.unique(ridge, return_index=True)[1]
-    of_edge = np.empty(len(ends), dtype=np.int64)
-    length = np.diff(runs.start)
-    of_edge[runs.facet[runs.facet >= 0]] = np.repeat(ridge, length)[runs.facet >= 0]
-    of_edge[crowded] = -1
-    shape, size = np.full(len(kept), LINE, dtype=np.int8), np.zeros(len(kept))
-    return Ridges(ends, of_edge, kinds[of_run[kept]], shape, position[first[kept]], axis[kept], size)
+    pieces = cut(ends, kind, kinds, patches, position)
+    known = (pieces.shape >= 0) & (pieces.kind >= 0)
+    known &= np.bincount(pieces.of_edge, minlength=len(known)) > 0  # runs that were cut further are none
+    ridge = np.full(len(known), -1)
+    ridge[known] = joined(int(known.sum()), same_pairs(pieces, np.flatnonzero(known), position))
+    kept = np.flatnonzero(known)[np.unique(ridge[known], return_index=True)[1]]
+    own = (pieces.shape[kept], pieces.origin[kept], pieces.axis[kept], pieces.size[kept])
+    return Ridges(ends, ridge[pieces.of_edge], kinds[pieces.kind[kept]], *own)
 
 
 def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], Mask, Mask]:
@@ -63,28 +84,139 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
     return meets, different > MOST, (edges.faces_around != 2) | (different != 1)
 
 
-def straight_runs(ends: Ints, kind: Ints, position: Floats) -> Runs:
-    """Trace edges through the nodes in which just two of one kind meet in a straight line."""
+def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
+    """Cut edges, of kinds by the patches (q, MOST) that meet there, into pieces: straight ones all at once."""
+    runs, bent = smooth_runs(ends, kind, position)
+    first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]
+    way = position[last] - position[first]
+    length = np.linalg.norm(way, axis=1, keepdims=True)
+    axis = way / np.where(length > 0.0, length, 1.0)
+    of_run = kind[runs.facet[runs.start[:-1]]]
+    straight = (np.full(len(way), LINE, dtype=np.int8), position[first], axis, np.zeros(len(way)))
+    of_edge = np.empty(len(ends), dtype=np.int64)
+    of_edge[runs.facet[runs.facet >= 0]] = np.repeat(np.arange(len(way)), np.diff(runs.start))[runs.facet >= 0]
+    more: list[Rows] = [straight]
+    added, kind_of = len(way), [of_run]
+    for r in np.flatnonzero(bent).tolist():
+        slots = slice(runs.start[r], runs.start[r + 1])
+        node, edge = runs.node[slots], runs.facet[slots][:-1]
+        pieces, own = pieces_of(node, bool(runs.closed[r]), kinds[of_run[r]], patches, position)
+        of_edge[edge] = added + pieces
+        more.append(own)
+        kind_of.append(np.full(len(own[0]), of_run[r]))
+        added += len(own[0])
+    shape, origin, axis, size = (np.concatenate(column) for column in zip(*more, strict=True))
+    return Pieces(of_edge, np.concatenate(kind_of), shape, origin, axis, size)
+
+
+def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Runs, Mask]:
+    """Trace edges through nodes in which just two of one kind meet and turn by little; which runs turn at all, (r,)."""
     node, end = meetings(ends, len(position))
     other = ends.ravel()[end ^ 1]
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
     off = np.linalg.norm(np.cross(arriving, leaving), axis=1)
-    straight = np.arctan2(off, np.einsum("ij,ij->i", arriving, leaving)) <= TURN
-    going = straight & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
+    turn = np.arctan2(off, np.einsum("ij,ij->i", arriving, leaving))
+    going = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
     through = np.full((len(position), 2), -1, dtype=np.int32)
     through[node[going]] = end[going] // 2
-    return traced(ends, through)
+    runs = traced(ends, through)
+    turning = np.zeros(len(position), dtype=bool)
+    turning[node[going & (turn > TURN)]] = True
+    inner = turning[runs.node] & (np.arange(len(runs.node)) > np.repeat(runs.start[:-1], np.diff(runs.start)))
+    inner[runs.start[1:] - 1] &= runs.closed
+    return runs, np.add.reduceat(inner, runs.start[:-1], dtype=np.int64) > 0 if len(runs.closed) else runs.closed
 
 
-def same_lines(point: Floats, axis: Floats, kind: Ints, position: Floats) -> Ints:
-    """The pairs of lines of one kind that are the same, (k, 2)."""
+Rows = tuple[NDArray[np.int8], Floats, Floats, Floats]
+
+
+def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position: Floats) -> tuple[Ints, Rows]:
+    """The pieces of a run that bends, nodes in order: which one each edge is part of, and what they are.
+
+    In a plane it is cut as outlines are, into straight pieces and arcs. What remains lies where two patches meet, or
+    else every edge is a piece of its own.
+    """
+    x = position[node]
+    middle, ways = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
+    size = np.ptp(x, axis=0).max()
+    flat = np.abs((x - middle) @ ways[2]).max() <= BEND * size
+    meeting = meets[meets >= 0]
+    if len(meeting) > 1 and np.any(patches.shape[meeting] != PLANE):
+        rows, circle = np.array([[0, len(x) - 1, 1, closed]]), circle_through((x - middle) @ ways[:2].T)
+        if not (flat and np.isfinite(circle).all()):
+            shape = INTERSECTION if crosses(x, meeting, patches) else -1
+            own = (np.array([shape], dtype=np.int8), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
+            return np.zeros(len(x) - 1, dtype=np.int64), own
+    elif flat:
+        rows, circle = cut_in_plane((x - middle) @ ways[:2].T, closed)
+    else:
+        edge = np.arange(len(x) - 1)
+        rows, circle = np.column_stack([edge, edge + 1, 0 * edge, 0 * edge]), np.zeros((len(edge), 3))
+    return np.repeat(np.arange(len(rows)), rows[:, 1] - rows[:, 0]), placed(rows, circle, x, middle, ways)
+
+
+def circle_through(x: Floats) -> Floats:
+    """The circle that all nodes of a run in its plane (k, 2) are on to rounding, (1, 3); nan where there is none."""
+    circle = without_noise(np.array([fitted_circle(x, np.arange(len(x)), 0, len(x) - 1)]))
+    off = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
+    return circle if off <= BEND * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
+
+
+def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
+    """Straight pieces and arcs of a run in its plane (k, 2), as `cut_runs` has them; a closed run begins where it did.
+
+    Where that begins elsewhere, the part across the beginning is two pieces.
+    """
+    count = len(x) - 1
+    node, facet = np.append(np.arange(count), 0 if closed else count), np.append(np.arange(count), -1)
+    rows, circle = np.zeros((count + 1, 4), dtype=np.int64), np.zeros((count + 1, 3))
+    start, whole = np.array([0, count + 1]), np.array([False])
+    number = cut_runs(x, node, facet, start, np.array([closed]), whole, rows, circle)
+    piece = np.empty(count, dtype=np.int64)
+    piece[facet[:-1]] = np.repeat(np.arange(number), rows[:number, 1] - rows[:number, 0])
+    begin = np.flatnonzero(np.diff(piece, prepend=-1))
+    rows = np.column_stack([begin, np.append(begin[1:], count), rows[piece[begin], 2:]])
+    return rows, without_noise(circle[:number])[piece[begin]]
+
+
+def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) -> Rows:
+    """Lines and circles in space, of pieces in a plane through `middle` along the first two of three `ways`."""
+    start, way = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
+    is_round = rows[:, 2] == 1
+    length = np.linalg.norm(way, axis=1, keepdims=True)
+    axis = np.where(is_round[:, None], ways[2], way / np.where(length > 0.0, length, 1.0))
+    origin = np.where(is_round[:, None], middle + circle[:, :2] @ ways[:2], start)
+    return np.where(is_round, CIRCLE, LINE).astype(np.int8), origin, axis, np.where(is_round, circle[:, 2], 0.0)
+
+
+def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
+    """Whether the first two patches cut each other at an angle at all these points: loops put nodes on both."""
+    step = 1e-3 * np.ptp(x, axis=0).max()
+    normal = []
+    for p in meeting[:2].tolist():
+        off = x + step * np.array([[0.36, 0.48, 0.8]])  # a direction that is none of the axes
+        patch = np.full(len(x), p)
+        away = off - patches.project(patch, off)
+        again = x + step * np.array([[0.8, -0.36, 0.48]])
+        other = again - patches.project(patch, again)
+        longer = np.linalg.norm(away, axis=1) >= np.linalg.norm(other, axis=1)
+        chosen = np.where(longer[:, None], away, other)
+        normal.append(chosen / np.linalg.norm(chosen, axis=1, keepdims=True))
+    return bool(np.all(np.linalg.norm(np.cross(*normal), axis=1) > ACROSS))
+
+
+def same_pairs(pieces: Pieces, some: Ints, position: Floats) -> Ints:
+    """The pairs among some pieces (s,) of one kind that are of the same line, circle or intersection, (j, 2)."""
     low, size = position.min(axis=0), np.ptp(position, axis=0).max()
-    foot = (point - low) - axis * np.einsum("ij,ij->i", point - low, axis)[:, None]
+    axis, at, shape = pieces.axis[some], pieces.origin[some] - low, pieces.shape[some]
+    at = np.where((shape == LINE)[:, None], at - axis * np.einsum("ij,ij->i", at, axis)[:, None], at)
+    at[shape == INTERSECTION] = 0.0
     both_ways = np.einsum("ij,ik->ijk", axis, axis).reshape(len(axis), 9)
-    return cKDTree(np.column_stack([foot / size, both_ways, kind])).query_pairs(SAME, output_type="ndarray")
+    rows = np.column_stack([at / size, both_ways, pieces.size[some] / size, pieces.kind[some], shape])
+    return cKDTree(rows).query_pairs(SAME, output_type="ndarray")
 
 
-def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask) -> Freedom:
+def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask, position: Floats) -> Freedom:
     """What every node may do: those of one patch slide on it, those of one ridge along it, and corners stay."""
     nnodes, count = len(pinned), len(patches.shape)
     there = np.unique(faces.nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
@@ -92,6 +224,8 @@ def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask) -> 
     different = np.bincount(node, minlength=nnodes)
     number, place = np.full(nnodes, INSIDE, dtype=np.int8), np.full(nnodes, -1, dtype=np.int32)
     number[node], place[node] = ON_PATCH, patch
+    tip = np.linalg.norm(position[node] - patches.origin[patch], axis=1) <= APEX * np.ptp(position, axis=0).max()
+    number[node[tip & (patches.shape[patch] == CONE)]] = HELD
     number[different > 1] = HELD
     number[ridges.ends] = HELD
     inner, end = meetings(ridges.ends, nnodes)

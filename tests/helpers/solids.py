@@ -145,3 +145,23 @@ def collapse_edge(solid, a, b):
     node = np.where(node >= 0, number[node], -1).astype(np.int32)[~gone]
     own = {name: state[name][kept] for name in BY_NODE}
     set_elements(solid, own, node, tetrahedra.region[~gone], patch[~gone])
+
+
+def extruded(flat, layers=2, height=1.0):
+    """A plane mesh drawn along z, each prism in three tetrahedra."""
+    n, corners = flat.p.shape[1], np.sort(flat.t, axis=0)
+    p = np.hstack([np.vstack([flat.p, np.full(n, z)]) for z in np.linspace(0.0, height, layers + 1)])
+    elements = []
+    for layer in range(layers):
+        low, high = corners + n * layer, corners + n * (layer + 1)
+        elements += [np.vstack([low, high[2]]), np.vstack([low[:2], high[1:]]), np.vstack([low[:1], high])]
+    return MeshTet(p, np.hstack(elements))
+
+
+def ball(n=6, radius=1.0):
+    """A ball about the origin: a cube with its shells blown up."""
+    cube = box(n)
+    x = 2.0 * cube.p - 1.0
+    length = np.sqrt(np.sum(x**2, axis=0))
+    scale = np.max(np.abs(x), axis=0) / np.where(length > 0.0, length, 1.0)
+    return MeshTet(radius * x * scale, cube.t)

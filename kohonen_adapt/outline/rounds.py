@@ -1,0 +1,166 @@
+"""Fit spheres and cylinders to nodes and faces, and say whether they are on one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.tetrahedron.arrays import CYLINDER, SPHERE
+from kohonen_adapt.mesh.tetrahedralization import normals
+from kohonen_adapt.outline.cutting import DISTINCT, FEWEST, LOOSE
+from kohonen_adapt.outline.polylines import BITS, CORNER
+from kohonen_adapt.outline.surfaces import across, on_cylinder, on_sphere
+
+__all__ = ["Round", "are_coaxial", "round_of"]
+
+NODES = 8  # of a sphere, twice as many as it has parameters
+COARSE = 4  # places around an axis that are enough for a cylinder about the axis of another one
+STEPS = 10  # of Gauss and Newton's method
+APART = 1e-6  # radians: nodes at angles that differ by less are at one place around an axis
+EQUAL = 1e-9  # of the radius: what fits so well fits to rounding
+COAXIAL = 1e-3  # of the radius, and radians: axes that are nearer to each other are one
+
+
+@dataclass(frozen=True)
+class Round:
+    """A sphere or a cylinder, how far nodes are off it, and how many places around its axis they are at."""
+
+    shape: int
+    origin: Floats  # (3,)
+    axis: Floats  # (3,)
+    size: float
+    off: float
+    places: int
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether so few nodes may lie on it by chance."""
+        return self.shape == CYLINDER and self.places < FEWEST
+
+    def distance(self, x: Floats) -> Floats:
+        """How far points (k, 3) are from it, (k,)."""
+        near = (
+            on_sphere(x, self.origin, self.size)
+            if self.shape == SPHERE
+            else on_cylinder(x, self.origin, self.axis, self.size)
+        )
+        return np.linalg.norm(near - x, axis=1)
+
+
+def round_of(position: Floats, nodes: Ints) -> Round | None:
+    """The cylinder or sphere that faces with these nodes (f, 3) are on, or neither.
+
+    Nodes may be off it by 1e-3 of its radius, and by a tenth of how far they bulge; faces turn from it by less than 35
+    degrees. Rows of nodes on two circles fit both: they are taken for a cylinder.
+    """
+    x = position[np.unique(nodes)]
+    if len(x) < FEWEST:
+        return None
+    across_faces = normals(position, nodes)
+    middles = position[nodes].mean(axis=1)
+    cylinder, sphere = cylinder_through(x, across_faces), sphere_through(x)
+    found = [each for each in (cylinder, sphere) if each and fits(each, x, across_faces, middles)]
+    if len(found) == 2 and cylinder and sphere and cylinder.off > max(2.0 * sphere.off, EQUAL * sphere.size):
+        return sphere
+    return found[0] if found else None
+
+
+def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
+    """Whether nodes are near enough, bulge, and faces lie along it."""
+    if found.places < (COARSE if found.shape == CYLINDER else NODES) or not found.off <= LOOSE * found.size:
+        return False
+    out = middles - found.origin
+    flat = x - found.origin
+    if found.shape == CYLINDER:
+        out = out - found.axis * (out @ found.axis)[:, None]
+        flat = flat - found.axis * (flat @ found.axis)[:, None]
+    cosine = np.abs(np.einsum("ij,ij->i", out, across_faces))
+    lengths = np.linalg.norm(out, axis=1) * np.linalg.norm(across_faces, axis=1)
+    return DISTINCT * found.off <= bulge(flat, found) and bool(np.all(cosine > np.cos(CORNER) * lengths))
+
+
+def bulge(x: Floats, found: Round) -> float:
+    """How thick points (k, 3) are in the direction in which they are thinnest, which is not that of the axis."""
+    ways = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
+    ways = ways[np.abs(ways @ found.axis) < 0.5] if found.shape == CYLINDER else ways
+    return float(np.min(np.ptp(x @ ways.T, axis=0)))
+
+
+def sphere_through(x: Floats) -> Round | None:
+    """The sphere for which the sum of the squares of |x - c|^2 - r^2 is least (Kasa, 1976, in space)."""
+    middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
+    y = (x - middle) / scale
+    solution, _, rank, _ = np.linalg.lstsq(np.column_stack([2.0 * y, np.ones(len(y))]), np.sum(y**2, axis=1))
+    if rank < 4:
+        return None
+    radius = float(np.sqrt(solution[3] + np.sum(solution[:3] ** 2)))
+    radius = float(rounded(scale * radius, scale * radius))
+    centre = rounded(middle + scale * solution[:3], radius)
+    off = np.abs(np.linalg.norm(x - centre, axis=1) - radius).max()
+    return Round(SPHERE, centre, np.zeros(3), radius, float(off), len(x))
+
+
+def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
+    """The cylinder for which the sum of the squared distances of points is least, its axis across all faces at first.
+
+    With u the direction away from the axis and s the way along it, a turn of the axis by t changes the distance by
+    -s u.t, and a shift of it by p by -u.p (Gauss and Newton's method).
+    """
+    middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
+    y, point = (x - middle) / scale, np.zeros(3)
+    weight = np.linalg.norm(across_faces, axis=1, keepdims=True)
+    axis = np.linalg.eigh((across_faces / weight).T @ across_faces)[1][:, 0]
+    radius = 0.0
+    for step in range(STEPS):
+        one = across(axis)
+        basis = np.stack([one, np.cross(axis, one)])
+        along, flat = (y - point) @ axis, (y - point) @ basis.T
+        if step == 0:  # Kasa's circle
+            rows = np.column_stack([2.0 * flat, np.ones(len(flat))])
+            solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(flat**2, axis=1))
+            if rank < 3:
+                return None
+            point, radius = solution[:2] @ basis, float(np.sqrt(max(solution[2] + np.sum(solution[:2] ** 2), 0.0)))
+            continue
+        distance = np.linalg.norm(flat, axis=1)
+        if not np.all(distance > 0.0):
+            return None
+        out = flat / distance[:, None]
+        rows = np.column_stack([-out, -along[:, None] * out, -np.ones(len(out))])
+        solution = np.linalg.lstsq(rows, radius - distance)[0]
+        point, radius = point + solution[:2] @ basis, radius + solution[4]
+        axis = axis + solution[2:4] @ basis
+        axis = axis / np.linalg.norm(axis)
+    return cylinder_of(x, middle + scale * point, axis, scale * radius)
+
+
+def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round | None:
+    """The cylinder about an axis, free of noise, that points (k, 3) may be on."""
+    if not np.isfinite(radius) or radius <= 0.0:
+        return None
+    axis = rounded(axis * np.sign(axis[np.argmax(np.abs(axis))]), 1.0)
+    axis = axis / np.linalg.norm(axis)
+    point = rounded(point + axis * ((x.mean(axis=0) - point) @ axis), radius)
+    radius = float(rounded(radius, radius))
+    one = across(axis)
+    flat = (x - point) @ np.stack([one, np.cross(axis, one)]).T
+    angle = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
+    places = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
+    off = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
+    return Round(CYLINDER, point, axis, radius, float(off), places)
+
+
+def rounded(values: Floats | float, size: float) -> Floats:
+    """Numbers rounded to some 1e-13 of a size: however often nodes slide, the same is recognised again."""
+    step = np.ldexp(1.0, np.frexp(size)[1] - BITS)
+    return np.round(np.asarray(values) / step) * step + 0.0  # no -0
+
+
+def are_coaxial(one: Round, other: Round) -> bool:
+    """Whether two cylinders have the same axis."""
+    if one.shape != CYLINDER or other.shape != CYLINDER:
+        return False
+    off = other.origin - one.origin
+    apart = np.linalg.norm(off - one.axis * (off @ one.axis))
+    turn = np.linalg.norm(np.cross(one.axis, other.axis))
+    return bool(apart <= COAXIAL * one.size and turn <= COAXIAL)

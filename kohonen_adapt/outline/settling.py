@@ -1,0 +1,98 @@
+"""Put nodes of tetrahedra onto the patches and ridges that they slide on, and say how far faces are off these."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.tetrahedron.arrays import CIRCLE, LINE, ON_PATCH, ON_RIDGE, Freedom, Surfaces, Tetrahedra
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.tetrahedralization import FACES
+from kohonen_adapt.outline.patches import Patches, onto_all
+
+__all__ = ["left_out", "places_of", "settled"]
+
+STILL = 1e-13  # of the size of the mesh: a node so near to its place is left there
+HALVINGS = 4  # of ways that would leave elements too bad
+
+
+def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
+    """Where nodes that slide belong, (n, 3): the nearest point of their patch, line or circle, or of all their patches.
+
+    Those on planes that the nodes themselves told, and on their lines, are there.
+    """
+    x = position.copy()
+    on = np.flatnonzero(freedom.number == ON_PATCH)
+    on = on[patches.moves[freedom.place[on]]]
+    x[on] = patches.project(freedom.place[on], x[on])
+    on = np.flatnonzero(freedom.number == ON_RIDGE)
+    ridge = freedom.place[on]
+    meets = surfaces.meets[ridge]
+    bound = np.any((meets >= 0) & np.append(patches.moves, False)[meets], axis=1) | (
+        surfaces.ridge_shape[ridge] != LINE
+    )
+    on, ridge, meets = on[bound], ridge[bound], meets[bound]
+    turns = [(on[meets[:, k] >= 0], meets[meets[:, k] >= 0, k]) for k in range(meets.shape[1])]
+    x[on] = onto_all(turns, patches, x)[on]
+    plain = np.flatnonzero((surfaces.ridge_shape[ridge] == LINE) | (surfaces.ridge_shape[ridge] == CIRCLE))
+    x[on[plain]] = onto_ridges(x[on[plain]], ridge[plain], surfaces)
+    return x
+
+
+def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
+    """The points of lines and circles nearest to x (k, 3)."""
+    origin, axis = surfaces.ridge_origin[ridge], surfaces.ridge_axis[ridge]
+    along = axis * np.sum((x - origin) * axis, axis=1, keepdims=True)
+    out = x - origin - along
+    length = np.linalg.norm(out, axis=1, keepdims=True)
+    on_circle = origin + out * (surfaces.ridge_size[ridge, None] / np.where(length > 0.0, length, 1.0))
+    return np.where((surfaces.ridge_shape[ridge] == LINE)[:, None], origin + along, on_circle)
+
+
+def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
+    """Nodes moved to their targets (n, 3), all at once, where no element is left worse than the floor or than it was.
+
+    The nodes of those that would be go half of their way, a quarter, ..., at last none of it.
+    """
+    node = elements.node[elements.node[:, 0] >= 0]
+    far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
+    touched = node[far[node].any(axis=1)]
+    least = np.minimum(floor, qualities(position, touched))
+    share = far.astype(np.float64)
+    for step in range(HALVINGS + 1):
+        moved = position + share[:, None] * (target - position)
+        bad = refused(moved, touched, least)
+        if not bad.any():
+            break
+        share[touched[bad]] *= 0.5 if step < HALVINGS else 0.0
+    while (bad := refused(moved, touched, least)).any():  # those beside them were counted upon
+        share[touched[bad]] = 0.0
+        moved = position + share[:, None] * (target - position)
+    return np.where(share[:, None] == 1.0, target, moved)
+
+
+def refused(position: Floats, node: Ints, least: Floats) -> Mask:
+    """Elements that are worse than they may be, or flat, (k,)."""
+    found = qualities(position, node)
+    return (found < least) | (found <= 0.0)
+
+
+def qualities(position: Floats, node: Ints) -> Floats:
+    """Quality of elements (k, 4), with the sign of their volume, (k,)."""
+    corners = position.T[:, node.T]
+    volume = TETRAHEDRON.determinant(corners) / 6.0
+    squares = np.zeros(len(node))
+    for a, b in TETRAHEDRON.edges:
+        squares += np.sum((corners[:, a] - corners[:, b]) ** 2, axis=0)
+    return TETRAHEDRON.regular * np.sign(volume) * np.abs(volume) ** (2.0 / 3.0) / squares
+
+
+def left_out(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
+    """How far at most each patch is from the faces on it, (p,): at their middles and those of their edges."""
+    found = np.zeros(len(patches.shape))
+    used = elements.node[:, 0] >= 0
+    e, k = np.nonzero((elements.patch >= 0) & used[:, None] & np.append(patches.moves, False)[elements.patch])
+    corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
+    patch = elements.patch[e, k]
+    edges = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    for x in (corners.mean(axis=1), *edges.transpose(1, 0, 2)):
+        np.maximum.at(found, patch, np.linalg.norm(patches.project(patch, x) - x, axis=1))
+    return found
