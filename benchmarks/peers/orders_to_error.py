@@ -10,6 +10,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.checks import effectivity
+from benchmarks.peers.fewest_nodes import fewest
 from benchmarks.problems.c_core import c_core_mesh
 from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Magnetostatics
@@ -18,7 +19,6 @@ ERRORS = (3.0, 1.0, 0.3)  # % of the energy norm
 ORDERS = (1, 2, 3)
 PASSES = (0, 1, 2, 3, 4)  # the quickest counts
 REACH = {1: 60_000, 2: 20_000, 3: 10_000}  # the most nodes that are tried
-MARGIN, TRIALS = 1.05, 5
 FINE = 5_000  # nodes of the solution of order 3 that stands for the exact one
 CAPTION = (
     "Time of `Magnetostatics` from a coarse start to an error in the energy norm, by the order of its elements. The "
@@ -83,28 +83,15 @@ def quickest(
     model: Model, start: MeshTri, order: int, exact: float, error: float, seeds: Sequence[int]
 ) -> Reached | None:
     """Of all numbers of passes the run that takes the least time, medians over seeds."""
-    problem = replace(model.problem, order=order)
-    found = [fewest(start, problem, passes, exact, error, seeds) for passes in PASSES]
-    return min((run for run in found if run), key=lambda run: run.seconds, default=None)
+    problem, least = replace(model.problem, order=order), start.p.shape[1]
 
+    def search(passes: int) -> Reached | None:
+        def run(nodes: int) -> Reached:
+            return _median([_run(start, problem, passes, exact, nodes, seed) for seed in seeds])
 
-def fewest(
-    start: MeshTri, problem: Magnetostatics, passes: int, exact: float, error: float, seeds: Sequence[int]
-) -> Reached | None:
-    """The run with the fewest nodes whose median error is small enough, the next N from the error being N^(-p/2)."""
-    least = start.p.shape[1]
-    nodes, best = least, None
-    for _ in range(TRIALS):
-        run = _median([_run(start, problem, passes, exact, nodes, seed) for seed in seeds])
-        if run.error <= error and (best is None or run.nodes < best.nodes):
-            best = run
-        wanted = round(nodes * (run.error / error * MARGIN**0.5) ** (2.0 / problem.order))
-        if run.error <= error and (nodes == least or run.error >= error / MARGIN):
-            break
-        if passes == 0 or wanted > REACH[problem.order]:
-            break
-        nodes = max(wanted, least)
-    return best
+        return fewest(run, error, least, least, REACH[order] if passes else least, order)
+
+    return min(filter(None, map(search, PASSES)), key=lambda run: run.seconds, default=None)
 
 
 def _run(start: MeshTri, problem: Magnetostatics, passes: int, exact: float, nodes: int, seed: int) -> Reached:

@@ -51,8 +51,8 @@ def remeshed_meshes(
 
 def equidistributing(problem: Any, mesh: MeshTri, solution: Any) -> Array:
     """1 / h^2 (nnodes,) from the same indicators and the same rule as the map's density."""
-    norm = getattr(problem, "norm", "energy")
-    return at_nodes(mesh, ka.density_from_indicators(mesh, problem.indicators(mesh, solution), norm=norm))
+    norm, order = getattr(problem, "norm", "energy"), getattr(problem, "order", 1)
+    return at_nodes(mesh, ka.density_from_indicators(mesh, problem.indicators(mesh, solution), order=order, norm=norm))
 
 
 def curvature_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
