@@ -17,6 +17,7 @@ __all__ = [
     "lattice",
     "level_of_share",
     "outlined_facets",
+    "plural",
     "straight_and_bent",
 ]
 
@@ -55,7 +56,12 @@ def straight_and_bent(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
 
 def counted(count: int, what: str) -> str:
     """A number of things: 1 node, 2 nodes."""
-    return f"{count} {what}{'s' * (count != 1)}"
+    return f"{count} {what if count == 1 else plural(what)}"
+
+
+def plural(what: str) -> str:
+    """Several of them."""
+    return {"tetrahedron": "tetrahedra", "patch": "patches"}.get(what, f"{what}s")
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:

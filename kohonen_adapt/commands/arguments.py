@@ -52,7 +52,7 @@ def _add_relocate(commands: Any) -> None:
         "mesh", metavar="MESH", type=Path, help="a mesh file of any kind that ka.read_mesh reads, or a folder of Elmer"
     )
     field = move.add_mutually_exclusive_group(required=True)
-    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area, on any scale")
+    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area or volume, on any scale")
     field.add_argument(
         "--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm, not squared"
     )

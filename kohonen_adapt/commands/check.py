@@ -1,53 +1,56 @@
-"""Describe a mesh in words, and say what would go wrong with it: units, names, seams, bad elements, thin parts."""
+"""Describe a mesh in words, and say what would go wrong with it: units, names, bad elements, thin parts."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.display import counted
+from kohonen_adapt.commands.seams import seams
+from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
+from kohonen_adapt.display import counted, plural
 from kohonen_adapt.io import Groups
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules, floor_of
 from kohonen_adapt.outline.suspects import suspects
 
-__all__ = ["described", "faults", "hints", "outlines_described", "points_described", "unit_doubts"]
+__all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described", "unit_doubts"]
 
 LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
-SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
-MIN_QUALITY = floor_of(Rules(), 2)  # of `adapt`, where nothing else is asked
 SHOWN = 3  # places of a kind
+GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # whose groups become subdomains and boundaries
 LONG = 25.0  # a part is narrow whose squared outline is so many times its area, as of a rectangle of 1 by 4
 TIPS = 0.05  # of the area of a part: if less of it is one layer, that is where its sides meet
 LISTED = 6  # radii; of more than that the least and the greatest are told
 
 
-def described(mesh: MeshTri) -> list[str]:
+def described(mesh: Mesh) -> list[str]:
     """Lines about the size, the groups, the coverage and the quality of a mesh."""
-    width, height = np.ptp(mesh.p, axis=1)
+    cell, facets, angles = cell_of(mesh), *ALONE[len(mesh.p)]
     areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
     worst = int(np.argmin(value))
     return [
-        f"size: {width:.4g} x {height:.4g} m, {mesh.p.shape[1]} nodes, {mesh.t.shape[1]} triangles",
+        f"size: {_size(mesh)}, {mesh.p.shape[1]} nodes, {counted(mesh.t.shape[1], cell.name)}",
         *(
-            f"subdomain '{name}': {counted(len(rows), 'triangle')}, {areas[rows].sum():.4g} m^2"
+            f"subdomain '{name}': {counted(len(rows), cell.name)}, {areas[rows].sum():.4g} m^{cell.dim}"
             for name, rows in sorted(named_sets(mesh.subdomains).items())
         ),
         *(
-            f"boundary '{name}': {counted(len(rows), 'facet')}"
+            f"boundary '{name}': {counted(len(rows), 'facet')}{facets(mesh, rows)}"
             for name, rows in sorted(named_sets(mesh.boundaries).items())
         ),
-        f"coverage: {np.sum(count == 1)} triangles in one subdomain, {np.sum(count == 0)} in none, "
+        f"coverage: {np.sum(count == 1)} {plural(cell.name)} in one subdomain, {np.sum(count == 0)} in none, "
         f"{np.sum(count > 1)} in two or more",
-        f"quality: worst {value[worst]:.3g} (triangle {worst} near {_middle(mesh, worst)} m), mean {value.mean():.3g}",
-        f"angles: from {_smallest_angle(mesh):.3g} degrees on",
+        f"quality: worst {value[worst]:.3g} ({cell.name} {worst} near {_middle(mesh, worst)} m), "
+        f"mean {value.mean():.3g}",
+        angles(mesh),
     ]
 
 
@@ -56,7 +59,7 @@ def points_described(groups: Groups) -> list[str]:
     return [f"point '{name}': {', '.join(map(_place, places.T))} m" for name, places in sorted(groups.places.items())]
 
 
-def _memberships(mesh: MeshTri) -> Ints:
+def _memberships(mesh: Mesh) -> Ints:
     """In how many subdomains every element is, (nelements,)."""
     count = np.zeros(mesh.t.shape[1], dtype=np.int64)
     for rows in named_sets(mesh.subdomains).values():
@@ -64,19 +67,39 @@ def _memberships(mesh: MeshTri) -> Ints:
     return count
 
 
-def _middle(mesh: MeshTri, element: int | np.signedinteger[Any]) -> str:
+def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
     return _place(mesh.p[:, mesh.t[:, element]].mean(axis=1))
 
 
 def _place(point: Floats) -> str:
-    return f"({point[0]:.6g}, {point[1]:.6g})"
+    return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 
-def _smallest_angle(mesh: MeshTri) -> float:
+def _size(mesh: Mesh) -> str:
+    return f"{' x '.join(f'{size:.4g}' for size in np.ptp(mesh.p, axis=1))} m"
+
+
+def _smallest_angle(mesh: Mesh) -> str:
     corners = mesh.p[:, mesh.t]
     one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
-    return float(np.degrees(np.arctan2(np.abs(across), along).min()))
+    return f"angles: from {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees on"
+
+
+ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
+    2: (lambda mesh, rows: "", _smallest_angle),
+    3: (facets_described, angles_described),
+}
+"""Dimension to what is said of facets, and of angles."""
+
+
+def moving(mesh: Mesh) -> tuple[list[str], Iterator[str]]:
+    """Lines about where the nodes of a mesh may go, and hints; refused as `relocate` would."""
+    if cell_of(mesh) is TETRAHEDRON:
+        solid = MovableSolid.of(mesh, Rules())
+        return surfaces_described(solid), doubtful_patches(solid)
+    movable = MovableMesh.of(mesh, Rules())
+    return outlines_described(movable), hints(movable)
 
 
 def outlines_described(movable: MovableMesh) -> list[str]:
@@ -102,20 +125,19 @@ def _radii(radii: Floats) -> str:
     return f" (radius {said} m)"
 
 
-def faults(mesh: MeshTri) -> Iterator[str]:
+def faults(mesh: Mesh) -> Iterator[str]:
     """Sentences about a valid mesh, one for each kind of fault: what it is, where, and what to do."""
     yield from unit_doubts(mesh)
     yield from _names(mesh)
-    rim = mesh.boundary_facets()
-    for find, called, remedy in NODES:
-        nodes = find(mesh, rim)
+    for nodes, called, remedy in seams(mesh):
         if len(nodes):
             places = ", ".join(map(_place, mesh.p[:, nodes[:SHOWN]].T))
             yield f"{counted(len(nodes), called)}, at {places}{', ...' if len(nodes) > SHOWN else ''}{remedy}"
-    value = quality(mesh)
-    if bad := np.sum(value < MIN_QUALITY):
+    value, cell = quality(mesh), cell_of(mesh)
+    least = floor_of(Rules(), cell.dim)
+    if bad := np.sum(value < least):
         yield (
-            f"{bad} triangles have a quality below {MIN_QUALITY}, the default of min_quality; the worst, "
+            f"{bad} {plural(cell.name)} have a quality below {least}, the default of min_quality; the worst, "
             f"{value.min():.3g}, is near {_middle(mesh, np.argmin(value))}. They get no worse, and hardly move where "
             "all are so."
         )
@@ -171,72 +193,20 @@ def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
         )
 
 
-def unit_doubts(mesh: MeshTri) -> Iterator[str]:
+def unit_doubts(mesh: Mesh) -> Iterator[str]:
     """A sentence about a mesh that is too large for a device in metres."""
-    width, height = np.ptp(mesh.p, axis=1)
-    if max(width, height) > LARGE:
-        yield (
-            f"the mesh is {width:.4g} x {height:.4g} m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 "
-            "in a case)."
-        )
+    if np.ptp(mesh.p, axis=1).max() > LARGE:
+        yield (f"the mesh is {_size(mesh)}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case).")
 
 
-def _names(mesh: MeshTri) -> Iterator[str]:
-    count = _memberships(mesh)
+def _names(mesh: Mesh) -> Iterator[str]:
+    count, name, (inside, around) = _memberships(mesh), plural(cell_of(mesh).name), GROUPS[len(mesh.p)]
     for which, said in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
         if which.any():
             yield (
-                f"{np.sum(which)} triangles are in {said}, one near {_middle(mesh, np.argmax(which))}: a case needs "
-                "exactly one material for each. Give every surface one physical group, or name the materials so that "
+                f"{np.sum(which)} {name} are in {said}, one near {_middle(mesh, np.argmax(which))}: a case needs "
+                f"exactly one material for each. Give every {inside} one physical group, or name the materials so that "
                 "they do not overlap."
             )
     if not named_sets(mesh.boundaries):
-        yield "no boundary has a name, so a case can fix no potential: give the rim a physical group of lines."
-
-
-def _coincident(mesh: MeshTri, rim: Ints) -> Ints:
-    """Rim nodes in the place of others."""
-    nodes = np.unique(mesh.facets[:, rim])
-    found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
-    return nodes[np.unique(found)]
-
-
-def _hanging(mesh: MeshTri, rim: Ints) -> Ints:
-    """Rim nodes inside a facet of the rim."""
-    ends = mesh.p[:, mesh.facets[:, rim]]
-    along = ends[:, 1] - ends[:, 0]
-    length = np.hypot(*along)
-    nodes = np.unique(mesh.facets[:, rim])
-    tree = cKDTree(mesh.p[:, nodes].T)
-    near = tree.query_ball_point(ends.mean(axis=1).T, 0.5 * length * (1.0 - SAME))
-    facet = np.repeat(np.arange(len(rim)), [len(found) for found in near])
-    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in near])]
-    off = mesh.p[:, node] - ends[:, 0, facet]
-    distance = np.abs(along[0, facet] * off[1] - along[1, facet] * off[0]) / length[facet]
-    return np.unique(node[distance < SAME * length[facet]])
-
-
-def _pinched(mesh: MeshTri, rim: Ints) -> Ints:
-    """Rim nodes with more than two facets of the rim."""
-    return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
-
-
-NODES = (
-    (
-        _coincident,
-        "coincident rim node",
-        ": the parts on both sides are not connected there. If that is no slit, merge them (Gmsh: Coherence, or "
-        "BooleanFragments).",
-    ),
-    (
-        _hanging,
-        "hanging node",
-        ", inside an edge of another triangle, so the field has a gap there. Mesh both sides together.",
-    ),
-    (
-        _pinched,
-        "pinched node",
-        ": parts of the mesh touch in a point only; such a node stays where it is.",
-    ),
-)
-"""Faults of nodes: how they are found, what they are called, and what to say of them."""
+        yield f"no boundary has a name, so a case can fix no potential: give the rim a physical group of {around}."

@@ -18,14 +18,7 @@ from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
-from kohonen_adapt.commands.check import (
-    described,
-    faults,
-    hints,
-    outlines_described,
-    points_described,
-    unit_doubts,
-)
+from kohonen_adapt.commands.check import described, faults, moving, points_described, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, results_of, write_fields
@@ -41,8 +34,6 @@ from kohonen_adapt.loop.table import energy_error, word_for_estimate
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 
 __all__ = ["main"]
 
@@ -191,15 +182,13 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
-    check_mesh(mesh, bent=True, folded=True)
+    check_mesh(mesh, bent=True, folded=True, space=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))
     found = list(faults(corners))
-    movable = MovableMesh.of(mesh, Rules())
-    terminal.say("\n".join(outlines_described(movable)))
-    for hint in hints(movable):
-        terminal.say(f"hint: {hint}")
+    lines, hinted = moving(mesh)
+    terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
     terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return FAILED if found else DONE
 

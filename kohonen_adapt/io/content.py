@@ -22,7 +22,6 @@ __all__ = [
     "LINE",
     "MSH_VERSION",
     "PACKED",
-    "PLURAL",
     "POINT",
     "TETRAHEDRON",
     "TRIANGLE",
@@ -52,7 +51,6 @@ SHOWN = 160  # characters of what went wrong: a file may put anything there
 
 POINT, LINE, TRIANGLE, TETRAHEDRON = "point", "line", "triangle", "tetrahedron"
 CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3, TETRAHEDRON: 4}
-PLURAL = {TRIANGLE: "triangles", TETRAHEDRON: "tetrahedra"}
 OTHERS = {"quadrilateral": 2, "hexahedron": 3, "prism": 3, "pyramid": 3}
 DIMENSION = {**{shape: corners - 1 for shape, corners in CORNERS.items()}, **OTHERS}
 """Dimension of every shape; a mesh is made of triangles or tetrahedra, what bounds it of one less."""

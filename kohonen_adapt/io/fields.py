@@ -9,7 +9,8 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import PLURAL, Field, Sampled, check_finite, suffix_of
+from kohonen_adapt.display import plural
+from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
 from kohonen_adapt.mesh.cells import cell_of
@@ -85,13 +86,13 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
     # Programs with discontinuous elements write a point for every corner.
     if counts != own and (_distinct(points[used]), counts[1]) != (_distinct(mesh.p.T), own[1]):
         raise ValueError(
-            f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} {PLURAL[shape]}; '{path}' has "
+            f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} {plural(shape)}; '{path}' has "
             f"{counts[0]} and {counts[1]}."
         )
     _matched(mesh.p.T, points[used], mesh, path, "node")
     place = _matched(mesh.p[:, mesh.t].mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
     if len(np.unique(place)) < len(place):
-        raise ValueError(f"read_field expected a field on the mesh; '{path}' has other {PLURAL[shape]}.")
+        raise ValueError(f"read_field expected a field on the mesh; '{path}' has other {plural(shape)}.")
     return place
 
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
+from kohonen_adapt.display import plural
 from kohonen_adapt.io.content import (
     CORNERS,
     LARGEST_TAG,
     LINE,
-    PLURAL,
     TETRAHEDRON,
     TRIANGLE,
     Content,
@@ -215,7 +215,7 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
     corners = np.empty((0, 3 * width))
     found = list(VIEW.finditer(data))
     if not found:
-        raise ValueError(f"read_field expected lists of {PLURAL[shape]}; '{path}' begins like one and has none.")
+        raise ValueError(f"read_field expected lists of {plural(shape)}; '{path}' begins like one and has none.")
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
         name, rows = view[1].decode("utf-8", "replace"), LISTED.findall(data, view.end(), end)
@@ -225,11 +225,11 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
             table = _numbers([value for _, _, value in rows]).reshape(len(rows), width, components)
         except ValueError:
             raise ValueError(
-                f"'{path}' must have {PLURAL[shape]} of {3 * width} coordinates and {width} values, one step; "
+                f"'{path}' must have {plural(shape)} of {3 * width} coordinates and {width} values, one step; "
                 "write one step only."
             ) from None
         if len(fields) and not np.array_equal(places, corners):
-            raise ValueError(f"'{path}' has views on other {PLURAL[shape]}; write each to a file of its own.")
+            raise ValueError(f"'{path}' has views on other {plural(shape)}; write each to a file of its own.")
         corners = places
         fields.append(Field(name, False, table.mean(axis=1)))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
@@ -242,8 +242,8 @@ def _components(name: str, kinds: set[str], path: Path, shape: str) -> int:
     others = sorted(kinds - known.keys())
     if others or len(kinds) > 1:
         raise ValueError(
-            f"read_field expected {PLURAL[shape]} of one kind ({', '.join(known)}); the view '{name}' of '{path}' has "
-            f"{listed(others or kinds)}. Write it on {PLURAL[shape]} alone."
+            f"read_field expected {plural(shape)} of one kind ({', '.join(known)}); the view '{name}' of '{path}' has "
+            f"{listed(others or kinds)}. Write it on {plural(shape)} alone."
         )
     return known[kinds.pop()] if kinds else 1
 

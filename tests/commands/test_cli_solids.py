@@ -1,0 +1,142 @@
+"""The commands `check` and `relocate` on meshes of tetrahedra."""
+
+import re
+
+import numpy as np
+import pytest
+from helpers.mesh_files import in_front, two_boxes
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.commands.check import faults
+from kohonen_adapt.commands.seams import seams
+from kohonen_adapt.mesh.measures import area
+
+
+def box(*cells, low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0)):
+    return MeshTet.init_tensor(*(np.linspace(a, b, n + 1) for a, b, n in zip(low, high, cells, strict=True)))
+
+
+def whole(mesh):
+    """A mesh with one name for all elements and one for its rim."""
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def beside(one, other):
+    """Two meshes as one, whose nodes are not joined."""
+    return MeshTet(np.hstack([one.p, other.p]), np.hstack([one.t, one.p.shape[1] + other.t]))
+
+
+def said_of(mesh, tmp_path, capsys):
+    """What is said of a mesh; the status is that of what is said."""
+    ka.write_mesh(tmp_path / "it.msh", mesh)
+    status = cli.main(["check", str(tmp_path / "it.msh")])
+    said = capsys.readouterr().out
+    assert status == (0 if said.endswith("\nNothing is wrong.\n") else 1)
+    return said
+
+
+def test_a_good_solid(tmp_path, capsys):
+    mesh = two_boxes(2)
+    mesh = MeshTet(mesh.p, mesh.t, mesh.boundaries, {name: mesh.subdomains[name] for name in ("low", "upper half")})
+    value, count = ka.quality(mesh), mesh.t.shape[1]
+    lines = said_of(mesh, tmp_path, capsys).splitlines()
+    half = count // 2
+    assert lines[:3] == [
+        f"size: 1 x 1 x 1 m, {mesh.p.shape[1]} nodes, {count} tetrahedra",
+        f"subdomain 'low': {half} tetrahedra, 0.5 m^3",
+        f"subdomain 'upper half': {half} tetrahedra, 0.5 m^3",
+    ]
+    assert lines[3:7] == [
+        "boundary 'outer': 32 facets, 1 m^2",
+        "boundary 'sheet': 16 facets, 0.5042 m^2, 16 of them inside",  # its rim is no straight line
+        "boundary 'wall': 32 facets, 1 m^2, 32 of them inside",
+        "boundary 'with a corner': 64 facets, 2 m^2",
+    ]
+    assert lines[7] == f"coverage: {count} tetrahedra in one subdomain, 0 in none, 0 in two or more"
+    assert re.fullmatch(rf"quality: worst {value.min():.3g} \(tetrahedron \d+ near \(.*\) m\), mean .*", lines[8])
+    assert lines[10].startswith("surfaces: 13 patches, 13 planes, ")
+    assert re.fullmatch(r"nodes: \d+ free, \d+ slide on surfaces, \d+ along ridges, \d+ held for good", lines[11])
+    assert sum(map(int, re.findall(r"\d+", lines[11]))) == mesh.p.shape[1]
+    assert lines[12:] == ["Nothing is wrong."]
+
+
+def test_dihedral_angles(tmp_path, capsys):
+    """Of the corner of a cube: three right angles, and three of arctan sqrt(2)."""
+    said = said_of(whole(MeshTet(np.eye(4)[1:], np.arange(4)[:, None])), tmp_path, capsys)
+    assert "dihedral angles: from 54.7 to 90 degrees" in said
+
+
+def test_names_that_are_missing(tmp_path, capsys):
+    said = said_of(box(2, 2, 2).with_subdomains({"low": lambda x: x[2] < 0.5}), tmp_path, capsys)
+    assert "- 24 tetrahedra are in no subdomain, one near (" in said and "Give every volume one physical group" in said
+    assert "no boundary has a name" in said and "a physical group of surfaces" in said
+
+
+def test_a_unit_that_is_doubtful_and_bad_elements(tmp_path, capsys):
+    said = said_of(whole(box(1, 1, 1, high=(9.0, 9.0, 0.3))), tmp_path, capsys)
+    assert "the mesh is 9 x 9 x 0.3 m: that looks like millimetres." in said
+    assert re.search(r"- 6 tetrahedra have a quality below 0\.2, the default of min_quality; the worst", said)
+
+
+def found(mesh):
+    """Places of the nodes of every kind of fault."""
+    return {called.split()[0]: mesh.p[:, nodes].T.tolist() for nodes, called, _ in seams(mesh) if len(nodes)}
+
+
+def test_parts_that_are_not_joined():
+    """Two cubes that were meshed alone: alike at the seam, they coincide; of half the size, others hang."""
+    one, fine = box(1, 1, 1), box(2, 2, 2, low=(1.0, 0.0, 0.0), high=(2.0, 1.0, 1.0))
+    alike = found(beside(one, box(1, 1, 1, low=(1.0, 0.0, 0.0), high=(2.0, 1.0, 1.0))))
+    assert set(alike) == {"coincident"} and len(alike["coincident"]) == 8
+    unlike = found(beside(one, fine))
+    assert sorted(unlike["hanging"]) == [[1.0, *yz] for yz in [(0, 0.5), (0.5, 0), (0.5, 0.5), (0.5, 1), (1, 0.5)]]
+    assert any("inside a face of another tetrahedron" in fault for fault in faults(whole(beside(one, fine))))
+
+
+def test_parts_that_touch():
+    grid = box(2, 2, 2)
+    middle = grid.p[:, grid.t].mean(axis=1)
+    octant = np.sum(middle > 0.5, axis=0)
+    corner = grid.restrict(np.flatnonzero((octant == 0) | (octant == 3)))  # two cubes that have a corner in common
+    assert found(corner) == {"pinched": [[0.5, 0.5, 0.5]]}
+    edge = grid.restrict(np.flatnonzero((middle[0] > 0.5) == (middle[1] > 0.5)))
+    assert sorted(found(edge)["pinched"]) == [[0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [0.5, 0.5, 1.0]]
+    assert found(grid) == {}
+    assert any("touch in a point or an edge only" in fault for fault in faults(whole(edge)))
+
+
+def test_curved_surfaces_that_nothing_was_recognised_as(tmp_path, capsys):
+    mesh = box(4, 4, 4)
+    x = mesh.p - 0.5
+    scale = np.max(np.abs(x), axis=0) / np.maximum(np.linalg.norm(x * [[1.0], [0.8], [0.6]], axis=0), 1e-9)
+    egg = MeshTet(0.1 * x * scale, mesh.t)  # an ellipsoid
+    said = said_of(whole(egg), tmp_path, capsys)
+    assert "patches of one face or two in 'rim': their nodes stay where they are." in said
+
+
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_relocate_keeps_groups_and_goes_where_it_is_told(tmp_path, capsys, topology):
+    mesh = two_boxes(2)
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    density = 1.0 + 20.0 * np.exp(-30.0 * np.sum((x - 0.3) ** 2, axis=0))
+    before, out = (str(tmp_path / name) for name in ("before.msh2", "after.msh"))
+    ka.write_mesh(before, mesh, cell_data={"want": density})
+    assert cli.main(["relocate", before, "--density", f"{before}:want", "--topology", topology, "-o", out]) == 0
+    assert re.search(rf"{mesh.p.shape[1]} nodes, worst quality 0\.\d\d; before 0\.\d\d\.", capsys.readouterr().out)
+    after = ka.read_mesh(out)
+    assert ka.read_groups(out).names == ka.read_groups(before).names
+    for name, rows in mesh.subdomains.items():
+        assert area(after)[after.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
+    assert all(low < 0.5 + 1e-12 for *_, low in in_front(after, "wall"))
+    near = [np.sum(np.sum((each.p - 0.3) ** 2, axis=0) < 0.3**2) for each in (mesh, after)]
+    assert near[1] > near[0]
+
+
+def test_a_case_of_tetrahedra_is_refused_before_it_is_written(tmp_path, capsys):
+    ka.write_mesh(tmp_path / "solid.msh", two_boxes(1))
+    assert cli.main(["init", str(tmp_path / "solid.msh")]) == 2
+    assert "mesh must be a skfem.MeshTri or MeshTri2; got MeshTet1." in capsys.readouterr().err
+    assert not (tmp_path / "solid.toml").exists()
