@@ -1,10 +1,11 @@
 """List the loops that Python calls, with the types that they take, in the order in which they are needed."""
 
-from numba.types import UniTuple, boolean, float64, int8, int64
+from numba.types import boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays, ordering
 from kohonen_adapt.kernels.entry import (
     B1,
+    GRID,
     HEAP,
     I1,
     I2,
@@ -135,9 +136,9 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(locate.barycentric, R2, I2, R2, I1, R2),
     ),
     "locating": (
-        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1),
-        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 2), L1, I1),
-        Entry(locate.find, R2, ELEMENTS, R2, R1, R1, UniTuple(int64, 2), L1, I1, I1),
+        Entry(locate.count_in_cells, R2, I2, GRID),
+        Entry(locate.fill_cells, R2, I2, GRID),
+        Entry(locate.find, R2, ELEMENTS, R2, GRID, I1),
     ),
     **SPACE,
 }

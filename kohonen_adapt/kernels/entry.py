@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.records import RecordType
 
 __all__ = [
     "B1",
+    "GRID",
     "HEAP",
     "I1",
     "I2",
@@ -32,6 +33,7 @@ I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
 HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
+GRID = RecordType(arrays.Grid, (R1, R1, L1, L1, I1))
 LESSON = RecordType(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
 
 

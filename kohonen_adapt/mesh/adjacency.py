@@ -1,4 +1,8 @@
-"""Turn elements the right way round, and find the neighbours of each."""
+"""Turn elements the right way round, and find the neighbours of each.
+
+scikit-fem sorts the nodes of elements by number and has no neighbours, and its facets tell neither which side of them
+an element is on, nor that more than two elements share one: what is tangled shows here.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Grid
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
@@ -54,19 +55,19 @@ class Locator:
         self.elements = elements._replace(
             node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
         )
-        self._lay_grid()
+        self.grid = self._laid_grid()
 
-    def _lay_grid(self) -> None:
+    def _laid_grid(self) -> Grid:
         """List the elements that meet each cell; cells are as near to cubes as their number allows."""
-        self.origin = self.position.min(axis=0)
-        extent = self.position.max(axis=0) - self.origin
-        self.shape = cells_along(extent, len(self.elements.node) / self.room.crowd)
-        self.size = extent / np.array(self.shape)
-        grid = (self.position, self.elements.node, self.origin, self.size, self.shape)
-        self.start = np.empty(np.prod(self.shape) + 1, dtype=np.int64)
-        self.room.kernels.count_in_cells(*grid, self.start)
-        self.content = np.empty(self.start[-1], dtype=np.int32)
-        self.room.kernels.fill_cells(*grid, self.start, self.content)
+        origin, node = self.position.min(axis=0), self.elements.node
+        extent = self.position.max(axis=0) - origin
+        shape = cells_along(extent, len(node) / self.room.crowd)
+        start, content = np.empty(shape.prod() + 1, dtype=np.int64), np.empty(0, dtype=np.int32)
+        grid = Grid(origin, extent / shape, shape, start, content)
+        self.room.kernels.count_in_cells(self.position, node, grid)
+        grid = grid._replace(content=np.empty(start[-1], dtype=np.int32))
+        self.room.kernels.fill_cells(self.position, node, grid)
+        return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
         """Element of every point of an (n, d) array, -1 for points outside the mesh or not finite."""
@@ -79,17 +80,16 @@ class Locator:
 
     def _cells(self, points: Floats) -> Ints:
         """Number of the cell that holds each point, or of the nearest one."""
-        place = np.nan_to_num((points - self.origin) / self.size)
-        inside = np.clip(place, 0, np.array(self.shape) - 1).astype(np.int64)
-        return np.ravel_multi_index(tuple(inside.T), self.shape)
+        place = np.nan_to_num((points - self.grid.origin) / self.grid.size)
+        inside = np.clip(place, 0, self.grid.shape - 1).astype(np.int64)
+        return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
 
     def _search(self, points: Floats) -> NDArray[np.int32]:
         found = np.empty(len(points), dtype=np.int32)
-        grid = (self.origin, self.size, self.shape, self.start, self.content)
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.room.kernels.find(self.position, self.elements, points[part], *grid, found[part])
+            self.room.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
@@ -104,13 +104,13 @@ class Locator:
         return out
 
 
-def cells_along(extent: Floats, wanted: float) -> tuple[int, ...]:
+def cells_along(extent: Floats, wanted: float) -> NDArray[np.int64]:
     """Into how many cells a grid of about the `wanted` number divides each extent: equally long ones, one at least."""
     side = (extent.prod() / wanted) ** (1.0 / len(extent))
     count = np.clip(np.ceil(extent / side), 1, 4096)
     while count.prod() > 8.0 * wanted + 8.0:  # of a thin mesh, along which one cell is more than its share
         count = np.ceil(count / 2.0)
-    return tuple(int(each) for each in count)
+    return count.astype(np.int64)
 
 
 def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:

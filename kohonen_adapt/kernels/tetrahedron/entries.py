@@ -1,10 +1,10 @@
 """List the loops over tetrahedra that Python calls, with the types that they take, in the order they are needed in."""
 
-from numba.types import UniTuple, boolean, float64, int8, int32, int64
+from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.entry import B1, HEAP, I1, I2, L1, LESSON, POOL, R1, R2, R3, SEARCH_SCRATCH, Entry
+from kohonen_adapt.kernels.entry import B1, GRID, HEAP, I1, I2, L1, LESSON, POOL, R1, R2, R3, SEARCH_SCRATCH, Entry
 from kohonen_adapt.kernels.records import RecordType
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
@@ -62,8 +62,8 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(locate.barycentric, R2, I2, R2, I1, R2),
     ),
     "space locating": (
-        Entry(locate.count_in_cells, R2, I2, R1, R1, UniTuple(int64, 3), L1),
-        Entry(locate.fill_cells, R2, I2, R1, R1, UniTuple(int64, 3), L1, I1),
-        Entry(locate.find, R2, TETRAHEDRA, R2, R1, R1, UniTuple(int64, 3), L1, I1, I1),
+        Entry(locate.count_in_cells, R2, I2, GRID),
+        Entry(locate.fill_cells, R2, I2, GRID),
+        Entry(locate.find, R2, TETRAHEDRA, R2, GRID, I1),
     ),
 }

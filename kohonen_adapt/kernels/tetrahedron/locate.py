@@ -59,12 +59,13 @@ def walk_each(position, elements, points, found, inside):
 
 
 @kernel
-def count_in_cells(position, node, origin, size, shape, start):
+def count_in_cells(position, node, grid):
     """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
+    start, shape = grid.start, grid.shape
     for c in range(start.shape[0]):
         start[c] = 0
     for e in range(node.shape[0]):
-        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, origin, size, shape)
+        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
@@ -74,42 +75,42 @@ def count_in_cells(position, node, origin, size, shape, start):
 
 
 @kernel
-def fill_cells(position, node, origin, size, shape, start, content):
+def fill_cells(position, node, grid):
     """List the elements of every cell; `start` says where the lists end, and then where they start."""
+    start, shape = grid.start, grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
-        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, origin, size, shape)
+        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
                     c = (i * shape[1] + j) * shape[2] + k
                     start[c] -= 1
-                    content[start[c]] = e
+                    grid.content[start[c]] = e
 
 
 @inner_kernel
-def cell_index(value, origin, size, count):
-    """Index of the cell that holds a coordinate, clipped to the grid."""
-    return int(min(count - 1.0, max(0.0, (value - origin) / size)))
+def cell_index(grid, value, axis):
+    """Index along an axis of the cell that holds a coordinate, clipped to the grid."""
+    return int(min(grid.shape[axis] - 1.0, max(0.0, (value - grid.origin[axis]) / grid.size[axis])))
 
 
 @inner_kernel
-def cells_between(position, node, e, axis, origin, size, shape):
+def cells_between(position, node, e, axis, grid):
     """First and last cell along an axis that the bounding box of element e meets."""
     low = high = position[node[e, 0], axis]
     for k in range(1, 4):
         low, high = min(low, position[node[e, k], axis]), max(high, position[node[e, k], axis])
-    first = cell_index(low, origin[axis], size[axis], shape[axis])
-    return first, cell_index(high, origin[axis], size[axis], shape[axis])
+    return cell_index(grid, low, axis), cell_index(grid, high, axis)
 
 
 @inner_kernel
-def cells_of_element(position, node, e, origin, size, shape):
+def cells_of_element(position, node, e, grid):
     """Range of cells that the bounding box of element e meets, an empty one where the row is not in use."""
     if node[e, 0] < 0:
         return 0, -1, 0, -1, 0, -1
-    i0, i1 = cells_between(position, node, e, 0, origin, size, shape)
-    j0, j1 = cells_between(position, node, e, 1, origin, size, shape)
-    k0, k1 = cells_between(position, node, e, 2, origin, size, shape)
+    i0, i1 = cells_between(position, node, e, 0, grid)
+    j0, j1 = cells_between(position, node, e, 1, grid)
+    k0, k1 = cells_between(position, node, e, 2, grid)
     return i0, i1, j0, j1, k0, k1
 
 
@@ -125,16 +126,16 @@ def best_in_cell(position, node, content, first, last, x, y, z):
 
 
 @kernel
-def find(position, elements, points, origin, size, shape, start, content, found):
+def find(position, elements, points, grid, found):
     """Find the element that holds each point, or -1: walk from any element of its cell, else look at all of them."""
-    node = elements.node
+    node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
         x, y, z = points[t, 0], points[t, 1], points[t, 2]
         found[t] = -1
         if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
             continue
-        i, j = cell_index(x, origin[0], size[0], shape[0]), cell_index(y, origin[1], size[1], shape[1])
-        c = (i * shape[1] + j) * shape[2] + cell_index(z, origin[2], size[2], shape[2])
+        i, j, k = cell_index(grid, x, 0), cell_index(grid, y, 1), cell_index(grid, z, 2)
+        c = (i * grid.shape[1] + j) * grid.shape[2] + k
         if start[c] == start[c + 1]:
             continue
         e, inside = walk(position, elements, content[start[c]], x, y, z)

@@ -54,12 +54,13 @@ def walk_each(position, elements, points, found, inside):
 
 
 @kernel
-def count_in_cells(position, node, origin, size, shape, start):
+def count_in_cells(position, node, grid):
     """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
+    start, shape = grid.start, grid.shape
     for c in range(start.shape[0]):
         start[c] = 0
     for e in range(node.shape[0]):
-        i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
+        i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 start[i * shape[1] + j] += 1
@@ -68,37 +69,33 @@ def count_in_cells(position, node, origin, size, shape, start):
 
 
 @kernel
-def fill_cells(position, node, origin, size, shape, start, content):
+def fill_cells(position, node, grid):
     """List the elements of every cell; `start` says where the lists end, and then where they start."""
+    start, shape = grid.start, grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
-        i0, i1, j0, j1 = cells_of_element(position, node, e, origin, size, shape)
+        i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 c = i * shape[1] + j
                 start[c] -= 1
-                content[start[c]] = e
+                grid.content[start[c]] = e
 
 
 @inner_kernel
-def cell_index(value, origin, size, count):
-    """Index of the cell that holds a coordinate, clipped to the grid."""
-    return int(min(count - 1.0, max(0.0, (value - origin) / size)))
+def cell_index(grid, value, axis):
+    """Index along an axis of the cell that holds a coordinate, clipped to the grid."""
+    return int(min(grid.shape[axis] - 1.0, max(0.0, (value - grid.origin[axis]) / grid.size[axis])))
 
 
 @inner_kernel
-def cells_of_element(position, node, e, origin, size, shape):
+def cells_of_element(position, node, e, grid):
     """Range of cells that the bounding box of element e meets."""
     a, b, c = node[e, 0], node[e, 1], node[e, 2]
     x0 = min(position[a, 0], position[b, 0], position[c, 0])
     x1 = max(position[a, 0], position[b, 0], position[c, 0])
     y0 = min(position[a, 1], position[b, 1], position[c, 1])
     y1 = max(position[a, 1], position[b, 1], position[c, 1])
-    return (
-        cell_index(x0, origin[0], size[0], shape[0]),
-        cell_index(x1, origin[0], size[0], shape[0]),
-        cell_index(y0, origin[1], size[1], shape[1]),
-        cell_index(y1, origin[1], size[1], shape[1]),
-    )
+    return cell_index(grid, x0, 0), cell_index(grid, x1, 0), cell_index(grid, y0, 1), cell_index(grid, y1, 1)
 
 
 @inner_kernel
@@ -113,15 +110,15 @@ def best_in_cell(position, node, content, first, last, x, y):
 
 
 @kernel
-def find(position, elements, points, origin, size, shape, start, content, found):
+def find(position, elements, points, grid, found):
     """Find the element that holds each point, or -1: walk from any element of its cell, else look at all of them."""
-    node = elements.node
+    node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
         x, y = points[t, 0], points[t, 1]
         found[t] = -1
         if not (np.isfinite(x) and np.isfinite(y)):
             continue
-        c = cell_index(x, origin[0], size[0], shape[0]) * shape[1] + cell_index(y, origin[1], size[1], shape[1])
+        c = cell_index(grid, x, 0) * grid.shape[1] + cell_index(grid, y, 1)
         if start[c] == start[c + 1]:
             continue
         e, inside = walk(position, elements, content[start[c]], x, y)
