@@ -187,7 +187,7 @@ class Neurons(NamedTuple):
     """A mesh that learns: triangles, or tetrahedra with the records of `tetrahedron/arrays.py`."""
 
     position: np.ndarray  # (n, d)
-    elements: Any
+    elements: Any  # Elements, or Tetrahedra
     star: Any
     constraints: Any
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.curved import facet_displacements, is_second_order, with_displacements
@@ -101,6 +101,11 @@ class MovableMesh:
     def constraints(self) -> Constraints:
         """What the outlines allow every node, for the kernels."""
         return self.outline.constraints
+
+    def neurons(self) -> Neurons:
+        """The mesh as loops that train it take it."""
+        tri = self.triangulation
+        return Neurons(tri.position, tri.elements, tri.star, self.constraints)
 
     @property
     def came_from(self) -> MeshTri:

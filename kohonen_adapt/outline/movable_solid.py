@@ -11,7 +11,8 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import listed
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Freedom, Surfaces
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Constraints, Freedom, Surfaces
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
@@ -76,6 +77,11 @@ class MovableSolid:
     def nnodes(self) -> int:
         """Number of nodes."""
         return self.tetrahedralization.nnodes
+
+    def neurons(self) -> Neurons:
+        """The mesh as loops that train it take it."""
+        tet = self.tetrahedralization
+        return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
 
     @property
     def came_from(self) -> MeshTet:
@@ -159,6 +165,17 @@ class MovableSolid:
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide."""
         return bool(np.any(self.freedom.number != HELD))
+
+
+def inner_nodes(tet: Tetrahedralization) -> Mask:
+    """Nodes inside one region, so that every neighbour belongs to it, (n,)."""
+    used = tet.used
+    node, region = tet.elements.node[used], tet.elements.region[used]
+    one = np.full(tet.nnodes, -1, dtype=np.int32)
+    one[node] = region[:, None]
+    inner = np.ones(tet.nnodes, dtype=np.bool_)
+    inner[node[one[node] != region[:, None]]] = False
+    return inner
 
 
 def mark_faces(tet: Tetrahedralization, faces: Faces, patch: Ints) -> None:

@@ -26,7 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
 from kohonen_adapt.outline.surgery import free_rows, padded, ranks
 
-__all__ = ["OpenSolid"]
+__all__ = ["OpenSolid", "swap_elements"]
 
 PER_NODE = 7.5  # elements: meshes of well shaped ones have 5 to 6.5
 LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
@@ -126,6 +126,14 @@ class OpenSolid:
         state[nodes], state[across] = number[state[nodes]], place[state[across]]
         movable.become(state)
         return kept
+
+
+def swap_elements(movable: MovableSolid) -> None:
+    """Swap until no swap makes the worst of what it touches better, if that is allowed; nodes keep their numbers."""
+    if movable.flips:
+        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
+        opened.swap()
+        opened.hand_back(movable)
 
 
 def star_of(node: NDArray[np.int32], nodes: int) -> Star:

@@ -4,22 +4,28 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
-from skfem import MeshTri
+from numpy.typing import ArrayLike, NDArray
+from skfem import Mesh
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
+from kohonen_adapt.som.rooms import ROOMS
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["KohonenMap"]
+
+Finder = Callable[[Floats], tuple[NDArray[np.int32], NDArray[np.int32]]]
 
 
 class KohonenMap:
@@ -28,10 +34,12 @@ class KohonenMap:
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, or a `skfem.MeshTri2` of which the corners are neurons; it is not modified.
+        A `skfem.MeshTri`, a `skfem.MeshTri2` of which the corners are neurons, or a `skfem.MeshTet`; it is not
+        modified.
     topology
         ``"flip"`` keeps every region constrained Delaunay by flips between epochs, and where three outlines meet an
-        element may change sides for a neuron to leave; ``"fixed"`` keeps the elements.
+        element may change sides for a neuron to leave; elements of a `skfem.MeshTet` are swapped as long as that makes
+        the worst of those touched better. ``"fixed"`` keeps the elements.
     min_quality
         As in `Rules`; None switches every check off: elements may then overlap (Fig. 7 of the paper).
     pinned, curves, periodic, layers, surfaces
@@ -45,8 +53,8 @@ class KohonenMap:
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTri2`, an argument is out of range, or there are fewer
-        layers than are to be kept.
+        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, an argument is out of range,
+        or there are fewer layers than are to be kept.
 
     References
     ----------
@@ -66,7 +74,7 @@ class KohonenMap:
 
     def __init__(
         self,
-        mesh: MeshTri,
+        mesh: Mesh,
         *,
         topology: str = "flip",
         min_quality: LeastQuality | None = "auto",
@@ -78,8 +86,12 @@ class KohonenMap:
     ) -> None:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
-        expect("map")
-        self._movable = MovableMesh.of(mesh, Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces))
+        rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces)
+        check_kind(mesh, bent=True, space=True)
+        room = ROOMS[cell_of(mesh).dim]
+        expect(*room.chapters)
+        solid = room.cell is TETRAHEDRON
+        self._movable = MovableSolid.of(mesh, rules) if solid else MovableMesh.of(mesh, rules)
         self._trainer = Trainer.of(self._movable)
 
     def __repr__(self) -> str:
@@ -87,7 +99,7 @@ class KohonenMap:
         return f"<KohonenMap of {self._movable.nnodes} neurons, {edges}>"
 
     @property
-    def mesh(self) -> MeshTri:
+    def mesh(self) -> Mesh:
         """The mesh as it is now, with every name it came with."""
         return self._movable.mesh()
 
@@ -104,8 +116,8 @@ class KohonenMap:
         Parameters
         ----------
         points
-            (2, n), in mesh units, or a callable ``(number, rng) -> (points, weights)`` asked anew in every epoch
-            (once, if the schedule is not fresh); its weights may be None.
+            (2, n), in space (3, n), in mesh units, or a callable ``(number, rng) -> (points, weights)`` asked anew in
+            every epoch (once, if the schedule is not fresh); its weights may be None.
         schedule
             None takes the default for this mesh, without sweeps.
         weights
@@ -122,8 +134,8 @@ class KohonenMap:
         Raises
         ------
         ValueError
-            If a training point lies outside the mesh, a shape does not fit, the schedule is none or has sweeps, or the
-            seed is not an integer >= 0.
+            If a training point lies outside the mesh, a shape does not fit, the schedule is none or has sweeps, or in
+            space rounds of transport, or the seed is not an integer >= 0.
 
         Notes
         -----
@@ -149,19 +161,33 @@ class KohonenMap:
         """
         check_training(schedule, seed)
         schedule, trainer = self._schedule_without_sweeps(schedule), self._trainer
-        locator, rng = Locator(self._movable.triangulation), np.random.default_rng(seed)
+        find, rng = self._finder(), np.random.default_rng(seed)
         if not callable(points):
-            given = self._located(locator, points, weights)
+            given = self._located(find, points, weights)
             return trainer.learn(lambda number, rng: given, replace(schedule, fresh=False), rng)
         if weights is not None:
             raise ValueError("weights must come from the callable when points is one; got both.")
 
         def draw(number: int, rng: np.random.Generator) -> Draw:
-            return self._located(locator, *points_and_weights(points(number, rng)))
+            return self._located(find, *points_and_weights(points(number, rng)))
 
         return trainer.learn(draw, schedule, rng)
 
-    def _located(self, locator: Locator, points: ArrayLike, weights: ArrayLike | None) -> Draw:
+    def _finder(self) -> Finder:
+        """Finds the elements of points (n, d), of the mesh as it is now, and their regions; -1 outside."""
+        movable, region = self._movable, self._trainer.neurons.elements.region.copy()
+        if isinstance(movable, MovableSolid):
+            bent, locator = False, Locator(movable.tetrahedralization)
+        else:
+            bent, locator = movable.curved, Locator(movable.triangulation)
+
+        def find(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+            element = find_elements(self.mesh, rows.T) if bent else locator.find(rows)
+            return element, region[element]
+
+        return find
+
+    def _located(self, find: Finder, points: ArrayLike, weights: ArrayLike | None) -> Draw:
         """A user's training points with the elements that hold them, checked.
 
         Raises
@@ -169,7 +195,7 @@ class KohonenMap:
         ValueError
             If a shape does not fit, a weight is negative or not finite, or a point lies outside the mesh.
         """
-        rows = as_rows(points, "points")
+        rows = as_rows(points, "points", self._trainer.room.cell.dim)
         if len(rows) == 0:
             raise ValueError("points must hold at least one training point; got none.")
         weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
@@ -178,20 +204,19 @@ class KohonenMap:
         bad = np.flatnonzero(~(np.isfinite(weight) & (weight >= 0)))
         if len(bad):
             raise ValueError(f"weights must be finite and >= 0; that of point {bad[0]} is {weight[bad[0]]}.")
-        element = find_elements(self.mesh, rows.T) if self._movable.curved else locator.find(rows)
+        element, region = find(rows)
         outside = np.flatnonzero(element < 0)
         if len(outside):
             where = tuple(rows[outside[0]].tolist())
             raise ValueError(
                 f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}."
             )
-        region = self._movable.triangulation.elements.region[element]
         return Draw(rows, element, region, weight).reordered(along_curve(rows))
 
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
             topology = "flip" if self._movable.flips else "fixed"
-            return replace(Schedule.default(self._movable.nnodes, topology=topology), sweeps=0)
+            return self._trainer.room.schedule(self._movable.nnodes, topology)
         if schedule.sweeps:
             raise ValueError(
                 f"train has no density to sweep with; got sweeps = {schedule.sweeps}. Use kohonen_adapt.relocate."

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh, Work
@@ -235,9 +235,9 @@ def doublings_for(trainer: Trainer, wanted: Density) -> int:
     2^doublings edges of an inner one: around a corner of the outline, where the mismatch often is greatest, there are
     no more.
     """
-    triangulation = trainer.movable.triangulation
-    n, doublings = triangulation.nnodes, most_doublings(triangulation.nnodes)
-    masses = node_masses(triangulation, wanted.masses)[trainer.order_by_region()]
+    n = len(trainer.neurons.position)
+    doublings = most_doublings(n)
+    masses = node_masses(trainer.neurons.elements, wanted.masses)[trainer.order_by_region()]
     total = np.append(0.0, np.cumsum(masses))
     while doublings > 1:
         size = min(n, 3 * 4**doublings // 4)
@@ -247,12 +247,12 @@ def doublings_for(trainer: Trainer, wanted: Density) -> int:
     return doublings
 
 
-def node_masses(triangulation: Triangulation, masses: Floats) -> Floats:
+def node_masses(elements: Elements, masses: Floats) -> Floats:
     """The mass that each node carries, a third of its elements', 1 on average in every region, (n,).
 
     Nodes cannot leave their region, so what one region has too much of is none of another's business.
     """
-    node, region = triangulation.elements.node, triangulation.elements.region
+    node, region = elements.node, elements.region
     degree = np.bincount(node.ravel())
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
     share = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0

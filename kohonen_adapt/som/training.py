@@ -1,4 +1,6 @@
-"""Train a movable mesh: rounds of transport, epochs of training points, sweeps of smoothing, shared among threads.
+"""Train a movable mesh, of triangles or of tetrahedra, by epochs of training points shared among threads.
+
+Triangles may have rounds of transport before, and sweeps of smoothing after.
 
 The winners of a batch are searched before any of its points is presented. The mesh is cut into parts along a
 space-filling curve. What is presented around neurons deep inside a part touches nothing of the others, so threads take
@@ -14,13 +16,14 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
-from kohonen_adapt.kernels.ordering import along_curve, mark_deep, shuffle, sort_into_tiles
+from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
-from kohonen_adapt.kernels.triangle.geometry import mark_sound
-from kohonen_adapt.kernels.triangle.search import STRETCH, find_winners
+from kohonen_adapt.kernels.triangle.search import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
-from kohonen_adapt.kernels.triangle.train import learn
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.open_solid import swap_elements
+from kohonen_adapt.som.rooms import ROOMS, Room
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density, Draw
 from kohonen_adapt.som.transport import POINTS, Transport
@@ -31,7 +34,6 @@ PULL = 0.4  # share of its way that a neuron may go towards the points of one ba
 LEAST = 1_000  # neurons in a part: fewer are not worth a thread
 STRIPS = 0.3  # share of the neurons that may be so near the cuts that they have to wait
 TILE = 250  # neurons, more for wide radii, whose points are presented together: they stay in the processor's cache
-UPDATES = 5_000_000  # node updates per batch: Python hears Ctrl-C at least every half second
 FEW = 1_000  # stars or searches that are not worth another thread
 
 Drawing = Callable[[int, np.random.Generator], Draw]
@@ -45,26 +47,31 @@ class Trainer:
     ----------
     movable
         What is trained.
+    room
+        By which loops.
     order, rank
         Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
+    neurons
+        The mesh as loops take it now.
     scratch
         Scratch arrays, one set per thread.
     """
 
-    movable: MovableMesh
+    movable: MovableMesh | MovableSolid
+    room: Room
     order: Ints
     rank: Ints
+    neurons: Neurons
     scratch: list[SearchScratch]
 
     @classmethod
-    def of(cls, movable: MovableMesh) -> "Trainer":
+    def of(cls, movable: MovableMesh | MovableSolid) -> "Trainer":
         """Put the neurons in order along a curve, and make scratch arrays for every thread."""
-        order = along_curve(movable.triangulation.position).astype(np.int32)
+        neurons = movable.neurons()
+        order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        elements = len(movable.triangulation.elements.node)
-        scratch = [SearchScratch.of(movable.nnodes, elements) for _ in range(number_of_threads())]
-        return cls(movable, order, rank, scratch)
+        return cls(movable, ROOMS[neurons.position.shape[1]], order, rank, neurons, scratch_for(neurons))
 
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
@@ -75,11 +82,11 @@ class Trainer:
         generator decides the order of the points, too. `starts` has a node for each element of the mesh that points
         are drawn from, near it and in its region; None if that is the mesh as it is now.
         """
-        self.movable.flip()
+        winners = (self.neurons.elements.node[:, 0] if starts is None else starts).copy()
+        self._flip()
         if not schedule.trains:
             return ()
         self.movable.settle()
-        winners = (self.movable.triangulation.elements.node[:, 0] if starts is None else starts).copy()
         self._carry(draw, schedule.rounds, rng, winners)
         errors = self._present(draw, schedule, rng, winners)
         self.movable.settle()
@@ -89,7 +96,7 @@ class Trainer:
         """Rounds of transport; `winners`, those of the last points of every element, are kept up to date."""
         if not rounds:
             return
-        transport = Transport.of(self.movable, self.rank)
+        transport = Transport.of(self._triangles("rounds of transport"), self.rank)
         for _ in range(rounds):
             shown = draw(ceil(POINTS * self.movable.nnodes), rng)
             found = self.search(shown, winners[shown.element])[0]
@@ -110,19 +117,20 @@ class Trainer:
             shown = draw(ceil(stage.points_per_neuron * count), rng) if kept is None else kept
             slot = shown.element if kept is None else np.arange(len(winners))
             errors.append(self.epoch(stage, rate, shown, slot, winners, rng))
-            self.movable.flip()
+            self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
                 break
         return tuple(errors)
 
     def smooth(self, density: Density, sweeps: int) -> None:
         """Sweep with the weight of a density: optimal Delaunay smoothing with flips, else towards barycentres."""
+        movable = self._triangles("sweeps")
         for number in range(sweeps):
             if number % density.lasting == 0:
-                weight = density.squares(self.movable.triangulation)
-            self.sweep(weight, self.movable.flips)
-            self.movable.flip()
-        self.movable.settle()
+                weight = density.squares(movable.triangulation)
+            self.sweep(weight, movable.flips)
+            self._flip()
+        movable.settle()
 
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
@@ -133,9 +141,9 @@ class Trainer:
         """
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
-        parts = parts_for(self.movable.nnodes, rings)
+        parts = parts_for(self.movable.nnodes, rings, self.room.cell.dim)
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
-        batches = batches_for(stage, rate, number, self.movable.nnodes)
+        batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.room)
         for first in range(batches):
             rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
@@ -148,24 +156,22 @@ class Trainer:
 
     def order_by_region(self) -> Ints:
         """Neurons along the curve, region by region; those on interfaces in one of theirs, (n,)."""
-        tri = self.movable.triangulation
-        region = tri.elements.region[tri.star.element[tri.star.start[:-1]]]
+        region = self.neurons.elements.region[self.neurons.star.element[self.neurons.star.start[:-1]]]
         return self.order[np.argsort(region[self.order], kind="stable")]
 
     def _sound_stars(self) -> Mask:
         """Stars that the quality rule finds nothing wrong with, (n,)."""
-        tri = self.movable.triangulation
-        sound = np.empty(tri.nnodes, dtype=np.bool_)
-        shared(
-            lambda thread, first, last: mark_sound(tri.position, tri.star, self.movable.floor, first, last, sound),
-            even_cuts(tri.nnodes, FEW),
-        )
+        sound = np.empty(self.movable.nnodes, dtype=np.bool_)
+        arrays = self.neurons.position, self.neurons.star, self.movable.floor
+        cuts = even_cuts(len(sound), FEW)
+        shared(lambda thread, first, last: self.room.mark_sound(*arrays, first, last, sound), cuts)
         return sound
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         """Smooth once, with the given weight of every element."""
-        tri, constraints, floor = self.movable.triangulation, self.movable.constraints, self.movable.floor
-        parts = parts_for(tri.nnodes, 1)
+        movable = self._triangles("sweeps")
+        tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
+        parts = parts_for(tri.nnodes, 1, self.room.cell.dim)
         deep = self._deep_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
@@ -181,37 +187,54 @@ class Trainer:
         """Neurons that have only neurons of their own part within so many rings, (n,)."""
         deep = np.empty(self.movable.nnodes, dtype=np.bool_)
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
-        paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
-        part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
-        mark_deep(self.movable.triangulation.star, part, rings, deep, self.scratch[0].queue)
+        if isinstance(self.movable, MovableMesh):
+            paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
+            part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
+        self.room.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
         """Winner of every point and its distance; a search starts from its hint."""
-        neurons = self._neurons()
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            find_winners(
-                neurons, batch.points[part], batch.region[part], hints[part], found[part], distances[part],
+            self.room.find_winners(
+                self.neurons, batch.points[part], batch.region[part], hints[part], found[part], distances[part],
                 self.scratch[thread],
             )  # fmt: skip
 
         shared(task, even_cuts(len(hints), FEW, STRETCH))
         return found, distances
 
-    def _neurons(self) -> Neurons:
-        """The mesh as compiled loops take it."""
-        tri = self.movable.triangulation
-        return Neurons(tri.position, tri.elements, tri.star, self.movable.constraints)
+    def _flip(self) -> None:
+        """Flip edges, or swap elements, and take the mesh as it is then."""
+        if isinstance(self.movable, MovableMesh):
+            self.movable.flip()
+        else:
+            swap_elements(self.movable)
+        self.neurons = self.movable.neurons()
+        if len(self.neurons.elements.node) > len(self.scratch[0].element_stamp):
+            self.scratch = scratch_for(self.neurons)
+
+    def _triangles(self, what: str) -> MovableMesh:
+        """The mesh, refused where it is of tetrahedra, for which there are none of those.
+
+        Raises
+        ------
+        ValueError
+            If it is of tetrahedra.
+        """
+        if isinstance(self.movable, MovableSolid):
+            raise ValueError(f"the schedule has {what}, which are for triangles only; got tetrahedra. Use wider radii.")
+        return self.movable
 
     def _by_parts(
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
     ) -> tuple[Ints, Ints]:
         """Where every part begins in the order of the points, and that order; last come the points near cuts."""
         n = len(deep)
-        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius)))))
+        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.room)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
         sort_into_tiles(winners, self.rank, deep, n, tiles, cuts, order)
         shuffle(cuts, order, rng)
@@ -219,12 +242,12 @@ class Trainer:
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
         """Present the points, the parts side by side and what is near cuts after them."""
-        neurons, floor, strength = self._neurons(), self.movable.floor, stage.strength()
+        floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
-            learn(neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
+            self.room.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
 
         shared(task, shares_of(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])
@@ -242,24 +265,29 @@ def shares_of(starts: Ints) -> list[int]:
     return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
 
 
-def parts_for(neurons: int, rings: int) -> int:
+def parts_for(neurons: int, rings: int, dim: int) -> int:
     """The largest power of two of parts whose strips along the cuts, so many rings wide, are no more than is allowed.
 
-    Neurons in a square have sqrt(neurons) in a row; to make p parts 2 (sqrt(p) - 1) cuts go from side to side.
+    Neurons in a cube have neurons^(1/dim) in a row; to make p parts dim (p^(1/dim) - 1) cuts go from side to side.
     """
-    parts = 1
-    while 2 * parts * LEAST <= neurons and 4 * rings * (np.sqrt(2 * parts) - 1) <= STRIPS * np.sqrt(neurons):
+    parts, row = 1, neurons ** (1.0 / dim)
+    while 2 * parts * LEAST <= neurons and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1) <= STRIPS * row:
         parts *= 2
     return parts
 
 
-def disc(radius: int) -> int:
-    """Neurons within that many rings of one, where all have six neighbours."""
-    return 1 + 3 * radius * (radius + 1)
+def disc(radius: int, room: Room) -> int:
+    """Neurons within that many rings of one, where all have as many neighbours."""
+    return int(room.ring(np.arange(radius + 1)).sum())
 
 
-def batches_for(stage: Stage, rate: float, points: int, neurons: int) -> int:
-    """How many batches to make of so many points."""
-    ring = np.arange(stage.radius + 1)
-    pull = points / neurons * rate * float(np.maximum(1, 6 * ring) @ stage.strength()) / PULL
-    return max(1, ceil(pull), ceil(points / UPDATES * disc(stage.radius)))
+def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, room: Room) -> int:
+    """How many batches to make of so many points, all in all and for every neuron."""
+    pull = per_neuron * rate * float(room.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
+    return max(1, ceil(pull), ceil(points / room.updates * disc(stage.radius, room)))
+
+
+def scratch_for(neurons: Neurons) -> list[SearchScratch]:
+    """Scratch arrays for every thread."""
+    size = len(neurons.position), len(neurons.elements.node)
+    return [SearchScratch.of(*size) for _ in range(number_of_threads())]

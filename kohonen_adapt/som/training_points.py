@@ -1,6 +1,7 @@
 """Draw training points from a density of nodes, and look the density up where nodes have gone."""
 
 from collections.abc import Callable
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.smooth import (
@@ -19,12 +19,23 @@ from kohonen_adapt.kernels.triangle.smooth import (
     multiply_factors,
     update_factors,
 )
-from kohonen_adapt.kernels.triangle.train import draw_points
 from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element
+from kohonen_adapt.som.rooms import ROOMS
 
-__all__ = ["CallableDensity", "Density", "Draw", "ElementDensity", "density_of", "values_at", "without_zeros"]
+__all__ = [
+    "CallableDensity",
+    "Density",
+    "Draw",
+    "ElementDensity",
+    "ElementSource",
+    "FunctionSource",
+    "density_of",
+    "values_at",
+    "without_zeros",
+]
 
 
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
@@ -36,9 +47,9 @@ CANDIDATES = 2**17  # points at which a callable density is looked at per draw, 
 
 
 class Draw(NamedTuple):
-    """Training points (k, 2), the elements of the density's mesh they lie in, their regions and weights (k,).
+    """Training points (k, d), the elements of the density's mesh they lie in, their regions and weights (k,).
 
-    They come along a space-filling curve: neighbours in the array are neighbours in the plane.
+    They come along a space-filling curve: neighbours in the array are neighbours in the mesh.
     """
 
     points: Floats
@@ -56,42 +67,51 @@ class OfElements:
 
     masses: Floats
 
-    def __init__(self, triangulation: Triangulation) -> None:
-        self.position, self.elements = triangulation.position.copy(), triangulation.elements
+    def __init__(self, mesh: Triangulation | Tetrahedralization) -> None:
+        self.position, self.elements = mesh.position.copy(), mesh.elements
         own = {name: getattr(self.elements, name).copy() for name in ("node", "neighbour", "region")}
         self.elements = self.elements._replace(**own)
-        self.areas = triangulation.areas()
-        self._order = along_curve(triangulation.centroids()).astype(np.int32)
+        self.room = ROOMS[self.position.shape[1]]
+        corners = self.position[self.elements.node].transpose(2, 1, 0)
+        self.sizes = self.room.cell.determinant(corners) / factorial(self.room.cell.dim)
+        self._order = along_curve(mesh.centroids()).astype(np.int32)
 
     def at_nodes(self) -> Floats:
         """The mean over the elements around every node, (n,); each counts the same, as small ones know better."""
-        node, values = self.elements.node.ravel(), self.masses / self.areas
-        return np.bincount(node, weights=np.repeat(values, 3)) / np.bincount(node)
+        node, values = self.elements.node, self.masses / self.sizes
+        return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
 
-class ElementDensity(OfElements):
-    """A density that is constant on every element of the mesh it was estimated on."""
+class ElementSource(OfElements):
+    """Training points of a density that is constant on every element of the mesh it was estimated on."""
 
-    lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
-
-    def __init__(self, triangulation: Triangulation, values: Floats) -> None:
-        super().__init__(triangulation)
+    def __init__(self, mesh: Triangulation | Tetrahedralization, values: Floats) -> None:
+        super().__init__(mesh)
         self.values = without_zeros(values, values.max())
-        self.masses = self.areas * self.values
-        self._log_at_corners = np.empty(self.elements.node.shape)
-        cuts = even_cuts(triangulation.nnodes, FEW)
-        arrays = self.areas, self.values, self.elements, triangulation.star
-        shared(lambda thread, first, last: average_at_sites(*arrays, first, last, self._log_at_corners), cuts)
-        self._sites = sites_of(triangulation)
+        self.masses = self.sizes * self.values
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """Points stratified along a space-filling curve: every stretch of the summed-up mass gets its share."""
-        points, element = np.empty((number, 2)), np.empty(number, dtype=np.int32)
-        draw_points(
-            self.position, self.elements.node, self._order, self._cumulated, rng.random((number, 3)), points, element
-        )
+        dim, node = self.room.cell.dim, self.elements.node
+        points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
+        random = rng.random((number, dim + 1))
+        self.room.draw_points(self.position, node, self._order, self._cumulated, random, points, element)
         return Draw(points, element, self.elements.region[element], np.ones(number))
+
+
+class ElementDensity(ElementSource):
+    """A density of triangles that is constant on every element of the mesh it was estimated on."""
+
+    lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
+
+    def __init__(self, triangulation: Triangulation, values: Floats) -> None:
+        super().__init__(triangulation, values)
+        self._log_at_corners = np.empty(self.elements.node.shape)
+        cuts = even_cuts(triangulation.nnodes, FEW)
+        arrays = self.sizes, self.values, self.elements, triangulation.star
+        shared(lambda thread, first, last: average_at_sites(*arrays, first, last, self._log_at_corners), cuts)
+        self._sites = sites_of(triangulation)
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
@@ -114,15 +134,13 @@ class ElementDensity(OfElements):
         self._sites.element[:] = holding(before, middle, start, across_outlines=True)
 
 
-class CallableDensity(OfElements):
-    """A density given as a function of position, sampled wherever it is needed."""
+class FunctionSource(OfElements):
+    """Training points of a density given as a function of position, sampled wherever it is needed."""
 
-    lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
-
-    def __init__(self, triangulation: Triangulation, function: Callable[[Floats], ArrayLike]) -> None:
-        super().__init__(triangulation)
+    def __init__(self, mesh: Triangulation | Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
+        super().__init__(mesh)
         self.function = function
-        self.share = int(np.clip(CANDIDATES // len(self.areas), 4, 64))
+        self.share = int(np.clip(CANDIDATES // len(self.sizes), 4, 64))
         values = self._candidates(np.random.default_rng(0))[1]
         self.largest = values.max()
         if not self.largest > 0:
@@ -130,24 +148,38 @@ class CallableDensity(OfElements):
                 f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
                 "Give it a small positive value where few nodes are wanted."
             )
-        means = without_zeros(values, self.largest).reshape(len(self.areas), self.share).mean(axis=1)
-        self.masses = np.empty_like(self.areas)
-        self.masses[self._order] = self.areas[self._order] * means
+        means = without_zeros(values, self.largest).reshape(len(self.sizes), self.share).mean(axis=1)
+        self.masses = np.empty_like(self.sizes)
+        self.masses[self._order] = self.sizes[self._order] * means
 
     def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """As many random points in every element, along the curve, and the density there."""
         element = np.repeat(self._order, self.share)
-        points = points_in(self.position, self.elements, element, rng)
+        points = self._points_in(element, rng)
         return points, values_at(self.function, points)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """About `number` of many candidates, chosen by the density at each and stratified along the curve."""
         points, values = self._candidates(rng)
-        cumulated = np.cumsum(np.repeat(self.areas[self._order], self.share) * without_zeros(values, self.largest))
+        cumulated = np.cumsum(np.repeat(self.sizes[self._order], self.share) * without_zeros(values, self.largest))
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
         element = self._order[chosen // self.share]
         return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
+
+    def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
+        """A random point in each of the given elements, (k, d)."""
+        corners = [self.position[self.elements.node[element, k]] for k in range(self.room.cell.dim + 1)]
+        points = corners[0]
+        for share, corner in zip(self.room.shares(len(element), rng), corners[1:], strict=True):
+            points = points + share[:, None] * (corner - corners[0])
+        return points
+
+
+class CallableDensity(FunctionSource):
+    """A density of triangles given as a function of position."""
+
+    lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
 
     def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
         """Nothing: the function is asked anew wherever nodes are."""
@@ -209,12 +241,3 @@ def sites_of(triangulation: Triangulation) -> Sites:
     sites = Sites(start, region, element, np.empty(start[-1]))
     fill_sites(elements, star, sites)
     return sites
-
-
-def points_in(position: Floats, elements: Elements, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
-    """A random point in each of the given elements, (k, 2)."""
-    u, v = rng.random((2, len(element), 1))
-    outside = u + v > 1.0
-    u, v = np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)
-    a, b, c = (position[elements.node[element, k]] for k in range(3))
-    return a + u * (b - a) + v * (c - a)

@@ -18,5 +18,5 @@ def test_any_number_of_threads_gives_the_same_bits():
     alone, crowd = (json.loads(output_with(SCRIPT, NUMBA_NUM_THREADS=number)) for number in ("1", "5"))
     assert here == alone == crowd and len(here) == len(RESULTS)
     nodes, elements = ({name: int(text.split()[k]) for name, text in here.items()} for k in (0, 1))
-    assert parts_for(nodes["relocated"], 10) > 1
+    assert parts_for(nodes["relocated"], 10, 2) > 1
     assert elements["on_curves"] > 10_000

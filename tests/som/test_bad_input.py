@@ -1,5 +1,7 @@
 """What map, relocation, densities and interpolation refuse, and what they then say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.meshes import holed, square
@@ -105,10 +107,9 @@ OTHER_CLASSES = [
     ("mesh.msh", r"str\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
     (None, r"NoneType\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
 ]
-PLANE_ONLY = {
-    "map": KohonenMap,
-}
+PLANE_ONLY = {"adapt": lambda mesh: ka.adapt(mesh, SimpleNamespace(solve=abs, indicators=abs))}
 SPACE_TOO = {
+    "map": KohonenMap,
     "relocate": lambda mesh: ka.relocate(mesh, ONES),
     "indicators": lambda mesh: ka.density_from_indicators(mesh, ONES),
     "sizes": lambda mesh: ka.density_from_sizes(mesh, ONES),

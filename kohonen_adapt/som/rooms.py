@@ -1,0 +1,85 @@
+"""Name what maps of triangles and of tetrahedra are trained by: compiled loops, and what depends on the dimension."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import floor, log2
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels import ordering
+from kohonen_adapt.kernels.tetrahedron import search as search_in_space
+from kohonen_adapt.kernels.tetrahedron import stars
+from kohonen_adapt.kernels.tetrahedron import train as train_in_space
+from kohonen_adapt.kernels.triangle import geometry, search, train
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
+from kohonen_adapt.som.schedule import Schedule, Stage
+
+__all__ = ["ROOMS", "Room"]
+
+MAP_IN_SPACE = "space ground", "space map", "space moves", "space locating"
+
+
+class Room(NamedTuple):
+    """What maps of one kind of elements are trained by."""
+
+    cell: Cell
+    chapters: tuple[str, ...]  # of `kernels/entries.py`
+    draw_points: Any
+    find_winners: Any
+    learn: Any
+    mark_sound: Any
+    mark_deep: Any
+    shares: Callable[[int, np.random.Generator], Floats]  # of random points in their elements, as `shares_in_triangles`
+    ring: Callable[[Ints], Ints]  # neurons as many edges away from one as that, in a mesh where all are alike
+    schedule: Callable[[int, str], Schedule]  # by default, of so many neurons and a topology, without sweeps
+    updates: int  # of nodes per batch: Python hears Ctrl-C at least every half second
+
+
+def shares_in_triangles(count: int, rng: np.random.Generator) -> Floats:
+    """Barycentric coordinates but for the first of random points that fill a triangle evenly, (2, count)."""
+    u, v = rng.random((2, count))
+    outside = u + v > 1.0
+    return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
+
+
+def shares_in_tetrahedra(count: int, rng: np.random.Generator) -> Floats:
+    """The same of a tetrahedron, (3, count): what lies between three sorted numbers."""
+    return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
+
+
+def ring_in_plane(rings: Ints) -> Ints:
+    """Where every neuron has six neighbours."""
+    return np.maximum(1, 6 * rings)
+
+
+def ring_in_space(rings: Ints) -> Ints:
+    """Where every neuron has fourteen neighbours, as in a lattice of cubes that are cut in six."""
+    return np.where(rings == 0, 1, 12 * rings**2 + 2)
+
+
+def schedule_in_plane(nnodes: int, topology: str) -> Schedule:
+    """That of `relocate`, but for its sweeps."""
+    return replace(Schedule.default(nnodes, topology=topology), sweeps=0)
+
+
+def schedule_in_space(nnodes: int, topology: str) -> Schedule:
+    """Radii halved from 0.3 cbrt(nnodes) to 1; there is no transport in space, and wide radii are what carries far."""
+    doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
+    radii = [2**k for k in range(doublings, 0, -1)]
+    stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]
+    return Schedule((*stages, Stage(1, 5, (0.3, 0.1))))
+
+
+ROOMS = {
+    TRIANGLE.dim: Room(
+        TRIANGLE, ("map",), train.draw_points, search.find_winners, train.learn, geometry.mark_sound,
+        ordering.mark_deep, shares_in_triangles, ring_in_plane, schedule_in_plane, 5_000_000,
+    ),
+    TETRAHEDRON.dim: Room(
+        TETRAHEDRON, MAP_IN_SPACE, train_in_space.draw_points, search_in_space.find_winners,
+        train_in_space.learn, stars.mark_sound, stars.mark_deep, shares_in_tetrahedra, ring_in_space,
+        schedule_in_space, 500_000,
+    ),
+}  # fmt: skip

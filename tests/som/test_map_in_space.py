@@ -1,0 +1,164 @@
+"""The map of a mesh of tetrahedra: what it learns, and what it keeps."""
+
+import numpy as np
+import pytest
+from helpers.solids import box, cut, l_shape, two_regions, volumes
+from numba import config
+from scipy.spatial import cKDTree
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.kernels.tetrahedron.entries import SPACE
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.som.training import parts_for
+from kohonen_adapt.som.training_points import ElementSource, FunctionSource
+
+NOTHING = 1e-300  # a learning rate that moves no node
+MESHES = {"box": lambda: box(3), "l": l_shape, "regions": lambda: two_regions(4), "sheet": lambda: cut(4)}
+
+
+def one(radius, rate, neighbourhood="flat"):
+    return Schedule((Stage(radius, 1, rate, neighbourhood=neighbourhood),))
+
+
+def points_of(mesh, number, seed):
+    """Random points in random elements, many of them in a few."""
+    rng = np.random.default_rng(seed)
+    weight = rng.random(mesh.t.shape[1]) ** 6
+    element = rng.choice(mesh.t.shape[1], number, p=weight / weight.sum())
+    return np.einsum("ke,dke->de", rng.dirichlet(np.ones(4), number).T, mesh.p[:, mesh.t[:, element]])
+
+
+def thrown(mesh, seed):
+    """The same mesh with slivers: nodes inside are thrown about as far as no element is overturned."""
+    rng, p = np.random.default_rng(seed), mesh.p.copy()
+    sign = np.sign(volumes(mesh))
+    held = set(mesh.boundary_nodes().tolist())
+    for rows in (mesh.boundaries or {}).values():
+        held |= set(mesh.facets[:, np.asarray(rows)].ravel().tolist())
+    for rows in (mesh.subdomains or {}).values():
+        held |= set(mesh.t[:, rows].ravel().tolist()) & set(np.delete(mesh.t, rows, axis=1).ravel().tolist())
+    size = np.abs(volumes(mesh)).mean() ** (1 / 3)
+    for v in set(range(p.shape[1])) - held:
+        before = p[:, v].copy()
+        p[:, v] += rng.uniform(-1.0, 1.0, 3) * size
+        star = np.flatnonzero((mesh.t == v).any(axis=0))
+        moved = type(mesh)(p, mesh.t)
+        if np.any((sign * volumes(moved))[star] < 1e-3 * size**3):
+            p[:, v] = before
+    return type(mesh)(p, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+
+
+def extent(mesh):
+    """Total area of every boundary and total volume of every subdomain."""
+    a, b, c = mesh.p[:, mesh.facets].transpose(1, 2, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    found = {name: area[np.asarray(rows)].sum() for name, rows in (mesh.boundaries or {}).items()}
+    whole = {name: np.abs(volumes(mesh))[rows].sum() for name, rows in (mesh.subdomains or {}).items()}
+    return {**found, **whole, "skin": area[mesh.boundary_facets()].sum(), "all": np.abs(volumes(mesh)).sum()}
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("kind", MESHES)
+def test_no_element_is_overturned_and_names_planes_and_ridges_stay(kind, topology):
+    mesh = thrown(MESHES[kind](), 1)
+    som = KohonenMap(mesh, topology=topology, min_quality=0.1)
+    som.train(points_of(mesh, 150, 2), Schedule((Stage(2, 2, 0.5), Stage(0, 2, 0.9)), fresh=False))
+    result = som.mesh
+    assert result.is_valid()
+    if topology == "fixed":
+        np.testing.assert_array_equal(result.t, mesh.t)
+        assert np.all(np.sign(volumes(result)) == np.sign(volumes(mesh)))
+    assert ka.quality(result).min() >= min(0.1, ka.quality(mesh).min()) - 1e-14
+    assert extent(result) == pytest.approx(extent(mesh), rel=1e-12)
+    assert np.mean(np.any(result.p != mesh.p, axis=0)) > 0.2
+    planes = np.unique(mesh.p[:, mesh.boundary_nodes()])  # all planes are across an axis
+    on_plane = np.isin(result.p[:, result.boundary_nodes()], planes)
+    assert on_plane.any(axis=0).all()
+    corners = mesh.p[:, np.isin(mesh.p, [mesh.p.min(), mesh.p.max()]).all(axis=0)]
+    assert all((result.p == corner[:, None]).all(axis=0).any() for corner in corners.T)
+
+
+def test_the_error_is_the_mean_distance_to_the_nearest_nodes_and_falls():
+    mesh, points = box(5), np.random.default_rng(0).random((3, 400)) ** 2
+    mean = cKDTree(mesh.p.T).query(points.T)[0].mean()
+    som = KohonenMap(mesh, topology="fixed")
+    assert som.train(points, Schedule((Stage(0, 2, NOTHING),))) == pytest.approx([mean] * 2, rel=1e-13)
+    np.testing.assert_array_equal(som.mesh.p, mesh.p)
+    for topology in ("fixed", "flip"):
+        som = KohonenMap(mesh, topology=topology, min_quality=0.1)
+        errors = som.train(points, Schedule.paper())
+        assert len(errors) == 18
+        assert errors[-1] < 0.9 * mean
+        assert cKDTree(som.mesh.p.T).query(points.T)[0].mean() < 0.9 * mean
+
+
+def test_the_default_schedule_learns_points_drawn_afresh():
+    som = KohonenMap(box(4))
+    errors = som.train(lambda number, rng: (rng.random((3, number)) ** 2, None))
+    assert errors[-1] < errors[0]
+
+
+def test_without_a_guard_elements_overlap():
+    mesh, points = box(4), 0.3 + 0.1 * np.random.default_rng(4).random((3, 60))
+    som = KohonenMap(mesh, topology="fixed", min_quality=None)
+    som.train(points, Schedule((Stage(2, 3, 0.9, neighbourhood="flat"),)))
+    assert np.any(np.sign(volumes(som.mesh)) != np.sign(volumes(mesh)))
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([[0.1, 0.5], [0.1, 1.5], [0.1, 0.5]], r"1 do not, point 1 at \(0\.5, 1\.5, 0\.5\)"),
+        ([[0.1], [0.1]], r"points must have shape \(3, n\); got \(2, 1\)"),
+        (np.zeros((3, 0)), "at least one training point"),
+    ],
+)
+def test_points_that_no_element_holds_are_refused(points, message):
+    with pytest.raises(ValueError, match=message):
+        KohonenMap(box(2)).train(points)
+
+
+def test_what_is_for_triangles_only_is_refused():
+    with pytest.raises(ValueError, match="rounds of transport, which are for triangles only"):
+        KohonenMap(box(2)).train(np.full((3, 1), 0.4), Schedule((Stage(1, 1, 0.1),), rounds=1))
+
+
+def test_points_of_a_density_come_in_proportion_and_along_the_curve():
+    mesh = Tetrahedralization.of(box(3))
+    values = np.random.default_rng(0).uniform(0.0, 3.0, len(mesh.elements.node))
+    number = 60_000
+    shown = ElementSource(mesh, values).draw(number, np.random.default_rng(1))
+    wanted = number * values / values.sum()
+    assert np.abs(np.bincount(shown.element, minlength=len(values)) - wanted).max() <= 2
+    steps = np.linalg.norm(np.diff(shown.points[::200], axis=0), axis=1)
+    assert steps.mean() < 0.3  # 0.66 between random points of a cube
+    drawn = FunctionSource(mesh, lambda x: x[0] ** 2).draw(number, np.random.default_rng(1)).points
+    assert drawn[:, 0].mean() == pytest.approx(0.75, abs=0.01)
+    assert drawn[:, 1:].mean() == pytest.approx(0.5, abs=0.01)
+    with pytest.raises(ValueError, match="zero everywhere"):
+        FunctionSource(mesh, lambda x: 0.0 * x[0])
+
+
+def test_loops_are_compiled_for_the_types_of_the_table():
+    KohonenMap(box(2)).train(points_of(box(2), 10, 0), one(1, 0.1))
+    mesh = Tetrahedralization.of(box(2))
+    ElementSource(mesh, np.ones(len(mesh.elements.node))).draw(10, np.random.default_rng(0))
+    for entry in SPACE["space map"]:
+        assert entry.loop.signatures == [entry.types], entry.name
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_the_number_of_threads_has_no_say(monkeypatch, topology):
+    assert parts_for(17**3, 3, 3) > 1
+
+    def trained(threads):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        som = KohonenMap(box(16), topology=topology)
+        schedule = Schedule((Stage(1, 2, 0.3, points_per_neuron=0.5),))
+        return som.train(lambda number, rng: (rng.random((3, number)) ** 2, None), schedule), som.mesh
+
+    (errors, alone), (again, pair) = trained(1), trained(2)
+    assert errors == again
+    np.testing.assert_array_equal(alone.p, pair.p)
+    np.testing.assert_array_equal(alone.t, pair.t)
