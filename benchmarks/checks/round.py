@@ -25,7 +25,6 @@ PROBLEM = Magnetostatics(
         "air": Material(),
     },
     potential={"outer": 0.0},
-    order=1,
 )
 
 

@@ -43,7 +43,6 @@ class MagnetTorque:
             {"air": Material(), "magnet": Material(coercivity=direction)},
             potential={"rim": lambda x: APPLIED * x[1]},
             depth=DEPTH,
-            order=1,
         )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:

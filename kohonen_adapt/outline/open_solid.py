@@ -29,6 +29,7 @@ from kohonen_adapt.outline.surgery import free_rows, padded, ranks
 __all__ = ["OpenSolid", "swap_elements"]
 
 PER_NODE = 7.5  # elements: meshes of well shaped ones have 5 to 6.5
+GOOD = 0.7  # quality of elements that need no swap after nodes have moved: a tenth is worse
 LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
 
 # What stands in rows that are not in use, where it is not -1.
@@ -98,8 +99,8 @@ class OpenSolid:
         return swaps
 
     def look_again(self) -> None:
-        """Have all elements looked at, because nodes have moved."""
-        enter_worse(self.mesh, self.queue, 1.0)
+        """Have the elements that are not good looked at, because nodes have moved."""
+        enter_worse(self.mesh, self.queue, GOOD**3)
 
     def star(self) -> Star:
         """The elements around every row of nodes, as they are now."""

@@ -106,7 +106,7 @@ def relocate(
         None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
         ``topology="flip"`` it makes each region constrained Delaunay. Of tetrahedra only its sweeps count, by default 8
-        with "flip", 6 with "fixed" and 2 with "recycle"; stages and rounds are refused. Without sweeps they are only
+        with "flip", 6 with "fixed" and 3 with "recycle"; stages and rounds are refused. Without sweeps they are only
         swapped, for the best least quality, and recycled.
     topology, min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.

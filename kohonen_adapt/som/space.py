@@ -26,10 +26,10 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["move_in_space", "relocated_in_space"]
 
-SWEEPS = {"flip": 8, "fixed": 6, "recycle": 2}  # of smoothing; more carry too many nodes to where most are wanted
+SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # of smoothing; more carry too many nodes to where most are wanted
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
 ROUNDS = 6  # what could not be collapsed at first may be when its surroundings have been swapped
-SETTLED = 0.003  # share of the nodes: a round with fewer splits is the last
+SETTLED = 0.005  # share of the nodes: a round with fewer splits is the last
 POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the mass of all elements alike
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
 STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts that they have to wait
@@ -50,6 +50,7 @@ def relocated_in_space(
     expect("space ground", "space moves", *["space recycling"] * (rules.topology == "recycle"))
     before = movable.copy()
     moved = move_in_space(movable, wanted, rules.topology, None if schedule is None else schedule.sweeps)
+    report_surfaces(before, movable)
     still = not moved.splits and np.array_equal(before.tetrahedralization.position, movable.tetrahedralization.position)
     if still and schedule != Schedule(()):
         why = "every move would have broken the quality rule" if movable.can_move() else "every node is held"
@@ -66,13 +67,23 @@ def move_in_space(
     put in the order of a space-filling curve. Returns which nodes are old, and how many edges were split and collapsed.
     """
     target = nodes if nodes and topology == "recycle" else movable.nnodes
+    movable.settle()
     opened = OpenSolid.of(movable, density.at_nodes(), target)
     if movable.flips:
         opened.swap()
     splits, collapses = exchange(opened, movable.floor, target) if topology == "recycle" else (0, 0)
     smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
     rows = opened.hand_back(movable, renumbered=topology == "recycle")
+    movable.settle()
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
+
+
+def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
+    """Say how much of curved surfaces their faces leave out, before and now."""
+    then, left_out = before.sagitta(), now.sagitta()
+    if max(then, left_out) > 0.0:
+        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
+        logger.info(text, left_out, now.farthest_surface(), then)
 
 
 def exchange(opened: OpenSolid, floor: float, target: int) -> tuple[int, int]:

@@ -8,12 +8,15 @@ from skfem import MeshTet
 
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.tetrahedron.arrays import (
+    CIRCLE,
+    CYLINDER,
     HELD,
     INSIDE,
     LINE,
     ON_PATCH,
     ON_RIDGE,
     PLANE,
+    SPHERE,
     Cavity,
     Freedom,
     OpenTetrahedra,
@@ -183,7 +186,7 @@ def check(mesh, floor=0.0):
         if p >= 0:
             a, b, c = mesh.position[list(face)]
             normal = np.cross(b - a, c - a)
-            assert abs((a - mesh.surfaces.origin[p]) @ mesh.surfaces.axis[p]) < 1e-12
+            assert np.abs(off_surface(mesh.surfaces, p, np.array([a, b, c]))).max() < 1e-12
             areas[int(p)] += np.sqrt(normal @ normal) / 2.0
     for e, volume in zip(rows, volumes(mesh.position, node), strict=True):
         by_region[int(mesh.elements.region[e])] += volume
@@ -196,6 +199,61 @@ def check(mesh, floor=0.0):
     check_freedom(mesh, node, rows)
     assert beside.min() >= -1
     return len(used), dict(by_region), dict(areas)
+
+
+def off_surface(surfaces, p, points):
+    """Distance of points from a plane, a sphere or a cylinder."""
+    ways, axis = points - surfaces.origin[p], surfaces.axis[p]
+    if surfaces.shape[p] == PLANE:
+        return ways @ axis
+    along = np.outer(ways @ axis, axis) if surfaces.shape[p] == CYLINDER else 0.0
+    return np.linalg.norm(ways - along, axis=1) - surfaces.size[p]
+
+
+def ball(cells):
+    """A ball about the origin with the radius 1: the cube with its shells bent to spheres."""
+    position, node = jittered((cells,) * 3, 0.0, 0)
+    x = 2.0 * position - 1.0
+    squares = x**2
+    u, v = np.roll(squares, 1, axis=1), np.roll(squares, 2, axis=1)
+    mesh = opened(x * np.sqrt(1.0 - u / 2.0 - v / 2.0 + u * v / 3.0), node)
+    shape = np.array([SPHERE], dtype=np.int8)
+    none, lines = np.empty(0), np.empty((0, 3))
+    surfaces = Surfaces(
+        shape, np.zeros((1, 3)), np.eye(3)[:1], np.ones(1), np.empty((0, 4), dtype=np.int32),
+        np.empty(0, dtype=np.int8), lines, lines, none,
+    )  # fmt: skip
+    outside = mesh.freedom.number < INSIDE
+    outside[len(position) :] = False
+    mesh.elements.patch[mesh.elements.patch >= 0] = 0
+    mesh.freedom.number[outside], mesh.freedom.place[outside] = ON_PATCH, 0
+    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(bulge=np.zeros(1)))
+
+
+def drum(cells, ridges=CIRCLE):
+    """A cylinder with the radius 1 about the z axis, from 0 to 1, and its two ends."""
+    position, node = jittered((cells, cells, 2), 0.0, 0)
+    x = 2.0 * position[:, :2] - 1.0
+    bent = x * np.sqrt(1.0 - x[:, ::-1] ** 2 / 2.0)
+    mesh = opened(np.column_stack([bent, position[:, 2]]), node)
+    z = mesh.position[:, 2]
+    rows = np.flatnonzero(mesh.elements.node[:, 0] >= 0)
+    for e, k in np.argwhere(mesh.elements.patch[rows] >= 0):
+        height = z[mesh.elements.node[rows[e], FACES[k]]]
+        mesh.elements.patch[rows[e], k] = 0 if (height == 0).all() else 1 if (height == 1).all() else 2
+    surfaces = Surfaces(
+        np.array([PLANE, PLANE, CYLINDER], dtype=np.int8), np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 0]]),
+        np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([0.0, 0.0, 1.0]),
+        np.array([[0, 2, -1, -1], [1, 2, -1, -1]], dtype=np.int32), np.full(2, ridges, dtype=np.int8),
+        np.array([[0, 0, 0], [0, 0, 1.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2),
+    )  # fmt: skip
+    n = len(position)
+    side, end = (np.abs(x) == 1.0).any(axis=1), (z[:n] == 0.0) | (z[:n] == 1.0)
+    number, place = mesh.freedom.number[:n], mesh.freedom.place[:n]
+    number[:], place[:] = INSIDE, -1
+    number[side | end], place[side | end] = ON_PATCH, np.where(side, 2, z[:n])[side | end]
+    number[side & end], place[side & end] = ON_RIDGE, z[:n][side & end]
+    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(bulge=np.zeros(3)))
 
 
 def check_freedom(mesh, node, rows):

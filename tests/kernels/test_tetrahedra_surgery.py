@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.boxes import check, jittered, opened, qualities, volumes
+from helpers.boxes import ball, check, drum, jittered, opened, qualities, volumes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,10 +12,11 @@ from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, RING, Constraints, Queue, Star
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, Constraints, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
+from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 
 FLOOR = 0.2
@@ -91,6 +92,29 @@ def test_what_a_mesh_promises_holds_after_anything(world, steps):
         assert now == count
         assert regions == pytest.approx(by_region, rel=1e-12)
         assert patches == pytest.approx(by_patch, rel=1e-12)
+
+
+@pytest.mark.parametrize("body", [ball(4), drum(4), drum(4, INTERSECTION)], ids=["ball", "drum", "intersections"])
+def test_nodes_stay_on_curved_patches_and_ridges(body):
+    """New nodes, too; and what chords cut off grows by no swap and no collapse."""
+    measure_bulges(body, body.origins.bulge)
+    bulge = body.origins.bulge.copy()
+    density = bump(np.array([1.0, 0.0, 0.0]), 30.0)
+    body.origins.fineness[:] = np.cbrt(density(body.position))
+    node = body.elements.node[body.elements.node[:, 0] >= 0]
+    count, floor = check(body)[0], min(FLOOR, qualities(body.position, node).min())
+    swaps(body)
+    check(body, floor)
+    net, number = exchange(body, ratio=1.9)
+    assert net == 0 and number > 3
+    assert check(body, floor)[0] == count
+    found = np.zeros_like(bulge)
+    measure_bulges(body, found)
+    assert np.all(found <= bulge * (1 + 1e-9))
+    for _ in range(2):
+        assert sweep(body, density) > 10
+        swaps(body)
+        check(body, floor)
 
 
 def test_exchanging_brings_nodes_to_where_they_are_wanted():
