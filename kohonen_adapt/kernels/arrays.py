@@ -1,7 +1,7 @@
 """Every array that kernels share, in records: its shape, its type and what it says.
 
 Letters of shapes: n nodes, m elements, r regions, c chains, k knots of tabled chains, p pieces of outline, t training
-points, d dimensions, g cells of a grid. Where no type is given it is float64. Wide tables stand in place of an array
+points, d dimensions. Where no type is given it is float64. Wide tables stand in place of an array
 for each column because every array handed to a kernel costs numba as much as some lines of code; kernels name the
 columns by the constants here, and everybody else by the properties of the records.
 """
@@ -202,20 +202,6 @@ class Lesson(NamedTuple):
     winners: np.ndarray  # (t,) int32
     strength: np.ndarray  # (radius + 1,) the neighbourhood function, of ring 0 to the radius
     ends: np.ndarray  # (radius + 2,) int64: room for where the rings end in the queue
-
-
-@record
-class Grid(NamedTuple):
-    """The cells of a regular grid of d dimensions, the last one running fastest, and the elements that meet each.
-
-    Those of cell c stand in ``content[start[c]]`` to ``content[start[c + 1]]``.
-    """
-
-    origin: np.ndarray  # (d,) where the first cell begins
-    size: np.ndarray  # (d,) of a cell
-    shape: np.ndarray  # (d,) int64: how many cells
-    start: np.ndarray  # (g + 1,) int64, of g cells
-    content: np.ndarray  # (start[g],) int32
 
 
 @record

@@ -4,7 +4,7 @@ from typing import Any
 
 from numba.types import boolean, float64, int32, int64
 
-from kohonen_adapt.kernels import arrays, heap
+from kohonen_adapt.kernels import arrays, grid, heap
 from kohonen_adapt.kernels.records import RecordType
 
 __all__ = [
@@ -33,7 +33,7 @@ I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
 HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
-GRID = RecordType(arrays.Grid, (R1, R1, L1, L1, I1))
+GRID = RecordType(grid.Grid, (R1, R1, L1, L1, I1))
 LESSON = RecordType(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
 
 

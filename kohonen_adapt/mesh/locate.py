@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Grid
 from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
@@ -58,14 +58,11 @@ class Locator:
         self.grid = self._laid_grid()
 
     def _laid_grid(self) -> Grid:
-        """List the elements that meet each cell; cells are as near to cubes as their number allows."""
-        origin, node = self.position.min(axis=0), self.elements.node
-        extent = self.position.max(axis=0) - origin
-        shape = cells_along(extent, len(node) / self.room.crowd)
-        start, content = np.empty(shape.prod() + 1, dtype=np.int64), np.empty(0, dtype=np.int32)
-        grid = Grid(origin, extent / shape, shape, start, content)
+        """List the elements that meet each cell."""
+        node = self.elements.node
+        grid = Grid.over(self.position, len(node) / self.room.crowd)
         self.room.kernels.count_in_cells(self.position, node, grid)
-        grid = grid._replace(content=np.empty(start[-1], dtype=np.int32))
+        grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
         self.room.kernels.fill_cells(self.position, node, grid)
         return grid
 
@@ -102,15 +99,6 @@ class Locator:
         out = np.empty((len(points), points.shape[1] + 1))
         self.room.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
-
-
-def cells_along(extent: Floats, wanted: float) -> NDArray[np.int64]:
-    """Into how many cells a grid of about the `wanted` number divides each extent: equally long ones, one at least."""
-    side = (extent.prod() / wanted) ** (1.0 / len(extent))
-    count = np.clip(np.ceil(extent / side), 1, 4096)
-    while count.prod() > 8.0 * wanted + 8.0:  # of a thin mesh, along which one cell is more than its share
-        count = np.ceil(count / 2.0)
-    return count.astype(np.int64)
 
 
 def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:

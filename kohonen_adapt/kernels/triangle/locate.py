@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
 TOLERANCE = 1e-10  # of an element's size: points on an edge or on the outline count as inside
@@ -56,35 +57,25 @@ def walk_each(position, elements, points, found, inside):
 @kernel
 def count_in_cells(position, node, grid):
     """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
+    clear_counts(grid)
     start, shape = grid.start, grid.shape
-    for c in range(start.shape[0]):
-        start[c] = 0
     for e in range(node.shape[0]):
         i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 start[i * shape[1] + j] += 1
-    for c in range(start.shape[0] - 1):
-        start[c + 1] += start[c]
+    sum_up_counts(grid)
 
 
 @kernel
 def fill_cells(position, node, grid):
     """List the elements of every cell; `start` says where the lists end, and then where they start."""
-    start, shape = grid.start, grid.shape
+    shape = grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
         i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
-                c = i * shape[1] + j
-                start[c] -= 1
-                grid.content[start[c]] = e
-
-
-@inner_kernel
-def cell_index(grid, value, axis):
-    """Index along an axis of the cell that holds a coordinate, clipped to the grid."""
-    return int(min(grid.shape[axis] - 1.0, max(0.0, (value - grid.origin[axis]) / grid.size[axis])))
+                enter(grid, i * shape[1] + j, e)
 
 
 @inner_kernel
