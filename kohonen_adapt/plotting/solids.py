@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.patches import Patch
@@ -162,15 +163,15 @@ def plot_surface(
     faces, order, brightness = _faces(mesh, rim, camera, in_unit(unit))
     if values is None:
         number, colours, labels = _named_colours(_on_rim(mesh, rim, names), len(rim))
-        shade = 1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0))
-        faces.set_facecolor(colours[number[order]] * shade[:, None])
+        painted = colours[number]
         _add_legend(axes, colours, labels)
     else:
         given = _values(mesh, values)
         at = mesh.f2t[0, rim] if len(given) == mesh.t.shape[1] else mesh.facets[:, rim]
-        faces.set_array(np.atleast_2d(given[at]).mean(axis=0)[order])
-        faces.set_norm(norm or Normalize(given.min(), given.max()))
-        axes.figure.colorbar(faces, ax=axes, label=label)
+        scale = ScalarMappable(norm or Normalize(given.min(), given.max()), "viridis")
+        painted = scale.to_rgba(np.atleast_2d(given[at]).mean(axis=0))[:, :3]
+        axes.figure.colorbar(scale, ax=axes, label=label)
+    faces.set_facecolor(painted[order] * (1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0)))[:, None])
     axes.add_collection(faces)
     axes.autoscale_view()
     sizes = " x ".join(f"{size:.4g}" for size in in_unit(unit) * np.ptp(mesh.p, axis=1))

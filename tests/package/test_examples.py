@@ -59,6 +59,18 @@ def actuator(tmp_path_factory):
     return folder, *run("actuator.py", folder)
 
 
+@pytest.fixture(scope="module")
+def fichera(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fichera")
+    return folder, *run("fichera.py", folder)
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bracket")
+    return folder, *run("bracket.py", folder)
+
+
 SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py") if "__main__" in path.read_text(encoding="utf-8"))
 
 
@@ -333,9 +345,32 @@ def test_actuator_saturates_and_has_a_plausible_field(actuator):
     assert 1.6 < np.hypot(*result.solution.flux_density[:, iron]).max() < 2.1
 
 
+def test_fichera_has_four_fifths_of_the_error_at_the_same_nodes(fichera):
+    """A uniform mesh would need twice the nodes for that."""
+    folder, meshes, errors = fichera
+    assert errors[0] == pytest.approx(0.2027, abs=1e-4) and min(errors) < 0.8 * errors[0]
+    assert {mesh.nvertices for mesh in meshes} == {1206}
+    for mesh in meshes:
+        assert area(mesh).sum() == pytest.approx(7.0, rel=1e-12) and ka.quality(mesh).min() > 0.2
+    back = ka.read_mesh(folder / "fichera.msh")
+    corner = back.p[:, back.facets[:, back.boundaries["corner"]]]
+    assert np.all(np.isclose(corner.min(axis=0), 0.0, atol=1e-12)) and np.all(corner > -1e-12)
+
+
+def test_bracket_is_nearer_to_fine_meshes_with_its_nodes_on_its_cylinders(bracket):
+    """Meshes of Gmsh of up to 23 500 nodes, and elements of second order, go to 0.1763 W."""
+    folder, mesh, heats = bracket
+    assert mesh.nvertices == 803 and abs(heats[-1] - 0.1763) < abs(heats[0] - 0.1763) / 3.0
+    x, y, _ = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["bore"]])]
+    np.testing.assert_allclose(np.hypot(x - 0.03, y - 0.01), 0.005, rtol=1e-12)
+    back, before = ka.read_groups(folder / "bracket.msh"), ka.read_groups(EXAMPLES / "bracket.msh")
+    assert back.names == before.names and set(mesh.subdomains) == {"pin", "plate"}
+
+
 @pytest.mark.parametrize(
     ("example", "name"),
-    [(name, name) for name in ("magnet", "l_shape", "own_problem", "motor", "actuator")] + [("motor", "motor_torque")],
+    [(name, name) for name in ("magnet", "l_shape", "own_problem", "motor", "actuator", "fichera", "bracket")]
+    + [("motor", "motor_torque")],
 )
 def test_pictures_are_pictures(request, example, name):
     folder = request.getfixturevalue(example)[0]
@@ -348,6 +383,7 @@ def test_pictures_are_pictures(request, example, name):
     [
         ("c_core", "c_core", {}, 1e-9),
         ("motor", "motor", {}, 1e-3),
+        ("bracket", "bracket", {}, 1e-3),
         *((f"actuator_{gap}", "actuator", {"gap": gap}, 1e-3) for gap in range(1, 6)),
     ],
 )
@@ -376,6 +412,6 @@ def drawn(name, folder, **numbers):
         for key, value in numbers.items():
             gmsh.onelab.setNumber(key, [value])
         gmsh.open(str(EXAMPLES / f"{name}.geo"))
-        model.mesh.generate(2)
+        model.mesh.generate(3)
         gmsh.write(str(folder / "drawn.msh"))
     return ka.read_mesh(folder / "drawn.msh", scale=1e-3)

@@ -11,6 +11,7 @@ from skfem import MeshTet, MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import plotting
 from kohonen_adapt.mesh.slicing import flat
+from kohonen_adapt.plotting.solids import _camera, _faces
 
 MESH = two_boxes(1)
 MIDDLE = ka.Plane((0.5, 0.5, 0.4), (0.0, 0.0, 1.0))
@@ -57,9 +58,11 @@ def test_only_faces_that_look_here_are_seen_and_near_ones_last():
     axes = plotting.plot_surface(mesh, view=(-60.0, 25.0))
     (faces,) = axes.collections
     assert isinstance(faces, PolyCollection) and len(faces.get_paths()) == 3 * 8
-    towards = np.array([np.cos(np.radians(25)) * 0.5, -np.cos(np.radians(25)) * np.sqrt(0.75), np.sin(np.radians(25))])
-    values = plotting.plot_surface(mesh, towards @ mesh.p).collections[0].get_array()
-    assert np.all(np.diff(values) >= -1e-12)
+    rim, camera = mesh.boundary_facets(), _camera(-60.0, 25.0)
+    _, order, _ = _faces(mesh, rim, camera, 1.0)
+    centres = mesh.p[:, mesh.facets[:, rim[order]]].mean(axis=1)
+    assert np.all(np.diff(camera[2] @ centres) >= 0.0)
+    assert_allclose(camera @ camera.T, np.eye(3), atol=1e-15)
     assert axes.get_xlabel() == "1 x 1 x 1 m"
 
 
@@ -67,8 +70,8 @@ def test_the_surface_in_the_colours_of_names():
     axes = plotting.plot_surface(MESH)
     assert words(axes) == ["no name", "outer, with a corner", "with a corner", "sheet"]  # the wall is inside
     assert sorted(words(plotting.plot_surface(MESH, names="subdomains")))[0] == "low"
-    count = MESH.t.shape[1]
-    assert plotting.plot_surface(MESH, np.arange(count)).collections[0].get_array().max() < count
+    axes = plotting.plot_surface(MESH, np.arange(MESH.t.shape[1]), label="number")
+    assert axes.figure.axes[1].get_ylabel() == "number" and axes.get_legend() is None
 
 
 def test_what_is_refused():
