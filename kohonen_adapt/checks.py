@@ -13,6 +13,7 @@ __all__ = [
     "check_count",
     "check_hook",
     "check_tolerance",
+    "checked_points",
     "finite_point",
     "finite_reals",
     "finite_triple",
@@ -149,3 +150,14 @@ def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> 
     if len(found) != count or not all(map(isfinite, found)):
         raise ValueError(f"{what} must be {wanted}; got {point!r}.")
     return found
+
+
+def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:
+    """A copy of points as floats, refused unless finite and (dimension, n); `what` they are is for messages."""
+    array = np.array(points, dtype=np.float64)
+    if array.ndim != 2 or len(array) != dimension:
+        raise ValueError(f"{what} must have shape ({dimension}, n); got {array.shape}.")
+    if not np.all(np.isfinite(array)):
+        number = np.sum(~np.isfinite(array).all(axis=0))
+        raise ValueError(f"{what} must be finite; {number} of {array.shape[1]} points are not.")
+    return array

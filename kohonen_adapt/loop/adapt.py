@@ -159,12 +159,9 @@ def adapt(
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
     check_mesh(mesh, bent=True, folded=True)
-    pairs = pairs_of(problem) if periodic is None else periodic
-    round_ = curves_of(problem, mesh, curves)
-    rules = Rules(
-        TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces
-    ).guarded()
-    rules = holding(rules, nodes_held(problem, mesh))
+    round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
+    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
+    rules = holding(rules.guarded(), nodes_held(problem, mesh))
     growth, wanted = Growth.of(int(mesh.nvertices), target_nodes, passes), check_outputs(outputs, output_rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = MovableMesh.of(mesh, rules, is_curved(problem))

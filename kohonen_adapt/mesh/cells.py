@@ -8,9 +8,9 @@ import numpy as np
 from skfem import Mesh
 from skfem.mesh import MeshTet1, MeshTri1, MeshTri2
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["CELLS", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind"]
+__all__ = ["CELLS", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals"]
 
 SOLID = ("Tet", "Hex", "Wedge")  # in the names of classes of three dimensions
 
@@ -92,6 +92,12 @@ def hats_of_tetrahedra(corners: Floats) -> Floats:
     u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     others = np.stack([crossed(v, w), crossed(w, u), crossed(u, v)], axis=1) / sixfold_volume(corners)
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
+
+
+def normals(position: Floats, nodes: Ints) -> Floats:
+    """Vectors (f, 3) across triangles of nodes (f, 3), twice as long as their areas, towards who sees them run left."""
+    a, b, c = (position[nodes[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
 
 
 TRIANGLE = Cell(

@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.host import number_facets, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["FACES", "Tetrahedralization", "facet_of_face", "normals"]
+__all__ = ["FACES", "Tetrahedralization", "facet_of_face"]
 
 FACES = np.array(TETRAHEDRON.outward)  # opposite to each, counter-clockwise from outside
 
@@ -113,9 +113,3 @@ def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
         corner = np.argmax(node == mesh.t[3 - row][:, None], axis=1)
         facet[np.arange(len(node)), corner] = mesh.t2f[row]
     return facet
-
-
-def normals(position: Floats, nodes: Ints) -> Floats:
-    """Vectors (f, 3) across triangles of nodes (f, 3), twice as long as their areas, towards who sees them run left."""
-    a, b, c = (position[nodes[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)

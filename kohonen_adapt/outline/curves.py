@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import finite_point
+from kohonen_adapt.checks import checked_points, finite_point
 
-__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "checked_points", "projected", "size_of"]
+__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "projected", "size_of"]
 
 KINDS = {2: "curve", 3: "surface"}  # what a boundary is on, in so many dimensions
 NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
@@ -134,17 +134,6 @@ class Arc:
         distance = np.sqrt(np.sum(off**2, axis=0))
         off[:, distance == 0.0], distance[distance == 0.0] = [[1.0], [0.0]], 1.0
         return centre + self.radius * (off / distance)
-
-
-def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:
-    """A copy of points as floats, refused unless finite and (dimension, n); `what` they are is for messages."""
-    array = np.array(points, dtype=np.float64)
-    if array.ndim != 2 or len(array) != dimension:
-        raise ValueError(f"{what} must have shape ({dimension}, n); got {array.shape}.")
-    if not np.all(np.isfinite(array)):
-        number = np.sum(~np.isfinite(array).all(axis=0))
-        raise ValueError(f"{what} must be finite; {number} of {array.shape[1]} points are not.")
-    return array
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face, normals
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
 from kohonen_adapt.outline.facets import labels, manners_of
 
 __all__ = ["Edges", "Faces", "Seams", "constrained_faces", "edges_of", "seams_of"]

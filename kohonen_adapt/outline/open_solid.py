@@ -24,7 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinch
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
-from kohonen_adapt.outline.surgery import free_rows, padded, ranks
+from kohonen_adapt.outline.rows import free_rows, padded, ranks
 
 __all__ = ["OpenSolid", "swap_elements"]
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE
-from kohonen_adapt.mesh.tetrahedralization import normals
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.outline.chains import curve_of_facets
 from kohonen_adapt.outline.curves import check_near, projected
 from kohonen_adapt.outline.faces import Faces, Seams

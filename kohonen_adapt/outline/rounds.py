@@ -6,7 +6,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import CYLINDER, SPHERE
-from kohonen_adapt.mesh.tetrahedralization import normals
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.outline.cutting import DISTINCT, FEWEST, LOOSE
 from kohonen_adapt.outline.polylines import BITS, CORNER
 from kohonen_adapt.outline.surfaces import across, on_cylinder, on_sphere

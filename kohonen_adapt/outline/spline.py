@@ -13,10 +13,11 @@ from skfem import MeshTri
 from skfem.mesh import MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import checked_points
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.outline.curves import Arc, checked_points
+from kohonen_adapt.outline.curves import Arc
 from kohonen_adapt.outline.cutting import fitted_circle
 from kohonen_adapt.outline.polylines import polylines_of
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import finite_triple, is_number
-from kohonen_adapt.outline.curves import checked_points
+from kohonen_adapt.checks import checked_points, finite_triple, is_number
 
 __all__ = [
     "Cone",

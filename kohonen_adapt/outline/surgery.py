@@ -11,8 +11,9 @@ from kohonen_adapt.kernels.arrays import SLIDING, Elements, OpenMesh, Origins, P
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
+from kohonen_adapt.outline.rows import free_rows, padded, ranks
 
-__all__ = ["Recycled", "Surgery", "padded", "unchanged"]
+__all__ = ["Recycled", "Surgery", "unchanged"]
 
 # What stands in rows that are not in use, where it is not -1.
 UNUSED = {
@@ -114,28 +115,7 @@ def longest_joined(movable: MovableMesh) -> Floats:
     return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
 
 
-def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
-    """The place of every row in an order of some of them, -1 for the others, (rows,)."""
-    places = np.full(rows, -1, dtype=np.int32)
-    places[order] = np.arange(len(order))
-    return places
-
-
 def outer_edges(elements: Elements) -> Ints:
     """The nodes of the edges on the outer boundary, (k, 2)."""
     e, k = np.nonzero(elements.neighbour < 0)
     return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
-
-
-def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
-    """A copy with rows of a value added."""
-    longer = np.full((rows, *array.shape[1:]), value, dtype=array.dtype)
-    longer[: len(array)] = array
-    return longer
-
-
-def free_rows(used: int, rows: int) -> Ints:
-    """A stack of the rows that are free, with room for all, the first of them on top."""
-    stack = np.empty(rows, dtype=np.int32)
-    stack[: rows - used] = np.arange(rows - 1, used - 1, -1)
-    return stack

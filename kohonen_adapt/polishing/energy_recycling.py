@@ -15,7 +15,8 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.surgery import Recycled, Surgery, padded
+from kohonen_adapt.outline.rows import padded
+from kohonen_adapt.outline.surgery import Recycled, Surgery
 from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional
 
