@@ -120,18 +120,19 @@ def gain_of_split(descent, e, k, x, y, own):
 
     The best coefficients of the halves are left in `Block.local`; in nonlinear material those after one step of
     Newton's method. Values are relative to `own`. Halves of an element with curved sides, or at an axis, need not have
-    its function: there the gain is over what it had.
+    its function, and in nonlinear material the points of halves find another energy of it: there the gain is over what
+    the element had.
     """
     block, other = descent.block, np.int64(descent.elements.neighbour[e, k])
-    special = descent.shapes.special[e] or (other >= 0 and descent.shapes.special[other])
-    was = 0.0
-    if special:
+    special, bent, was = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
+    if other >= 0:
+        special |= descent.shapes.special[other]
+        bent |= descent.trial.laws.number[other] >= 0
+    if special or bent:
         was = value_on(descent, e, own) + (value_on(descent, other, own) if other >= 0 else 0.0)
     halve_coefficients(descent, e, k, own, 0)
-    bent = descent.trial.laws.number[e] >= 0
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
-        bent |= descent.trial.laws.number[other] >= 0
     count = number_split(block, descent.modes.side.shape[2], other >= 0)
     size, before = derivatives_of_split(descent, e, k, x, y, count)
     if not before < np.inf:
@@ -147,7 +148,7 @@ def gain_of_split(descent, e, k, x, y, own):
     gain = 0.5 * square
     if bent:
         gain = before - derivatives_of_split(descent, e, k, x, y, count)[1]
-    if special:
+    if special or bent:
         gain += was - before
     return gain if gain > ROUNDING * size else 0.0
 
