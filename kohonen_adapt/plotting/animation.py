@@ -17,6 +17,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.mesh.slicing import CutBy, flat
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, check_training
@@ -35,7 +36,12 @@ INCHES = 5.0  # across, and up before the title
 
 
 def animate_passes(
-    path: str | PathLike[str], history: Sequence[Pass], *, unit: str = "m", seconds: float = 0.8
+    path: str | PathLike[str],
+    history: Sequence[Pass],
+    *,
+    plane: CutBy | None = None,
+    unit: str = "m",
+    seconds: float = 0.8,
 ) -> None:
     """Write a GIF with a frame for the mesh of every pass.
 
@@ -45,6 +51,8 @@ def animate_passes(
         The file, by custom ``*.gif``; it is whole or not there.
     history
         The passes, for instance ``result.history``; of more than 60 as many are shown.
+    plane
+        Where tetrahedra are cut, a `kohonen_adapt.Plane`.
     unit
         Unit of the axes, "m", "mm" or "".
     seconds
@@ -57,7 +65,7 @@ def animate_passes(
     OSError
         If the file cannot be written.
     """
-    _write(Path(path), [(step.mesh, _title(step)) for step in history], unit, seconds)
+    _write(Path(path), [(step.mesh, _title(step)) for step in history], plane, unit, seconds)
 
 
 def animate_map(
@@ -110,7 +118,7 @@ def animate_map(
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
         if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
             break
-    _write(Path(path), frames, unit, seconds)
+    _write(Path(path), frames, None, unit, seconds)
     return tuple(errors)
 
 
@@ -128,26 +136,26 @@ def _title(step: Pass) -> str:
     return f"pass {step.number}: {step.mesh.nvertices} nodes, {said}"
 
 
-def _write(path: Path, frames: Sequence[Frame], unit: str, seconds: float) -> None:
+def _write(path: Path, frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> None:
     if not frames:
         raise ValueError("an animation needs a mesh at least; got none.")
     if not seconds > 0.0:
         raise ValueError(f"seconds must be above zero; got {seconds!r}.")
     with whole_file(path) as draft:
         chosen = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
-        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], unit, seconds))
+        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], plane, unit, seconds))
 
 
-def _film(frames: Sequence[Frame], unit: str, seconds: float) -> bytes:
+def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> bytes:
     """The frames as a GIF; matplotlib tells the format by the name of a file, so it writes one that goes again."""
-    figure = Figure(figsize=_page(np.ptp(frames[0][0].p, axis=1)), dpi=DOTS, layout="constrained")
+    figure = Figure(figsize=_page(np.ptp(flat(frames[0][0], plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained")
     axes, writer = figure.subplots(), PillowWriter(fps=1.0 / seconds)  # type: ignore[arg-type]  # a fraction will do
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.gif"
         writer.setup(figure, film, DOTS)
         for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
             axes.clear()
-            draw_mesh(axes, mesh, unit=unit)
+            draw_mesh(axes, mesh, plane=plane, unit=unit)
             axes.set_title(title, fontsize="medium")
             writer.grab_frame()
         writer.finish()

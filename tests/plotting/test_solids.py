@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.mesh_files import two_boxes
+from helpers.reports import a_pass
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
@@ -72,6 +73,11 @@ def test_the_surface_in_the_colours_of_names():
     assert sorted(words(plotting.plot_surface(MESH, names="subdomains")))[0] == "low"
     axes = plotting.plot_surface(MESH, np.arange(MESH.t.shape[1]), label="number")
     assert axes.figure.axes[1].get_ylabel() == "number" and axes.get_legend() is None
+
+
+def test_passes_are_filmed_in_a_cut(tmp_path):
+    plotting.animate_passes(tmp_path / "cut.gif", [a_pass(k, MESH, 1.0) for k in range(2)], plane=MIDDLE)
+    assert (tmp_path / "cut.gif").read_bytes()[:4] == b"GIF8"
 
 
 def test_what_is_refused():
