@@ -1,6 +1,7 @@
 """Recycling: nodes that carry too little of the density are taken away and put where one carries too much."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import OpenMesh
@@ -9,10 +10,11 @@ from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.surgery import Recycled, Surgery, unchanged
 from kohonen_adapt.som.paired_recycling import recycle_pairs
 
-__all__ = ["recycle_nodes", "starts_of"]
+__all__ = ["recycle_nodes", "starts_in_space", "starts_of"]
 
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
 ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
@@ -98,4 +100,16 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
     now[recycled.old[survivors]] = survivors
     starts = now[before.elements.node].max(axis=1)
     spread_starts(before.elements, starts, np.empty(len(starts), dtype=np.int32))
+    return starts
+
+
+def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
+    """For every element of a mesh of tetrahedra a node of what it has become, near it and in its region, (m,)."""
+    middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
+    node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
+    starts = np.empty(len(middle), dtype=np.int32)
+    for number in range(int(old.max()) + 1):
+        nodes = np.unique(node[region == number])
+        nearest = cKDTree(now.tetrahedralization.position[nodes]).query(middle[old == number])[1]
+        starts[old == number] = nodes[nearest]
     return starts

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Mesh, MeshTri
+from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.arrays import Elements
@@ -17,14 +17,16 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh, Work
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled, unchanged
-from kohonen_adapt.som.recycling import recycle_nodes, starts_of
+from kohonen_adapt.som.density_in_space import density_in_space
+from kohonen_adapt.som.recycling import recycle_nodes, starts_in_space, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
-from kohonen_adapt.som.space import relocated_in_space
+from kohonen_adapt.som.space import move_in_space
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Density, density_of
+from kohonen_adapt.som.training_points import Density, density_of, source_of
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -105,9 +107,9 @@ def relocate(
     schedule
         None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
         again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
-        ``topology="flip"`` it makes each region constrained Delaunay. Of tetrahedra only its sweeps count, by default 8
-        with "flip", 6 with "fixed" and 3 with "recycle"; stages and rounds are refused. Without sweeps they are only
-        swapped, for the best least quality, and recycled.
+        ``topology="flip"`` it makes each region constrained Delaunay. Of tetrahedra there are by default 8
+        sweeps with "flip", 6 with "fixed" and 3 with "recycle"; stages are presented before them only where a schedule
+        has some, rounds are refused. Without either they are only swapped, for the best least quality, and recycled.
     topology, min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
     seed
@@ -149,8 +151,46 @@ def relocate(
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, bent=True, space=True)
     if cell_of(mesh) is TETRAHEDRON:
-        return relocated_in_space(mesh, density, schedule, rules)
+        return relocated_in_space(mesh, density, schedule, rules, np.random.default_rng(seed))
     return relocated_in_plane(mesh, density, schedule, rules, seed)
+
+
+def relocated_in_space(
+    mesh: MeshTet,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
+    schedule: Schedule | None,
+    rules: Rules,
+    rng: np.random.Generator,
+) -> MeshTet:
+    """What `relocate` does with tetrahedra."""
+    if schedule is not None and schedule.rounds:
+        raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
+    movable = MovableSolid.of(mesh, rules)
+    wanted = density_in_space(movable.tetrahedralization, density)
+    expect("space ground", "space moves", *["space recycling"] * (rules.topology == "recycle"))
+    before = movable.copy()
+    if schedule is not None and schedule.trains:
+        expect("space map")
+        moved = move_in_space(movable, wanted, rules.topology, sweeps=0)
+        source = source_of(before.tetrahedralization, density)
+        Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
+        move_in_space(movable, wanted, "flip" if rules.flips else "fixed", schedule.sweeps)
+    else:
+        moved = move_in_space(movable, wanted, rules.topology, None if schedule is None else schedule.sweeps)
+    report_surfaces(before, movable)
+    still = not moved.splits and np.array_equal(before.tetrahedralization.position, movable.tetrahedralization.position)
+    if still and schedule != Schedule(()):
+        why = "every move would have broken the quality rule" if movable.can_move() else "every node is held"
+        logger.warning("relocate moved no node: %s.", why)
+    return movable.mesh()
+
+
+def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
+    """Say how much of curved surfaces their faces leave out, before and now."""
+    then, left_out = before.sagitta(), now.sagitta()
+    if max(then, left_out) > 0.0:
+        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
+        logger.info(text, left_out, now.farthest_surface(), then)
 
 
 def relocated_in_plane(

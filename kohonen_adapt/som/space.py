@@ -1,15 +1,12 @@
 """Bring the nodes of tetrahedra to where a density wants them: exchange nodes, swap elements, smooth by sweeps."""
 
 import logging
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from skfem import MeshTet
+from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Neurons
-from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
@@ -17,14 +14,12 @@ from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import number_of_threads, shared
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import Recycled
-from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
-from kohonen_adapt.som.schedule import Schedule
+from kohonen_adapt.som.density_in_space import DensityInSpace
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["move_in_space", "relocated_in_space"]
+__all__ = ["move_in_space"]
 
 SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # of smoothing; more carry too many nodes to where most are wanted
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
@@ -34,28 +29,6 @@ POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the ma
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
 STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts that they have to wait
 PAIRS, NODES = 10_000, 50_000  # per compiled call: Python hears Ctrl-C at least every half second
-
-
-def relocated_in_space(
-    mesh: MeshTet, density: ArrayLike | Callable[[Floats], ArrayLike], schedule: Schedule | None, rules: Rules
-) -> MeshTet:
-    """What `relocate` does with tetrahedra."""
-    if schedule is not None and schedule.trains:
-        raise ValueError(
-            "schedule must have neither stages nor rounds for tetrahedra, of which relocate takes the sweeps alone; "
-            "KohonenMap trains with stages."
-        )
-    movable = MovableSolid.of(mesh, rules)
-    wanted = density_in_space(movable.tetrahedralization, density)
-    expect("space ground", "space moves", *["space recycling"] * (rules.topology == "recycle"))
-    before = movable.copy()
-    moved = move_in_space(movable, wanted, rules.topology, None if schedule is None else schedule.sweeps)
-    report_surfaces(before, movable)
-    still = not moved.splits and np.array_equal(before.tetrahedralization.position, movable.tetrahedralization.position)
-    if still and schedule != Schedule(()):
-        why = "every move would have broken the quality rule" if movable.can_move() else "every node is held"
-        logger.warning("relocate moved no node: %s.", why)
-    return movable.mesh()
 
 
 def move_in_space(
@@ -76,14 +49,6 @@ def move_in_space(
     rows = opened.hand_back(movable, renumbered=topology == "recycle")
     movable.settle()
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
-
-
-def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
-    """Say how much of curved surfaces their faces leave out, before and now."""
-    then, left_out = before.sagitta(), now.sagitta()
-    if max(then, left_out) > 0.0:
-        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
-        logger.info(text, left_out, now.farthest_surface(), then)
 
 
 def exchange(opened: OpenSolid, floor: float, target: int) -> tuple[int, int]:

@@ -33,6 +33,7 @@ __all__ = [
     "ElementSource",
     "FunctionSource",
     "density_of",
+    "source_of",
     "values_at",
     "without_zeros",
 ]
@@ -209,6 +210,15 @@ def density_of(triangulation: Triangulation, density: ArrayLike | Callable[[Floa
     if not values.any():
         raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
     return ElementDensity(triangulation, values)
+
+
+def source_of(
+    mesh: Triangulation | Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]
+) -> ElementSource | FunctionSource:
+    """Where training points of a user's density come from, which was checked before."""
+    if callable(density):
+        return FunctionSource(mesh, density)
+    return ElementSource(mesh, per_element(len(mesh.elements.node), density, "density"))
 
 
 def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:

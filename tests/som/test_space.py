@@ -181,9 +181,24 @@ def test_densities_that_are_none_are_refused(density, message):
         ka.relocate(box(3), density)
 
 
-def test_stages_are_refused():
-    with pytest.raises(ValueError, match="neither stages nor rounds"):
-        ka.relocate(box(2), shell, schedule=ka.Schedule.default(27))
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_stages_are_presented_where_a_schedule_has_some(topology):
+    mesh, schedule = two_regions(4), ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)
+    values = shell(mesh.p[:, mesh.t].mean(axis=1))
+    found, again, without = (
+        ka.relocate(mesh, density, topology=topology, schedule=plan)
+        for density, plan in ((values, schedule), (values, schedule), (values, ka.Schedule((), sweeps=1)))
+    )
+    np.testing.assert_array_equal(found.p, again.p)
+    assert found.p.shape == mesh.p.shape and np.any(found.p != without.p)
+    assert ka.quality(found).min() >= min(0.2, ka.quality(mesh).min()) - 1e-14
+    for name in mesh.boundaries:
+        assert area(found, found.boundaries[name]) == pytest.approx(area(mesh, mesh.boundaries[name]), rel=1e-12)
+
+
+def test_rounds_of_transport_are_refused():
+    with pytest.raises(ValueError, match="rounds of transport are for triangles only"):
+        ka.relocate(box(2), shell, schedule=ka.Schedule((), rounds=1))
 
 
 def test_it_says_why_no_node_moves(caplog):

@@ -23,9 +23,9 @@ def next_stamp(scratch):
 
 
 @inner_kernel
-def triple(ax, ay, az, bx, by, bz, cx, cy, cz):
+def triple(a, b, c):
     """The triple product a . (b x c), six times the volume that three edges span."""
-    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 @inner_kernel
@@ -48,10 +48,10 @@ def side_of_face(position, node, e, k, x):
     else:
         p, q, r = node[e, 0], node[e, 2], node[e, 1]
     return triple(
-        position[p, 0] - x[0], position[p, 1] - x[1], position[p, 2] - x[2],
-        position[q, 0] - x[0], position[q, 1] - x[1], position[q, 2] - x[2],
-        position[r, 0] - x[0], position[r, 1] - x[1], position[r, 2] - x[2],
-    )  # fmt: skip
+        (position[p, 0] - x[0], position[p, 1] - x[1], position[p, 2] - x[2]),
+        (position[q, 0] - x[0], position[q, 1] - x[1], position[q, 2] - x[2]),
+        (position[r, 0] - x[0], position[r, 1] - x[1], position[r, 2] - x[2]),
+    )
 
 
 @inner_kernel
@@ -231,9 +231,9 @@ def squared_distance_to_face(position, node, e, k, x):
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     square = nx * nx + ny * ny + nz * nz
     # the foot on the plane lies inside where it lies on the inner side of every edge
-    beyond_ab = triple(nx, ny, nz, ax, ay, az, bx, by, bz) < 0.0
-    beyond_bc = triple(nx, ny, nz, bx, by, bz, cx, cy, cz) < 0.0
-    beyond_ca = triple(nx, ny, nz, cx, cy, cz, ax, ay, az) < 0.0
+    to_a, to_b, to_c, normal = (ax, ay, az), (bx, by, bz), (cx, cy, cz), (nx, ny, nz)
+    beyond_ab, beyond_bc = triple(normal, to_a, to_b) < 0.0, triple(normal, to_b, to_c) < 0.0
+    beyond_ca = triple(normal, to_c, to_a) < 0.0
     if not (beyond_ab or beyond_bc or beyond_ca) and square > 0.0:
         side = ax * nx + ay * ny + az * nz
         return side * side / square

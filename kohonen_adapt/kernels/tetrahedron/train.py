@@ -64,7 +64,7 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
         first, last = np.int64(0), np.int64(1)
         for ring in range(lesson.strength.shape[0]):
             if ring > 0:
-                end = gather_ring(elements, star, constraints.inner, region, queue, first, last, stamps, stamp)
+                end = gather_ring(neurons, region, scratch, first, last, stamp)
                 first, last = last, end
             step = rate_of_point * lesson.strength[ring]
             for i in range(first, last):
@@ -89,9 +89,10 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
 
 
 @inner_kernel
-def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp):
+def gather_ring(neurons, region, scratch, first, last, stamp):
     """Append the next ring of neighbours within the region to the queue; returns its new end."""
-    end = last
+    elements, star, inner = neurons.elements, neurons.star, neurons.constraints.inner
+    queue, stamps, end = scratch.queue, scratch.node_stamp, last
     for i in range(first, last):
         v = queue[i]
         for k in range(star.start[v], star.start[v + 1]):
