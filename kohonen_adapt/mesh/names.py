@@ -16,6 +16,8 @@ from kohonen_adapt.mesh.host import is_own_name
 __all__ = [
     "codes_of_names",
     "combinations",
+    "in_order",
+    "joined",
     "named",
     "named_sets",
     "nodes_of_points",
@@ -99,10 +101,22 @@ def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
     e, k = np.nonzero(neighbour > np.arange(m)[:, None])
     other = neighbour[e, k]
     alike = codes[e] == codes[other]
-    graph = coo_array((np.ones(np.count_nonzero(alike), dtype=np.int8), (e[alike], other[alike])), shape=(m, m))
-    label = connected_components(graph, directed=False)[1]
-    _, first, region = np.unique(label, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[region].astype(np.int32)
+    return joined(m, np.stack([e[alike], other[alike]], axis=1)).astype(np.int32)
+
+
+def joined(count: int, pairs: Ints) -> Ints:
+    """Number of the connected set of every one of `count` things that pairs (k, 2) link, (count,).
+
+    The sets are numbered in the order of their first members.
+    """
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(count, count))
+    return in_order(connected_components(graph, directed=False)[1])
+
+
+def in_order(label: Ints) -> Ints:
+    """Labels as numbers in the order in which they come first."""
+    _, first, number = np.unique(label, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[number]
 
 
 def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, Ints] | None:

@@ -19,7 +19,8 @@ from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
 from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seams_of
 from kohonen_adapt.outline.facets import LEFT, turned
-from kohonen_adapt.outline.patches import Patches, on_their_patches, patches_of
+from kohonen_adapt.outline.joining_faces import patches_of
+from kohonen_adapt.outline.patches import Patches, on_their_patches
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
 from kohonen_adapt.outline.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
 from kohonen_adapt.outline.settling import left_out, places_of, settled
@@ -68,7 +69,7 @@ class MovableSolid:
         edges = edges_of(faces, tet.nnodes)
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
-        ridges = ridges_of(edges, patches, on_their_patches(faces, patches, tet.position))
+        ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
         mark_faces(tet, faces, patches.of_face)
         floor = floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)

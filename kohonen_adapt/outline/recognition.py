@@ -8,12 +8,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.outline.cutting import CLOSE
+from kohonen_adapt.outline.cutting import CLOSE, TURN
 from kohonen_adapt.outline.rounds import Round, are_coaxial, round_of
 
-__all__ = ["TURN", "rounds_among"]
+__all__ = ["Skin", "rounds_among"]
 
-TURN = 1e-6  # radians: where faces turn by no more they are in one plane
 SEEDS = (24, 96)  # faces around one from which a sphere or cylinder is grown
 TRIES = 64  # faces from which that is tried, of one set of faces that turn by little
 GROWTHS = 20  # at most, until no face is added any more

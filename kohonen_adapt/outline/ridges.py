@@ -19,11 +19,11 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PLANE,
     Freedom,
 )
-from kohonen_adapt.outline.cutting import BEND, cut_runs, fitted_circle
+from kohonen_adapt.mesh.names import joined
+from kohonen_adapt.outline.cutting import BEND, TURN, cut_runs, fitted_circle
 from kohonen_adapt.outline.faces import Edges, Faces
-from kohonen_adapt.outline.patches import Patches, joined
+from kohonen_adapt.outline.patches import Patches
 from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, without_noise
-from kohonen_adapt.outline.recognition import TURN
 
 __all__ = ["Ridges", "freedom_of", "ridges_of"]
 

@@ -76,7 +76,7 @@ class Rules:
     surfaces
         Of tetrahedra, the surfaces that named boundaries are on: `Plane`, `Sphere`, `Cylinder`, `Cone`, or any object
         with a method ``project(x (3, n)) -> (3, n)``, by name. Nodes slide on them, where two meet on both, and new
-        ones are put there; on the surface of an object with `project` only nodes that are there move, and only to it.
+        ones are put there; on the surface of an object with `project` they are put once, and stay.
         Without any, faces that turn by less than 35 degrees are taken for a cylinder (nodes within 1e-3 of its radius,
         at six places around its axis, or at four and five where another cylinder has the same axis) or for a sphere,
         also where those go on smoothly into planes or into one another; all others for planes.
