@@ -61,6 +61,7 @@ def case(path):
     known(float(setting["frequency"]) == 0.0, "a frequency")
     known(setting.get("pointprops", "0") == "0", "a point property")
     yield f"mesh = {json.dumps(path.name)}"
+    yield "order = 1  # as FEMM has it; leave this out for better elements"
     axisymmetric = setting["problemtype"] == "axisymmetric"
     unit = UNITS[setting["lengthunits"].lower()]
     yield "axisymmetric = true" if axisymmetric else f"depth = {unit * float(setting['depth'])!r}  # m"

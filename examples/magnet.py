@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import kohonen_adapt as ka
+from kohonen_adapt.display import lattice
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.report import write_report
 
@@ -45,11 +46,13 @@ def draw(before, after, folder):
     """Meshes, indicators, flux lines and the estimate over the passes; a report to look into with a browser."""
     from kohonen_adapt.plotting import adaptation_figure  # needs matplotlib, the rest does not
 
+    share, _ = lattice(2)  # B is linear in each element: at its corners and the middles of its sides
+    potential = after.solution.potential_at_each(share)
     figure = adaptation_figure(
         before,
         after,
-        potential=after.solution.potential,
-        magnitude=np.hypot(*after.solution.flux_density),
+        potential=potential,
+        magnitude=np.hypot(*after.solution.at_each(share).flux_density).reshape(potential.shape),
         magnitude_label="flux density |B| (T)",
         indicator_label="error indicator of an element, $\\sqrt{\\mathrm{J/m}}$",
         lines_title="Flux lines",
@@ -62,7 +65,7 @@ def draw(before, after, folder):
         before=before,
         title="A magnet in an iron core",
         point_data={"vector potential A (Wb/m)": lambda field: field.potential},
-        cell_data={"flux density |B| (T)": lambda field: np.hypot(*field.flux_density)},
+        cell_data={"flux density |B| (T)": lambda field: np.hypot(*field.at_corners.flux_density).reshape(3, -1)},
         indicator_label="error indicator of an element (√(J/m))",
         unit="mm",
         pictures={"Meshes, error indicators, flux lines and estimate": folder / "magnet.png"},

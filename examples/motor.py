@@ -36,8 +36,9 @@ def materials(step=0, peak=CURRENT):
 
 
 def sector(materials):
-    """The problem of one pole: A on "left" is -A on "right"."""
-    return Magnetostatics(materials, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=[("right", "left")])
+    """The problem of one pole: A on "left" is -A on "right". The mesh is drawn fine enough for elements of order 1."""
+    fixed, sides = {"outer": 0.0, "inner": 0.0}, [("right", "left")]
+    return Magnetostatics(materials, potential=fixed, antiperiodic=sides, order=1)
 
 
 def machine(mesh):

@@ -103,7 +103,7 @@ def _square(iron: bool) -> MeshTri:
 
 
 def _magnetic(name: str, start: Callable[[], MeshTri], materials: dict[str, Material]) -> Case:
-    return _of_problem(name, start, Magnetostatics(materials, {"outer": 0.0}), NAMES)
+    return _of_problem(name, start, Magnetostatics(materials, {"outer": 0.0}, order=1), NAMES)
 
 
 def _of_problem(name: str, start: Callable[[], MeshTri], problem: Magnetostatics, names: Sequence[str]) -> Case:

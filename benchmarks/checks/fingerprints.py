@@ -76,7 +76,7 @@ def _l_shape(**options: Any) -> ka.AdaptResult:
 def _motor() -> ka.AdaptResult:
     """One pole, its sides antiperiodic, with a layer of elements kept in the gap."""
     sides = [("right", "left")]
-    problem = Magnetostatics(MOTOR, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=sides)
+    problem = Magnetostatics(MOTOR, potential={"outer": 0.0, "inner": 0.0}, antiperiodic=sides, order=1)
     mesh = ka.read_mesh(EXAMPLES / "motor.msh")
     torque = {"torque": lambda field: field.torque(["rotor", "magnet"])}
     return ka.adapt(mesh, problem, passes=2, periodic=sides, layers={"gap": 1}, outputs=torque)
@@ -85,13 +85,13 @@ def _motor() -> ka.AdaptResult:
 def _actuator() -> ka.AdaptResult:
     """A plunger around its axis, its iron saturating."""
     parts = {"core": SATURATING, "plunger": SATURATING, "coil": AIR, "air": AIR}
-    problem = Magnetostatics(parts, potential={"outer": 0.0}, ampere_turns={"coil": 1500.0}, axisymmetric=True)
+    problem = Magnetostatics(parts, potential={"outer": 0.0}, ampere_turns={"coil": 1500.0}, axisymmetric=True, order=1)
     mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)
     return ka.adapt(mesh, problem, passes=2, outputs={"force": lambda field: field.force("plunger")[1]})
 
 
 def _saturated() -> ka.AdaptResult:
-    problem = Magnetostatics({"iron": SATURATING, "magnet": MAGNET, "air": AIR}, potential={"outer": 0.0})
+    problem = Magnetostatics({"iron": SATURATING, "magnet": MAGNET, "air": AIR}, potential={"outer": 0.0}, order=1)
     return ka.adapt(c_core_mesh("c_core.msh"), problem, passes=3)
 
 

@@ -23,6 +23,7 @@ FAR = 6.0  # edge length at the box
 PROBLEM = Magnetostatics(
     {"magnet": Material(1.05, remanence=(0.0, 1.2)), "iron": Material(1000.0), "air": Material()},
     potential={"outer": 0.0},
+    order=1,
 )
 
 

@@ -16,6 +16,7 @@ STEPS = ("solve", "estimate", "relocate", "polish")
 PROBLEM = Magnetostatics(
     {"iron": Material(1000.0), "magnet": Material(1.05, remanence=(0.0, 1.2)), "air": Material()},
     potential={"outer": 0.0},
+    order=1,
 )
 
 

@@ -25,6 +25,7 @@ PROBLEM = Magnetostatics(
         "air": Material(),
     },
     potential={"outer": 0.0},
+    order=1,
 )
 
 

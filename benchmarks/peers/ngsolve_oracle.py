@@ -2,7 +2,7 @@
 
 import runpy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -188,7 +188,7 @@ def c_core(iron: Material, name: str) -> Device:
     return Device(
         name,
         ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3),
-        Magnetostatics(materials, potential={"outer": 0.0}),
+        Magnetostatics(materials, potential={"outer": 0.0}, order=1),
         "flux in the gap (Wb/m)",
         lambda solution: float(np.diff(solution.potential_at(GAP))[0]),
         lambda oracle: float(np.diff(oracle.potential_at(GAP))[0]),
@@ -214,7 +214,7 @@ def actuator() -> Device:
     return Device(
         "actuator",
         ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3),
-        runpy.run_path(str(EXAMPLES / "actuator.py"))["PROBLEM"],
+        replace(runpy.run_path(str(EXAMPLES / "actuator.py"))["PROBLEM"], order=1),
         "force (N)",
         lambda solution: float(solution.force("plunger")[1]),
         lambda oracle: float(oracle.force(["plunger"])[1]),

@@ -50,7 +50,7 @@ class GetdpMagnet:
         """Flux crosses the line of symmetry at a right angle."""
         core, magnet = Material(permeability=PERMEABILITY), Material(coercivity=(0.0, -COERCIVITY))
         air = dict.fromkeys(["air", "near", "window", "gap"], Material())
-        return Magnetostatics(air | {"core": core, "magnet": magnet}, potential={"rim": 0.0})
+        return Magnetostatics(air | {"core": core, "magnet": magnet}, potential={"rim": 0.0}, order=1)
 
     def published(self, setting: float) -> dict[str, np.ndarray]:
         """What `measured` should find."""

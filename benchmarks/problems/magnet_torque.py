@@ -43,6 +43,7 @@ class MagnetTorque:
             {"air": Material(), "magnet": Material(coercivity=direction)},
             potential={"rim": lambda x: APPLIED * x[1]},
             depth=DEPTH,
+            order=1,
         )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:

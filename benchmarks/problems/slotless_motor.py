@@ -42,7 +42,7 @@ class SlotlessMotor:
             sense = REMANENCE * (-1) ** k
             materials[f"magnet_{k}"] = Material(remanence=(sense * np.cos(angle), sense * np.sin(angle)))
         materials |= {f"belt_{k}": Material(current_density=density) for k, density in enumerate(densities())}
-        return Magnetostatics(materials, potential={"shaft": 0.0, "outside": 0.0})
+        return Magnetostatics(materials, potential={"shaft": 0.0, "outside": 0.0}, order=1)
 
     def published(self, setting: int) -> dict[str, np.ndarray]:
         """What `measured` should find."""

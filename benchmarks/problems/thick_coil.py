@@ -58,6 +58,7 @@ class ThickCoil:
             {"air": Material(), "near": Material(), "coil": Material(current_density=DENSITY)},
             axisymmetric=True,
             open_boundary="rim",
+            order=1,
         )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:

@@ -132,9 +132,9 @@ def _add_run(commands: Any) -> None:
         "run",
         help="adapt the mesh of a case and write what comes of it",
         description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
-        "metres, B and H as means of the elements), for order = 2 inside.vtu (the field inside them), history.csv (a "
-        "row for every pass), pictures and report.html. Ctrl-C ends it at once; the best pass so far is written then, "
-        "and --resume goes on.",
+        "metres, B and H as means of the elements), inside.vtu (the field inside them, above order 1), history.csv "
+        "(a row for every pass), pictures and report.html. Ctrl-C ends it at once; the best pass so far is written "
+        "then, and --resume goes on.",
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
     _add_folder_or_resume(run, "folder of a run that was cut short: go on from its last pass")

@@ -135,7 +135,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
 
 def _potentials(case: Case) -> dict[str, FieldOf]:
     """Per node; the contours of the first are the flux lines."""
-    flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown}
+    flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown[: field.mesh.nvertices]}
     return {
         **(flux if case.problem.axisymmetric else {}),
         "vector potential A (Wb/m)": lambda field: field.potential,
@@ -154,8 +154,10 @@ def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     if field.elements.order == 1:
         return field.unknown, _magnitude(field)
     share, _ = lattice(field.elements.order)
-    size = np.hypot(*field.at_each(share).flux_density)
-    return field.potential_at_each(share), size.reshape(share.shape[1], -1)
+    at, lines = field.at_each(share), field.potential_at_each(share)
+    if field.axisymmetric:
+        lines = lines * at.x[0].reshape(lines.shape)
+    return lines, np.hypot(*at.flux_density).reshape(lines.shape)
 
 
 def _length_unit(result: AdaptResult) -> str:

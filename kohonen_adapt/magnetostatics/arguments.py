@@ -22,6 +22,10 @@ __all__ = ["Arguments"]
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
 
+class Chosen(int):
+    """An order that nobody asked for: `dataclasses.replace` with another goal or estimator chooses anew."""
+
+
 @dataclass(frozen=True, eq=False)
 class Arguments:
     """The arguments of `Magnetostatics`, which explains them, checked; mappings are copied."""
@@ -35,7 +39,7 @@ class Arguments:
     open_boundary: str | None = None
     periodic: Sequence[Pair] = ()
     antiperiodic: Sequence[Pair] = ()
-    order: int = 1
+    order: int = Chosen(2)
     goal: Goal | None = None
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
@@ -44,6 +48,8 @@ class Arguments:
     def __post_init__(self) -> None:
         self._check_kinds()
         self._check_fixed()
+        if isinstance(self.order, Chosen):
+            object.__setattr__(self, "order", self._best_order())
         self._check_order()
         self._check_depth()
         self._check_bound()
@@ -121,6 +127,11 @@ class Arguments:
                 "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
+
+    def _best_order(self) -> Chosen:
+        """The order that comes to an error of 1 % in the least time, of those that have what is asked for."""
+        turns = any(material.turns for material in self.materials.values())
+        return Chosen(1 if turns or self.goal is not None or self.estimator != "residual" else 2)
 
     def _check_order(self) -> None:
         if self.order not in (1, 2, 3) or isinstance(self.order, bool):

@@ -77,11 +77,12 @@ class Magnetostatics(Arguments):
         and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
         ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
-        Of the elements, 1, 2 or 3: the field of order 2 is a `QuadraticField`, of order 3 a `CubicField`.
+        Of the elements, 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). By default 2, a quarter of the time of 1 to an
+        error of 1 % (`python -m benchmarks time`); but 1 with a goal or another estimator than "residual", and with
+        magnets that turn inside their region, of which higher orders have the mean remanence of every element only.
     curved
         Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, and
-        to solve on a `MeshTri2`. On chords a round magnet costs order 2 its rate: 5.9 % of error in place of 0.30 % at
-        4921 unknowns (`python -m benchmarks curves`). `solve` takes a mesh as it is.
+        to solve on a `MeshTri2`: on chords they lose their rate (`python -m benchmarks curves`). `solve` bends none.
     goal
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
         an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the
@@ -117,8 +118,7 @@ class Magnetostatics(Arguments):
         Parameters
         ----------
         mesh
-            A plain `MeshTri` in metres, with the named subdomains and boundaries. Above order 1 it may be a `MeshTri2`,
-            whose elements with curved sides are isoparametric.
+            A plain `MeshTri` in metres, with the named subdomains and boundaries, above order 1 also a `MeshTri2`.
 
         Returns
         -------

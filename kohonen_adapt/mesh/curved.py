@@ -26,6 +26,7 @@ __all__ = [
     "nodes_of_elements",
     "with_displacements",
     "with_middles",
+    "with_sides",
 ]
 
 LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
@@ -65,6 +66,20 @@ def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
     """The `MeshTri2` with the corners of a mesh, every name, and its facets (2, nfacets) bent by so much."""
     number_facets(mesh)
     return with_middles(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
+
+
+def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
+    """The mesh with its sides bent as elements have them, (nelements, 3, 2) as of `displacements`.
+
+    Of two elements at a facet the one by its greater number counts. Where no side is bent it is the mesh itself.
+    """
+    if not off.any():
+        return mesh
+    number_facets(mesh)
+    bent = np.zeros(mesh.facets.shape)
+    for k, row in enumerate(OPPOSITE):
+        bent[:, mesh.t2f[row]] = off[:, k].T
+    return with_displacements(mesh, bent)
 
 
 def facet_displacements(mesh: MeshTri) -> Floats:

@@ -10,6 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number
+from kohonen_adapt.mesh.curved import corners_of, displacements, with_sides
 from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.names import named_sets
@@ -37,7 +38,8 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     Parameters
     ----------
     one, other
-        Triangular meshes that share an outline, or pieces of it, with the same nodes, and do not overlap.
+        Triangular meshes that share an outline, or pieces of it, with the same nodes, and do not overlap. Of a side
+        that they share and `skfem.MeshTri2` bend, it is the other one's bend that stays.
     rtol
         How far apart nodes may be that are to be one, as a share of the larger extent of the larger mesh.
 
@@ -63,8 +65,10 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     >>> both.p.shape[1], both.t.shape[1], sorted(both.subdomains)  # 5 of 2 x 25 nodes are shared
     (45, 64, ['left', 'right'])
     """
-    check_mesh(one)
-    check_mesh(other)
+    for each in (one, other):
+        check_mesh(each, bent=True)
+    bend = np.concatenate([displacements(each) for each in (one, other)])
+    one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:
         raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
     near = rtol * max(np.ptp(mesh.p, axis=1).max() for mesh in (one, other))
@@ -80,13 +84,23 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     sides = [{name: sides_of(mesh, rows, k) for name, rows in (mesh.boundaries or {}).items()} for mesh, k in parts]
     names = dict.fromkeys([*sides[0], *sides[1]])
     of_name = {name: together([each[name] for each in sides if name in each]) for name in names}
-    return joined(one, np.hstack([one.p, other.p]), np.hstack([one.t, other.t + first]), image, subdomains, of_name)
+    p, t = np.hstack([one.p, other.p]), np.hstack([one.t, other.t + first])
+    return joined(one, p, t, image, subdomains, of_name, bend)
 
 
 def joined(
-    host: MeshTri, p: Floats, t: Ints, image: Ints, subdomains: Mapping[str, Ints], sides: Mapping[str, Sides]
+    host: MeshTri,
+    p: Floats,
+    t: Ints,
+    image: Ints,
+    subdomains: Mapping[str, Ints],
+    sides: Mapping[str, Sides],
+    bend: Floats,
 ) -> MeshTri:
-    """A mesh of nodes (2, n) and elements (3, m), every node replaced by its `image` (n,), with these names."""
+    """A mesh of nodes (2, n) and elements (3, m), every node replaced by its `image` (n,), with these names.
+
+    Sides opposite to the corners of elements are bent by so much, (m, 3, 2); of two at one facet the later counts.
+    """
     kept, number = np.unique(image, return_inverse=True)
     corners, position = number[t], np.ascontiguousarray(p[:, kept])
     elements = np.ascontiguousarray(corners, dtype=host.t.dtype)
@@ -94,7 +108,9 @@ def joined(
     number_facets(mesh)
     if sides:
         set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
-    return mesh
+    ranked = np.take_along_axis(bend, np.argsort(corners, axis=0).T[:, :, None], axis=1)
+    rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have put corners in another order
+    return with_sides(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
 
 
 def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:

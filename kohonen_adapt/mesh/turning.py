@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.curved import corners_of, displacements
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.joining import joined, sides_of
 from kohonen_adapt.mesh.motions import Rotation, moved
@@ -34,7 +35,7 @@ def turned(
     Parameters
     ----------
     mesh
-        A triangular mesh.
+        A triangular mesh, a `skfem.MeshTri` or `MeshTri2`.
     name
         The subdomains that turn: a name or several.
     angle
@@ -45,8 +46,8 @@ def turned(
     Returns
     -------
     MeshTri
-        With the same elements in the same order and all names. Nodes keep their numbers where the circle is whole; of a
-        sector some are taken apart, and nodes that meet become one.
+        With the same elements in the same order, their sides bent as they were, and all names. Nodes keep their numbers
+        where the circle is whole; of a sector some are taken apart, and nodes that meet become one.
 
     Raises
     ------
@@ -63,7 +64,8 @@ def turned(
     >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # the elements are others
     (True, False)
     """
-    check_mesh(mesh)
+    check_mesh(mesh, bent=True)
+    bend, mesh = displacements(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_of(mesh, name)
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
     shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.p.shape[1]
@@ -82,7 +84,8 @@ def turned(
     if np.array_equal(image, np.arange(len(image))):
         raise ValueError(f"turned by {turn.angle:.6g} rad {name!r} and the rest meet nowhere; turn it by less.")
     sides = {each: sides_of(mesh, rows) for each, rows in (mesh.boundaries or {}).items()}
-    return joined(mesh, p, t, image, named_sets(mesh.subdomains), sides)
+    bend[part] = bend[part] @ turn.matrix[:, :2].T
+    return joined(mesh, p, t, image, named_sets(mesh.subdomains), sides, bend)
 
 
 def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:

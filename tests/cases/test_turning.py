@@ -149,7 +149,9 @@ def test_a_sweep_turns_the_rotor(folder):
     assert cli.main(command) == 0
     table = np.genfromtxt(folder / "out" / "sweep.csv", delimiter=",", skip_header=1, usecols=(0, 1))
     np.testing.assert_array_equal(table[:, 0], [0, 30, 60, 90])
-    wanted = [solved(case_in(folder, turn={"rotor": angle}))[1].flux_linkage("coil") for angle in (0, 30, 60, 90)]
+    cases = [case_in(folder, turn={"rotor": angle}) for angle in (0, 30, 60, 90)]
+    results = [ka.adapt(fitting_mesh(case), case.problem, passes=0) for case in cases]
+    wanted = [result.solution.flux_linkage("coil") for result in results]
     np.testing.assert_array_equal(table[:, 1], wanted)
     assert len(set(wanted)) == 4
 

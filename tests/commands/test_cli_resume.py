@@ -278,9 +278,9 @@ def test_killed_while_a_file_gets_its_name(after, case, tmp_path):
         assert run(case, "--resume", out) == 0
         assert not drafts(out)
         assert_same_results(out, tmp_path / "straight")
-    # Of each pass mesh, fields and history, once as a draft and once for good, and the checkpoint; the end and the
-    # report; no more.
-    assert call == 2 * (3 + 3 + 1) + 2 + 1
+    # Of each pass mesh, fields, those inside the elements and history, once as a draft and once for good, and the
+    # checkpoint; the end and the report; no more.
+    assert call == 2 * (4 + 4 + 1) + 2 + 1
 
 
 # ---- a full disk ----
@@ -362,7 +362,7 @@ def test_out_replaces_a_finished_run_and_nothing_of_it_stays(case, tmp_path):
 
 def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):
     out = tmp_path / "out"
-    assert killed_at(8, True, case, "--out", out)
+    assert killed_at(10, True, case, "--out", out)
     before = contents(out)
     assert run(case, "--out", out) == 2
     assert capsys.readouterr().err == (

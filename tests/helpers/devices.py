@@ -134,7 +134,7 @@ def plunger():
     """The same around an axis: a coil and a plunger of steel."""
     mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)})
     parts = {"coil": AIR, "plunger": STEEL, "air": AIR}
-    return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True)
+    return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True, order=1)
 
 
 def machine():

@@ -1,5 +1,7 @@
 """Quadratic elements of magnetostatics against exact fields, and in everything that linear ones do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.devices import tube, wire_mesh
@@ -18,7 +20,7 @@ from helpers.exact_fields import (
 from helpers.meshes import disk, generic_square, square
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material, QuadraticField
+from kohonen_adapt.magnetostatics import Magnetostatics, Material, QuadraticField, Torque, radial
 
 MU0 = 4e-7 * np.pi
 
@@ -139,6 +141,37 @@ def test_antiperiodic_sides():
         np.testing.assert_allclose(there, sign * field.potential_at(x), atol=1e-9 * largest)
     ours, theirs = of_half.indicators(half, field), of_whole.indicators(whole, double)
     np.testing.assert_allclose(np.sort(np.tile(ours, 2)), np.sort(theirs), rtol=1e-6, atol=1e-9 * theirs.max())
+
+
+def test_elements_are_quadratic_where_nothing_else_is_asked_for():
+    field = Magnetostatics(RECTANGLE.materials, RECTANGLE.potential).solve(rectangle_mesh(1))
+    assert type(field) is QuadraticField
+    around = Magnetostatics({"air": Material()}, {"outer": 0.0}, axisymmetric=True)
+    assert around.order == Magnetostatics({"air": Material()}, open_boundary="rim").order == 2
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"goal": Torque("air")},
+        {"estimator": "recovery"},
+        {"estimator": "equilibrated"},
+        {"materials": {"air": Material(remanence=radial(1.0))}},
+        {"materials": {"air": Material(coercivity=radial(1e6))}},
+    ],
+)
+def test_what_order_1_alone_has_is_asked_of_order_1(arguments):
+    """Also of a problem that was another one, unless it said its order itself."""
+    given = {"materials": {"air": Material()}, "potential": {"rim": 0.0}}
+    assert Magnetostatics(**(given | arguments)).order == 1
+    plain = Magnetostatics(**given)
+    changed = replace(plain, **arguments)
+    assert (plain.order, changed.order) == (2, 1)
+    assert replace(changed, goal=None, estimator="residual", materials=plain.materials).order == 2
+    assert replace(Magnetostatics(**given, order=1), depth=0.1).order == 1
+    if "materials" not in arguments:
+        with pytest.raises(ValueError, match=r"order 2"):
+            replace(Magnetostatics(**given, order=2), **arguments)
 
 
 @pytest.mark.parametrize(

@@ -141,13 +141,3 @@ def test_nodes_must_be_as_many_as_corners_and_sides():
     curved.p[0, -1] = np.nan
     with pytest.raises(ValueError, match=r"25 in all; got 24\."):
         ka.quality(curved)
-
-
-def test_what_needs_straight_sides_names_the_remedy():
-    curved, _ = bent(MESH, 0.001)
-    apart = MESH.translated((5.0, 0.0))
-    for call in (lambda: ka.merge(curved, apart), lambda: ka.turned(curved, "core", 0.1)):
-        with pytest.raises(
-            ValueError, match=r"got MeshTri2\. Keep its corners only: MeshTri\(mesh\.p\[:, :mesh\.nvert"
-        ):
-            call()

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from helpers.meshes import centres, circle, disk, l_shape, ring, shells, square
-from skfem import MeshTri
+from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.mesh.curved import corner_places, corners_of, displacements, facet_displacements, with_displacements
 from kohonen_adapt.mesh.measures import area
 
 MU0 = 4e-7 * np.pi
@@ -195,6 +196,52 @@ def test_turned_by_nothing_and_there_and_back():
     back = ka.turned(ka.turned(mesh, "rotor", 5 * np.pi / 48), "rotor", -5 * np.pi / 48)
     np.testing.assert_allclose(back.p, mesh.p, atol=1e-15)
     np.testing.assert_array_equal(back.t, mesh.t)
+
+
+def on_arcs(mesh):
+    """The mesh with sides that join two nodes of a circle about the origin bent to it, and all others at random."""
+    middle, radius = mesh.p[:, mesh.facets].mean(axis=1), np.hypot(*mesh.p[:, mesh.facets])
+    round_ = np.ptp(radius, axis=0) < 1e-9
+    to_arc = middle * (radius.mean(axis=0) / np.maximum(np.hypot(*middle), 1e-9) - 1.0)
+    return with_displacements(mesh, np.where(round_, to_arc, np.random.default_rng(3).normal(scale=1e-3, size=(2, 1))))
+
+
+def test_bent_sides_turn_with_their_elements():
+    mesh, angle = on_arcs(machine()), 2 * np.pi * 7 / 96
+    new, straight = ka.turned(mesh, "rotor", angle), ka.turned(machine(), "rotor", angle)
+    assert type(new) is MeshTri2 and new.p.flags.c_contiguous
+    np.testing.assert_array_equal(corners_of(new).p, straight.p)
+    np.testing.assert_array_equal(new.t, straight.t)
+    np.testing.assert_allclose(area(new), area(mesh), rtol=1e-9)
+    assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
+    turn = np.where(np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"]), np.exp(1j * angle), 1.0)
+    was, now = (each[..., 0] + 1j * each[..., 1] for each in map(displacements, (mesh, new)))
+    np.testing.assert_allclose(now, turn[:, None] * was, atol=1e-12)  # the circle is whole: nodes keep their numbers
+    back = ka.turned(new, "rotor", -angle)
+    np.testing.assert_allclose(back.p, mesh.p, atol=1e-14)
+
+
+def by_place(mesh):
+    """Corners and displacements of elements, (nelements, 3, 2) each, the corners of an element in order of their x."""
+    x, off = corner_places(mesh), displacements(mesh)
+    order = np.argsort(np.round(x @ [1.0, 0.1], 9), axis=1)[:, :, None]
+    return np.take_along_axis(x, order, axis=1), np.take_along_axis(off, order, axis=1)
+
+
+def test_bent_meshes_become_one_with_their_bends():
+    """The circle between them is bent as the second has it."""
+    inner, outer = rotor(), on_arcs(stator())
+    for one, other in ((on_arcs(inner), outer), (inner, outer), (outer, on_arcs(inner))):
+        mesh = ka.merge(one, other)
+        assert type(mesh) is MeshTri2
+        np.testing.assert_array_equal(corners_of(mesh).p, ka.merge(corners_of(one), corners_of(other)).p)
+        (x, found), (_, first), (_, second) = (by_place(each) for each in (mesh, one, other))
+        np.testing.assert_allclose(found[one.nelements :], second, atol=1e-15)
+        differ = np.abs(found[: one.nelements] - first).max(axis=(1, 2)) > 1e-15
+        assert np.sum(differ) == (N if one is inner else 0)
+        assert np.all(np.hypot(*x[: one.nelements][differ].T).max(axis=0) > 0.49)
+        np.testing.assert_allclose(area(mesh).sum(), np.pi, rtol=1e-3)
+    assert not np.any(facet_displacements(ka.merge(inner, stator())))
 
 
 @pytest.mark.parametrize("oriented", [False, True])

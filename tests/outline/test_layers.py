@@ -122,7 +122,7 @@ def again_and_again(mesh, topology, layers=None, seed=0, times=4):
 def current(mesh):
     """A magnetic circuit around a gap, with current on one side."""
     materials = {"low": Material(permeability=1000.0, current_density=1e6), "gap": Material()}
-    return Magnetostatics({**materials, "high": Material(permeability=1000.0)}, potential={"outer": 0.0})
+    return Magnetostatics({**materials, "high": Material(permeability=1000.0)}, potential={"outer": 0.0}, order=1)
 
 
 def closed(mesh):

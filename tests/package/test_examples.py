@@ -186,7 +186,7 @@ def test_devices_have_a_smaller_error_at_the_same_nodes_and_names(request, examp
     after = request.getfixturevalue(example)[1][0]
     before = after.history[0]
     assert after.estimate < share * before.estimate
-    assert after.mesh.p.shape == before.mesh.p.shape
+    assert after.mesh.nvertices == before.mesh.nvertices
     assert ka.quality(after.mesh).min() >= 0.3 - 1e-12
     assert after.mesh.boundaries.keys() == before.mesh.boundaries.keys()
     assert after.mesh.subdomains.keys() == before.mesh.subdomains.keys()
@@ -229,7 +229,8 @@ def test_motor_solves_the_whole_machine(motor):
     machine, number = whole_machine(mesh)
     signs = (-1.0) ** np.arange(POLES)
     poles = {f"{name} {k}": next_pole(given, k) for name, given in materials.items() for k in range(POLES)}
-    potential = Magnetostatics(poles, potential={"outer": 0.0, "inner": 0.0}).solve(machine).potential
+    whole = Magnetostatics(poles, potential={"outer": 0.0, "inner": 0.0}, order=1)
+    potential = whole.solve(machine).potential
     wanted = signs[:, None] * MOTOR["sector"](materials).solve(mesh).potential
     np.testing.assert_allclose(potential[number], wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 

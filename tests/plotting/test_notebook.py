@@ -50,7 +50,7 @@ def result():
     mesh = MeshTri().refined(4).with_defaults()
     mesh = mesh.with_subdomains({"coil": lambda x: x[0] < 0.5, "air": lambda x: x[0] > 0.5})
     materials = {"coil": Material(current_density=1e6), "air": Material()}
-    problem = Magnetostatics(materials, potential={"left": 0.0})
+    problem = Magnetostatics(materials, potential={"left": 0.0}, order=1)
     return ka.adapt(mesh, problem, passes=2, outputs={HOSTILE: lambda field: field.energy})
 
 

@@ -389,7 +389,7 @@ def blocks(n, seed=None):
 
 def problem_of(iron, current_density=3e7):
     coil = Material(current_density=current_density)
-    return Magnetostatics({"iron": iron, "coil": coil, "air": Material()}, {"outer": 0.0})
+    return Magnetostatics({"iron": iron, "coil": coil, "air": Material()}, {"outer": 0.0}, order=1)
 
 
 def functional_of(problem, mesh):

@@ -36,6 +36,7 @@ def magnet_field(x):
 PROBLEM = Magnetostatics(
     {"magnet": Material(remanence=(1.0, 0.0)), "air": Material()},
     potential={"inner": magnet_potential, "outer": magnet_potential},
+    order=1,
 )
 
 
