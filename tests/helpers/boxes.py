@@ -77,7 +77,7 @@ def opened(position, node, region=None, named=None, density=None):
     beside = neighbours(node)
     patch, planes = patches_of(position, node, beside, region, named)
     number, place, meets, lines = freedoms(position, node, patch, len(planes))
-    n, m, rows, room = len(position), len(node), len(position) + 2, 2 * len(node) + 8192
+    n, m, rows, room = len(position), len(node), len(position) + 8, 2 * len(node) + 8192
     surfaces = Surfaces(
         np.full(len(planes), PLANE, dtype=np.int8),
         *(np.array([row[k] for row in planes]) for k in range(2)),
