@@ -1,16 +1,17 @@
 """Draw moving pictures (GIF) of meshes, pass by pass, and of the map as it learns."""
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from io import BytesIO
 from math import ceil
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from matplotlib.animation import PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from PIL import Image
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
@@ -147,19 +148,20 @@ def _write(path: Path, frames: Sequence[Frame], plane: CutBy | None, unit: str, 
 
 
 def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> bytes:
-    """The frames as a GIF; matplotlib tells the format by the name of a file, so it writes one that goes again."""
+    """The frames as a GIF, each drawn once."""
     figure = Figure(figsize=_page(np.ptp(flat(frames[0][0], plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained")
-    axes, writer = figure.subplots(), PillowWriter(fps=1.0 / seconds)  # type: ignore[arg-type]  # a fraction will do
-    with tempfile.TemporaryDirectory() as folder:
-        film = Path(folder) / "film.gif"
-        writer.setup(figure, film, DOTS)
-        for mesh, title in [*frames, *[frames[-1]] * ceil(HOLD / seconds)]:
-            axes.clear()
-            draw_mesh(axes, mesh, plane=plane, unit=unit)
-            axes.set_title(title, fontsize="medium")
-            writer.grab_frame()
-        writer.finish()
-        return film.read_bytes()
+    axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
+    for mesh, title in frames:
+        axes.clear()
+        draw_mesh(axes, mesh, plane=plane, unit=unit)
+        axes.set_title(title, fontsize="medium")
+        canvas.draw()
+        pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
+    stay = [round(1000.0 * seconds)] * len(pictures)  # in milliseconds
+    stay[-1] *= 1 + ceil(HOLD / seconds)
+    film = BytesIO()
+    pictures[0].save(film, "GIF", save_all=True, append_images=pictures[1:], duration=stay, loop=0)
+    return film.getvalue()
 
 
 def _page(size: Floats) -> tuple[float, float]:

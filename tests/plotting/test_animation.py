@@ -10,8 +10,8 @@ from kohonen_adapt import plotting
 from kohonen_adapt.loop.passes import Pass
 
 
-def passes(count, levels=2):
-    mesh = MeshTri().refined(levels)
+def passes(count, mesh=None):
+    mesh = mesh or MeshTri().refined(2)
     same = {"mesh": mesh, "indicators": np.ones(mesh.t.shape[1]), "nodes": np.arange(mesh.p.shape[1])}
     same |= {"unknowns": mesh.p.shape[1], "worth": 1.0, "energy_norm": 2.0, "min_quality": 0.5, "mean_quality": 0.9}
     return [Pass(number=k, estimate=1.0 / (k + 1), **same) for k in range(count)]
@@ -35,7 +35,7 @@ def test_every_pass_is_a_frame_and_the_last_stays(tmp_path):
 
 
 def test_of_many_passes_sixty_are_shown(tmp_path):
-    plotting.animate_passes(tmp_path / "passes.gif", passes(61, levels=0), seconds=1.0)
+    plotting.animate_passes(tmp_path / "passes.gif", passes(61, MeshTri().scaled((1.0, 0.1))), seconds=1.0)
     assert sum(durations(tmp_path / "passes.gif")) == 60_000 + 2000
 
 
