@@ -1,4 +1,4 @@
-"""Look up the names of a mesh; number sets of names, and regions, whose elements carry one set and get it back."""
+"""Look up the names of a mesh; number sets of names, regions with one set each, and how facets carry them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,23 +8,31 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skfem import Mesh, MeshTri
+from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.mesh.host import is_own_name
 
 __all__ = [
+    "LEFT",
+    "RIGHT",
+    "UNORIENTED",
     "codes_of_names",
     "combinations",
     "in_order",
     "joined",
+    "labels",
+    "manners_of",
     "named",
     "named_sets",
     "nodes_of_points",
     "regions_of",
     "subdomains_of",
+    "turned",
 ]
 
+UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
 SAME = 1e-9  # of the size of the mesh: nodes nearer than that to a point are there
 
 
@@ -137,3 +145,30 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
         named[region_of_input[rows]] = True
         found[name] = np.flatnonzero(named[region]).astype(np.asarray(rows).dtype)
     return found
+
+
+def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
+    """How the given facets, seen from the given elements, carry a boundary of these rows."""
+    manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
+    manner[np.asarray(rows)] = UNORIENTED
+    if isinstance(rows, OrientedBoundary):
+        side = np.full(len(manner), -1)
+        side[np.asarray(rows)] = mesh.f2t[rows.ori, np.asarray(rows)]
+        return np.where(manner[facet] == 0, 0, np.where(side[facet] == element, LEFT, RIGHT)).astype(np.int8)
+    return manner[facet]
+
+
+def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
+    """Sides seen along another direction: LEFT and RIGHT change places where it is not the same."""
+    return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
+
+
+def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
+    """Number the combinations of regions to the left and right and of carried names, along and against, (f, 2)."""
+    rows = []
+    for pair, along in (((left, right), True), ((right, left), False)):
+        seen = [turned(side, along) for side in sides]
+        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(left)).view(np.int64)
+        rows.append(np.column_stack([*pair, code]))
+    number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
+    return number.reshape(2, -1).T

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.names import labels, manners_of
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
-from kohonen_adapt.outline.facets import labels, manners_of
 
 __all__ = ["Edges", "Faces", "Seams", "constrained_faces", "edges_of", "seams_of"]
 

@@ -5,17 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.names import codes_of_names
+from kohonen_adapt.mesh.names import labels, manners_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, turns
 
-__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of", "turned"]
-
-UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
+__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of"]
 
 
 class Facets(NamedTuple):
@@ -64,33 +61,6 @@ def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
         corner = np.argmax(node == mesh.t[(row + 2) % 3][:, None], axis=1)
         facet[np.arange(len(node)), corner] = mesh.t2f[row]
     return facet
-
-
-def manners_of(mesh: MeshTri, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
-    """How the given facets, seen from the given elements, carry a boundary of these rows."""
-    manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
-    manner[np.asarray(rows)] = UNORIENTED
-    if isinstance(rows, OrientedBoundary):
-        side = np.full(len(manner), -1)
-        side[np.asarray(rows)] = mesh.f2t[rows.ori, np.asarray(rows)]
-        return np.where(manner[facet] == 0, 0, np.where(side[facet] == element, LEFT, RIGHT)).astype(np.int8)
-    return manner[facet]
-
-
-def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
-    """Sides seen along another direction: LEFT and RIGHT change places where it is not the same."""
-    return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
-
-
-def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
-    """Number the combinations of regions to the left and right and of carried names, along and against, (f, 2)."""
-    rows = []
-    for pair, along in (((left, right), True), ((right, left), False)):
-        seen = [turned(side, along) for side in sides]
-        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(left)).view(np.int64)
-        rows.append(np.column_stack([*pair, code]))
-    number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
-    return number.reshape(2, -1).T
 
 
 def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | float = 0.0) -> Joints:

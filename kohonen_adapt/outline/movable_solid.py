@@ -15,10 +15,9 @@ from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Constraints, Freedom, Surfaces
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import set_boundaries
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
 from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seams_of
-from kohonen_adapt.outline.facets import LEFT, turned
 from kohonen_adapt.outline.joining_faces import patches_of
 from kohonen_adapt.outline.patches import Patches, on_their_patches
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of

@@ -25,12 +25,12 @@ from kohonen_adapt.kernels.arrays import (
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.host import set_boundaries
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains, without_corner
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
-from kohonen_adapt.outline.facets import LEFT, Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of, turned
+from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of
 from kohonen_adapt.outline.middles import bent_facets, joined_alike
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along

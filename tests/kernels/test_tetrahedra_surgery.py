@@ -185,7 +185,7 @@ def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences():
     def derivatives(way):
         moved = position.copy()
         moved[v] += way
-        return np.array(interpreted(smooth.derivatives)(moved, star, weight, v))
+        return np.concatenate(interpreted(smooth.derivatives)(moved, star, weight, v))
 
     def energy(way):
         return interpreted(smooth.star_energy)(position, star, weight, v, *(position[v] + way))[0]

@@ -3,7 +3,6 @@
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import MOST
 
 # Row k: the other corners, such that (k, *row) is positive.
 OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -39,7 +38,7 @@ def fourth_node(node, e, a, b, c):
 
 @inner_kernel
 def gather_around(mesh, v, around):
-    """List the elements around v that hang together by faces; returns how many, -1 if there are more than `MOST`."""
+    """List the elements around v that hang together by faces; returns how many, -1 if there is no room for so many."""
     node, neighbour, cavity = mesh.elements.node, mesh.elements.neighbour, mesh.cavity
     cavity.counter[0] += 1
     stamp = cavity.counter[0]
@@ -53,7 +52,7 @@ def gather_around(mesh, v, around):
             across = np.int64(neighbour[e, k])
             if across < 0 or node[e, k] == v or cavity.element_stamp[across] == stamp:
                 continue
-            if count == MOST:
+            if count == around.shape[0]:
                 return -1
             cavity.element_stamp[across] = stamp
             around[count] = across

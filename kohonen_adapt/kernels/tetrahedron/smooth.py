@@ -55,7 +55,7 @@ def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
 
 @inner_kernel
 def derivatives(position, star, weight, v):
-    """Gradient and Hessian, upper triangle, of the sum over the star of v by its position."""
+    """Gradient, and the upper triangle of the Hessian, of the sum over the star of v by its position."""
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     gx = gy = gz = xx = xy = xz = yy = yz = zz = 0.0
     for j in range(star.start[v], star.start[v + 1]):
@@ -85,12 +85,13 @@ def derivatives(position, star, weight, v):
         yy += energy * (2.0 * py * py + 4.0 * sy * sy + even)
         yz += energy * (2.0 * py * pz + 4.0 * sy * sz)
         zz += energy * (2.0 * pz * pz + 4.0 * sz * sz + even)
-    return gx, gy, gz, xx, xy, xz, yy, yz, zz
+    return (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
 
 
 @inner_kernel
-def step_inside(gx, gy, gz, xx, xy, xz, yy, yz, zz):
+def step_inside(gradient, hessian):
     """Newton's step of a node inside: minus gradient by Hessian."""
+    (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
     a, b, c = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     scale = -1.0 / (xx * a + xy * b + xz * c)
@@ -102,14 +103,16 @@ def step_inside(gx, gy, gz, xx, xy, xz, yy, yz, zz):
 
 
 @inner_kernel
-def along(tx, ty, tz, xx, xy, xz, yy, yz, zz):
+def along(tx, ty, tz, hessian):
     """The Hessian times a vector."""
+    xx, xy, xz, yy, yz, zz = hessian
     return xx * tx + xy * ty + xz * tz, xy * tx + yy * ty + yz * tz, xz * tx + yz * ty + zz * tz
 
 
 @inner_kernel
-def step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz):
+def step_across(nx, ny, nz, gradient, hessian):
     """Newton's step in the plane with that normal."""
+    gx, gy, gz = gradient
     if abs(nx) <= abs(ny) and abs(nx) <= abs(nz):
         tx, ty, tz = 0.0, nz, -ny
     elif abs(ny) <= abs(nz):
@@ -119,9 +122,9 @@ def step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz):
     scale = 1.0 / np.sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = scale * tx, scale * ty, scale * tz
     sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    hx, hy, hz = along(tx, ty, tz, xx, xy, xz, yy, yz, zz)
+    hx, hy, hz = along(tx, ty, tz, hessian)
     tt, st = tx * hx + ty * hy + tz * hz, sx * hx + sy * hy + sz * hz
-    hx, hy, hz = along(sx, sy, sz, xx, xy, xz, yy, yz, zz)
+    hx, hy, hz = along(sx, sy, sz, hessian)
     ss, gt, gs = sx * hx + sy * hy + sz * hz, gx * tx + gy * ty + gz * tz, gx * sx + gy * sy + gz * sz
     scale = -1.0 / (tt * ss - st * st)
     t, s = scale * (ss * gt - st * gs), scale * (tt * gs - st * gt)
@@ -132,15 +135,16 @@ def step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz):
 def newton_step(position, star, surfaces, freedom, weight, v):
     """Where Newton's method would take a node, in the directions that it has."""
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
-    gx, gy, gz, xx, xy, xz, yy, yz, zz = derivatives(position, star, weight, v)
+    gradient, hessian = derivatives(position, star, weight, v)
     place = np.int64(freedom.place[v])
     if freedom.number[v] == INSIDE:
-        return step_inside(gx, gy, gz, xx, xy, xz, yy, yz, zz)
+        return step_inside(gradient, hessian)
     if freedom.number[v] == ON_PATCH:
         _, nx, ny, nz = signed_distance(surfaces, place, x, y, z)
-        return step_across(nx, ny, nz, gx, gy, gz, xx, xy, xz, yy, yz, zz)
+        return step_across(nx, ny, nz, gradient, hessian)
     tx, ty, tz = tangent_of_ridge(surfaces, place, x, y, z)
-    hx, hy, hz = along(tx, ty, tz, xx, xy, xz, yy, yz, zz)
+    hx, hy, hz = along(tx, ty, tz, hessian)
+    gx, gy, gz = gradient
     way = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
     return way * tx, way * ty, way * tz
 
