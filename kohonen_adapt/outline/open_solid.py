@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.tetrahedron.arrays import (
@@ -24,7 +24,6 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinch
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
-from kohonen_adapt.outline.rows import free_rows, padded, ranks
 
 __all__ = ["OpenSolid", "swap_elements"]
 

@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.kernels.arrays import SLIDING, Elements, OpenMesh, Origins, Pool, SurgeryScratch
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
-from kohonen_adapt.outline.rows import free_rows, padded, ranks
 
 __all__ = ["Recycled", "Surgery", "unchanged"]
 

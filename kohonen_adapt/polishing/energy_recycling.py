@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, padded
 from kohonen_adapt.kernels.arrays import HELD, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
@@ -15,7 +15,6 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rows import padded
 from kohonen_adapt.outline.surgery import Recycled, Surgery
 from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional

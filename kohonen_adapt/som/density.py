@@ -1,5 +1,7 @@
 """From error indicators or wanted sizes to a density of nodes."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
@@ -10,9 +12,17 @@ from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["density_from_indicators", "density_from_sizes", "equidistributing", "per_element"]
+__all__ = [
+    "density_from_indicators",
+    "density_from_sizes",
+    "equidistributing",
+    "per_element",
+    "values_at",
+    "without_zeros",
+]
 
 
+ZERO = 1e-6  # of the largest value: a density of zero is raised to this
 QUIET = 1e-3  # of the median: an indicator below it says nothing
 
 
@@ -135,3 +145,24 @@ def per_element(count: int, values: ArrayLike, name: str) -> Floats:
     if len(bad):
         raise ValueError(f"{name} must be finite and >= 0; element {bad[0]} has {array[bad[0]]}.")
     return array
+
+
+def without_zeros(values: Floats, largest: float) -> Floats:
+    """Shares of the largest value, as only ratios matter; zeros raised to a millionth of it.
+
+    Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
+    """
+    return np.where(values == 0.0, ZERO, values / largest)
+
+
+def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
+    """A user's density at the rows of an (n, d) array, checked."""
+    values = np.asarray(function(points.T.copy()))
+    if values.shape != (len(points),):
+        raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
+    values = as_reals("density", values, {"n": len(points)})
+    bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+    if len(bad):
+        where = tuple(points[bad[0]].tolist())
+        raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
+    return values

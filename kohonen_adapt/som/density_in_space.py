@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.som.density import per_element
-from kohonen_adapt.som.training_points import values_at, without_zeros
+from kohonen_adapt.som.density import per_element, values_at, without_zeros
 
 __all__ = ["DensityInSpace", "density_in_space"]
 

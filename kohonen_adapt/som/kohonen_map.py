@@ -18,10 +18,10 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
+from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.rooms import ROOMS
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["KohonenMap"]
 

@@ -23,9 +23,10 @@ from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import swap_elements
+from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.rooms import ROOMS, Room
 from kohonen_adapt.som.schedule import Schedule, Stage
-from kohonen_adapt.som.training_points import Density, Draw
+from kohonen_adapt.som.training_points import Density
 from kohonen_adapt.som.transport import POINTS, Transport
 
 __all__ = ["Trainer"]

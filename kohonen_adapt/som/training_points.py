@@ -2,13 +2,11 @@
 
 from collections.abc import Callable
 from math import factorial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import as_reals
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.smooth import (
@@ -22,13 +20,13 @@ from kohonen_adapt.kernels.triangle.smooth import (
 from kohonen_adapt.mesh.locate import holding
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.density import per_element
+from kohonen_adapt.som.density import per_element, values_at, without_zeros
+from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.rooms import ROOMS
 
 __all__ = [
     "CallableDensity",
     "Density",
-    "Draw",
     "ElementDensity",
     "ElementSource",
     "FunctionSource",
@@ -42,25 +40,8 @@ __all__ = [
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
-ZERO = 1e-6  # of the largest value: a density of zero is raised to this
 FEW = 5_000  # nodes that are not worth another thread
 CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
-
-
-class Draw(NamedTuple):
-    """Training points (k, d), the elements of the density's mesh they lie in, their regions and weights (k,).
-
-    They come along a space-filling curve: neighbours in the array are neighbours in the mesh.
-    """
-
-    points: Floats
-    element: NDArray[np.int32]
-    region: NDArray[np.int32]
-    weights: Floats
-
-    def reordered(self, order: Ints) -> "Draw":
-        """These points in that order."""
-        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 
 
 class OfElements:
@@ -219,27 +200,6 @@ def source_of(
     if callable(density):
         return FunctionSource(mesh, density)
     return ElementSource(mesh, per_element(len(mesh.elements.node), density, "density"))
-
-
-def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
-    """A user's density at the rows of an (n, d) array, checked."""
-    values = np.asarray(function(points.T.copy()))
-    if values.shape != (len(points),):
-        raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
-    values = as_reals("density", values, {"n": len(points)})
-    bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
-    if len(bad):
-        where = tuple(points[bad[0]].tolist())
-        raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
-    return values
-
-
-def without_zeros(values: Floats, largest: float) -> Floats:
-    """Shares of the largest value, as only ratios matter; zeros raised to a millionth of it.
-
-    Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
-    """
-    return np.where(values == 0.0, ZERO, values / largest)
 
 
 def sites_of(triangulation: Triangulation) -> Sites:

@@ -41,7 +41,7 @@ from kohonen_adapt.kernels.triangle.transport import (
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
-from kohonen_adapt.som.training_points import Draw
+from kohonen_adapt.som.draw import Draw
 
 __all__ = ["POINTS", "Transport"]
 

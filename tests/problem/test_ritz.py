@@ -12,8 +12,9 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Draw, density_of
+from kohonen_adapt.som.training_points import density_of
 
 ZEROS, FIXED, REGION = np.zeros(4), np.array([True, False, False, False]), np.array([0, 1])
 
