@@ -8,11 +8,10 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, PROJECTED
+from kohonen_adapt.kernels.tetrahedron.locate import TOLERANCE, depth_in_element, side_of_face, walk
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 
 STRETCH = 64  # points that follow one another and may start where the one before ended
-TOLERANCE = 1e-10  # of an element's volume: points on a face or on the outline count as inside
-WALK = 64  # steps before nodes are asked for the way; from a former winner it is two or three
 
 
 @inner_kernel
@@ -33,58 +32,6 @@ def squared_distance(position, v, x):
     """Squared distance from node v to the point x."""
     dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
     return dx * dx + dy * dy + dz * dz
-
-
-@inner_kernel
-def side_of_face(position, node, e, k, x):
-    """Six times the signed volume that x spans with the face opposite to corner k of e; negative beyond it."""
-    # the order of the other corners in which (k, p, q, r) is positive
-    if k == 0:
-        p, q, r = node[e, 1], node[e, 2], node[e, 3]
-    elif k == 1:
-        p, q, r = node[e, 0], node[e, 3], node[e, 2]
-    elif k == 2:
-        p, q, r = node[e, 0], node[e, 1], node[e, 3]
-    else:
-        p, q, r = node[e, 0], node[e, 2], node[e, 1]
-    return triple(
-        (position[p, 0] - x[0], position[p, 1] - x[1], position[p, 2] - x[2]),
-        (position[q, 0] - x[0], position[q, 1] - x[1], position[q, 2] - x[2]),
-        (position[r, 0] - x[0], position[r, 1] - x[1], position[r, 2] - x[2]),
-    )
-
-
-@inner_kernel
-def depth_in_element(position, node, e, x):
-    """Smallest barycentric coordinate of x in element e: negative outside."""
-    least, total = np.inf, 0.0
-    for k in range(4):
-        side = side_of_face(position, node, e, k, x)
-        least = min(least, side)
-        total += side
-    return least / total
-
-
-@inner_kernel
-def walk(position, elements, e, x):
-    """Walk from element e towards x within e's region; returns (element, whether that element holds the point)."""
-    region, e = elements.region[e], np.int64(e)
-    for _ in range(WALK):
-        onward, most, least, total = np.int64(-1), 0.0, np.inf, 0.0
-        for k in range(4):
-            side = side_of_face(position, elements.node, e, k, x)
-            total += side
-            least = min(least, side)
-            if side < most:
-                across = np.int64(elements.neighbour[e, k])
-                if across >= 0 and elements.region[across] == region:
-                    onward, most = across, side
-        if least >= -TOLERANCE * total:
-            return e, True
-        if onward < 0:
-            return e, False
-        e = onward
-    return e, False
 
 
 @inner_kernel
@@ -122,7 +69,7 @@ def behind_surface(position, elements, surfaces, e, x):
         p = np.int64(elements.patch[e, k])
         if p < 0 or surfaces.shape[p] == PLANE or surfaces.shape[p] == PROJECTED:
             continue
-        if side_of_face(position, elements.node, e, k, x) >= 0.0:
+        if side_of_face(position, elements.node, e, k, x[0], x[1], x[2]) >= 0.0:
             continue
         mean_x, mean_y, mean_z = 0.0, 0.0, 0.0
         for i in range(4):
@@ -146,11 +93,11 @@ def holding_element(neurons, v, x, region, scratch):
     its region now; the one that it is behind holds it.
     """
     position, elements, star = neurons.position, neurons.elements, neurons.star
-    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x)
+    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x[0], x[1], x[2])
     if inside:
         return e
     nearer_node = descended(position, elements, star, v, x, region)
-    e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x)
+    e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x[0], x[1], x[2])
     if inside or behind_surface(position, elements, neurons.constraints.surfaces, e, x):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
@@ -160,7 +107,7 @@ def holding_element(neurons, v, x, region, scratch):
     while first < last and deepest < -TOLERANCE:
         e = np.int64(queue[first])
         first += 1
-        depth = depth_in_element(position, elements.node, e, x)
+        depth = depth_in_element(position, elements.node, e, x[0], x[1], x[2])
         if depth > deepest:
             best, deepest = e, depth
         for k in range(4):
