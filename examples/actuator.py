@@ -12,11 +12,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import kohonen_adapt as ka
-from kohonen_adapt.display import lattice
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 
 GAPS = np.array([1, 2, 3, 4, 5])  # mm, a mesh for each
 FINE = 2500  # nodes of the meshes that errors are told by, half as many again
+# Corners of an element and middles of its sides, row by row, by barycentric coordinates: B is linear between them.
+SIX = np.array([[1.0, 0.5, 0.0, 0.5, 0.0, 0.0], [0.0, 0.5, 1.0, 0.0, 0.5, 0.0], [0.0, 0.0, 0.0, 0.5, 0.5, 1.0]])
 IRON, AIR = Material(bh=Froehlich(permeability=2000.0, saturation=1.9)), Material()
 
 PROBLEM = Magnetostatics(
@@ -59,8 +60,7 @@ def draw(result, force, fine, path):
     for key, word, mesh in (("A", "before", result.history[0].mesh), ("B", "after", result.mesh)):
         draw_mesh(panels[key], mesh, unit="mm")
         panels[key].set_title(f"Mesh {word}: {mesh.nvertices} nodes")
-    (share, _), lines = lattice(2), panels["C"]  # corners of elements and middles of their sides
-    at, potential = result.solution.at_each(share), result.solution.potential_at_each(share)
+    at, potential, lines = result.solution.at_each(SIX), result.solution.potential_at_each(SIX), panels["C"]
     flux, size = at.x[0].reshape(potential.shape) * potential, np.hypot(*at.flux_density).reshape(potential.shape)
     colours = draw_field_lines(lines, result.mesh, flux, size, lines=15, unit="mm")
     figure.colorbar(colours, ax=lines, label="flux density |B| (T)", extend="max", aspect=40)

@@ -72,7 +72,7 @@ ka.adapt(mesh, Own(), passes=1)
 
 
 WRONG = {
-    "ka.relocate(mesh, density, min_quality='good')": '"str"; expected "float"',
+    "ka.relocate(mesh, density, min_quality='good')": """expected "float | Literal['auto']\"""",
     "ka.adapt(mesh, problem, passes=1.5)": '"float"; expected "int"',
     "ka.adapt(mesh, object())": 'expected "Problem"',
     "Material(permeability='iron')": '"str"; expected "float"',

@@ -119,7 +119,7 @@ def test_stars_know_what_a_move_along_a_curve_does_to_the_whole(dual):
 
 
 MATERIALS = {"core": Material(remanence=(1.0, 0.5)), "ring": Material(50.0), "air": Material()}
-FIELD = Magnetostatics(MATERIALS, potential={"rim": 0.0})
+FIELD = Magnetostatics(MATERIALS, potential={"rim": 0.0}, order=1)
 
 
 def test_nodes_on_curves_are_polished_and_passes_compared_by_the_true_functional():
@@ -161,7 +161,7 @@ HOSTILE = {
 def test_where_slivers_are_not_known_nodes_on_curves_stay(name):
     materials, potential = HOSTILE[name]
     mesh = disk()
-    problem = Magnetostatics(materials, potential=potential)
+    problem = Magnetostatics(materials, potential=potential, order=1)
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), movable)
     assert not functional.comparable
@@ -178,7 +178,7 @@ def test_values_given_around_a_hole_hold_its_nodes():
     ring = shells([radius * circle(16) for radius in (0.3, 0.45, 0.7, 1.0)], 1)
     ring = ring.with_subdomains({"air": lambda x: x[0] < 9.0})
     ring = ring.with_boundaries({"hole": lambda x: np.hypot(*x) < 0.5, "rim": lambda x: np.hypot(*x) > 0.9})
-    problem = Magnetostatics({"air": Material()}, potential={"hole": 1.0, "rim": 0.0})
+    problem = Magnetostatics({"air": Material()}, potential={"hole": 1.0, "rim": 0.0}, order=1)
     movable = MovableMesh.of(ring, Rules())
     functional = Functional.of(problem.ritz(ring, problem.solve(ring)), movable)
     moving = functional.chords.moving(movable.triangulation)
