@@ -108,12 +108,16 @@ def _quickest(
     case: Case, name: str, runs: Sequence[Run], goal: float, guess: int, seeds: Sequence[int]
 ) -> Iterator[tuple[str, Reached]]:
     order, least = getattr(case.problem, "order", 1), case.coarse().p.shape[1]
-    found = [
-        fewest(lambda nodes, run=run: _medians([run(nodes, seed) for seed in seeds]), goal, guess, least, inf, order)
-        for run in runs
-    ]
+    found = [with_fewest_nodes(run, goal, guess, seeds, least, order) for run in runs]
     if any(found):
         yield name, min(filter(None, found), key=lambda reached: reached.seconds)
+
+
+def with_fewest_nodes(
+    run: Run, goal: float, guess: int, seeds: Sequence[int], least: int, order: int
+) -> Reached | None:
+    """The medians over seeds of the runs with the fewest nodes that come to the error, by elements of that order."""
+    return fewest(lambda nodes: _medians([run(nodes, seed) for seed in seeds]), goal, guess, least, inf, order)
 
 
 def _remeshing(remesher: Remesher, case: Case, extra: int) -> Run:

@@ -150,17 +150,19 @@ def test_the_fewest_nodes_for_an_error_are_found():
     def run(nodes, seed):
         return Reached(3, nodes, 2.0 / nodes**0.5, 1.0 + seed)
 
-    reached = time_to_error.fewest(run, goal=0.05, guess=400, seeds=range(3))
+    reached = time_to_error.with_fewest_nodes(run, 0.05, 400, range(3), least=100, order=1)
     assert (reached.solves, reached.seconds) == (3, 2.0)
     assert 0.045 < reached.error <= 0.05
-    assert time_to_error.fewest(lambda nodes, seed: Reached(1, nodes, 1.0, 1.0), 0.5, 16, range(1)) is None
+    worse = Reached(1, 16, 1.0, 1.0)
+    assert time_to_error.with_fewest_nodes(lambda nodes, seed: worse, 0.5, 16, range(1), least=16, order=1) is None
 
 
 def test_time_to_an_error_is_that_of_a_mesh_that_has_it():
     (case,) = [case for case in cases("L") if case.start().p.shape[1] == 225]
     loop = methods.measured(case, bisected_meshes(case.problem, case.coarse()))
     bisected = time_to_error.until(loop, 0.1)
-    ours = time_to_error.fewest(time_to_error.adapting(case, passes=3), 0.1, bisected.nodes, range(1))
+    adapting, least = time_to_error.adapting(case, passes=3), case.coarse().p.shape[1]
+    ours = time_to_error.with_fewest_nodes(adapting, 0.1, bisected.nodes, range(1), least, order=1)
     assert max(bisected.error, ours.error) <= 0.1
     assert ours.nodes < bisected.nodes
     assert ours.solves == 4
