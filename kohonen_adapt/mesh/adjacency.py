@@ -7,11 +7,11 @@ an element is on, nor that more than two elements share one: what is tangled sho
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.host import ascending, keys_of
 
-__all__ = ["neighbours_of", "positive"]
+__all__ = ["neighbours_of", "positive", "write_on_both_sides"]
 
 
 def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
@@ -59,3 +59,12 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
     return ~odd
+
+
+def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:
+    """Write values of facets, opposite to these corners of elements, into the rows (m, d) of both elements of each."""
+    of_facet[element, corner] = value
+    across = neighbour[element, corner]
+    inside = across >= 0
+    e, own = across[inside], element[inside]
+    of_facet[e, np.argmax(neighbour[e] == own[:, None], axis=1)] = value[inside]

@@ -13,11 +13,12 @@ from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Constraints, Freedom, Surfaces
+from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
-from kohonen_adapt.outline.faces import Faces, constrained_faces, edges_of, seams_of
+from kohonen_adapt.outline.faces import constrained_faces, edges_of, seams_of
 from kohonen_adapt.outline.joining_faces import patches_of
 from kohonen_adapt.outline.patches import Patches, on_their_patches
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
@@ -69,7 +70,8 @@ class MovableSolid:
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
-        mark_faces(tet, faces, patches.of_face)
+        elements = tet.elements
+        write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
         floor = floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
         return cls(tet, surfaces_of(patches, ridges), freedom, patches, floor, rules.flips)
@@ -177,17 +179,6 @@ def inner_nodes(tet: Tetrahedralization) -> Mask:
     inner = np.ones(tet.nnodes, dtype=np.bool_)
     inner[node[one[node] != region[:, None]]] = False
     return inner
-
-
-def mark_faces(tet: Tetrahedralization, faces: Faces, patch: Ints) -> None:
-    """Write the patch of every constrained face into the elements on both of its sides."""
-    tetrahedra = tet.elements
-    tetrahedra.patch[faces.element, faces.corner] = patch
-    across = tetrahedra.neighbour[faces.element, faces.corner]
-    inside = across >= 0
-    e, own = across[inside], faces.element[inside]
-    k = np.argmax(tetrahedra.neighbour[e] == own[:, None], axis=1)
-    tetrahedra.patch[e, k] = patch[inside]
 
 
 def surfaces_of(patches: Patches, ridges: Ridges) -> Surfaces:

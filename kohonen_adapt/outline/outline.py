@@ -24,6 +24,7 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
+from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -87,7 +88,8 @@ class Outline:
         chains = chains_of(triangulation.position, runs, pieces, curves, bent.off)
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[runs.facet[pieces.slots]] = pieces.of_slot
-        mark_facets(triangulation, facets, chain)
+        elements = triangulation.elements
+        write_on_both_sides(elements.chain, elements.neighbour, facets.element, facets.corner, chain)
         occupied = pinned.copy()
         occupied[facets.nodes[pairs.facet >= 0]] = True
         constraints = Constraints(
@@ -245,17 +247,6 @@ def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
     pair_chains(constraints.chains, mate, motion, pairs.motions)
     v = np.flatnonzero((constraints.kind == SLIDING) & (pairs.motion >= 0) & (pairs.motion % 2 == 0))
     constraints.parameter[pairs.partner[v]] = constraints.parameter[v]
-
-
-def mark_facets(triangulation: Triangulation, facets: Facets, chain: Ints) -> None:
-    """Write the chain of every outline facet into the elements on both of its sides."""
-    elements = triangulation.elements
-    elements.chain[facets.element, facets.corner] = chain
-    across = elements.neighbour[facets.element, facets.corner]
-    inside = across >= 0
-    e, own = across[inside], facets.element[inside]
-    k = np.argmax(elements.neighbour[e] == own[:, None], axis=1)
-    elements.chain[e, k] = chain[inside]
 
 
 def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
