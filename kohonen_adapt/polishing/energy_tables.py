@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.triangle.nonlinear import STEPS
+from kohonen_adapt.kernels.nonlinear import STEPS
 from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = ["Tables", "tabulated"]

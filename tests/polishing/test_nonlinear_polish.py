@@ -14,6 +14,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
+from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.triangle import descend as kernels
 from kohonen_adapt.kernels.triangle.descend import (
     LEAST_CURVATURE,
@@ -23,7 +24,6 @@ from kohonen_adapt.kernels.triangle.descend import (
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip, mark_gainful
-from kohonen_adapt.kernels.triangle.nonlinear import stored
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.arrays import Laws, Pool
 from kohonen_adapt.kernels.records import record
 
 PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches; nodes on PROJECTED ones are held by loops
@@ -18,6 +18,9 @@ HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: how many direct
 
 MOST = 1024  # elements around a node that surgery takes on: nodes with more stay what they are
 RING = 8  # nodes in a ring around an edge that swaps take on
+
+# Columns of `Trial.data`.
+TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
 
 
 @record
@@ -151,3 +154,14 @@ class Constraints(NamedTuple):
     freedom: Freedom
     surfaces: Surfaces
     inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
+
+
+@record
+class Trial(NamedTuple):
+    """A P1 function, and the functional it is judged by."""
+
+    value: np.ndarray  # (n,)
+    fixed: np.ndarray  # (n,) bool: the value is given
+    # Of every region a twelfth of the coefficient, a 24th of the source, a sixth of the flux.
+    data: np.ndarray  # (regions, 5)
+    laws: Laws  # numbers are those of regions, not of elements; where there is one, the coefficient has no say

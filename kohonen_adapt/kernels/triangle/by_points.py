@@ -9,7 +9,7 @@ v by the linear function of v there, so x D has second derivatives, too. Source 
 
 from kohonen_adapt.kernels.arrays import HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, NEAR_AXIS, SIXTH_SOURCE
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import stored
 
 # Of the determinant of the straight element: what the least Bernstein coefficient of the bent one may fall to. Beside
 # facets of 15 degrees every element of quality .3, the default floor, keeps more, beside facets of 30, the longest that

@@ -25,9 +25,9 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.nonlinear import stored
 from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates
 
 ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain

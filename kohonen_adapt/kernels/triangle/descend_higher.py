@@ -22,11 +22,11 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.descend import HALVINGS, ROUNDING, TRIES, newton_step
 from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.nonlinear import stored
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
 

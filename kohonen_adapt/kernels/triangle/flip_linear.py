@@ -4,10 +4,10 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
-from kohonen_adapt.kernels.triangle.nonlinear import stored_in
 from kohonen_adapt.kernels.triangle.varying_flux import pushed
 
 
@@ -103,3 +103,10 @@ def dirichlet(ax, ay, u, bx, by, v):
     """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
+
+
+@inner_kernel
+def stored_in(laws, law, ax, ay, u, bx, by, v):
+    """int W over the triangle (0, a, b) for the values 0, u, v."""
+    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
+    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import DENSITY, RATE
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import kernel
 
 STEPS = 2048  # of a table of W in every octave of |grad u|^2
 LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
@@ -36,10 +36,3 @@ def stored(laws, law, s):
     rate = low_rate + t * (2.0 * second + 3.0 * t * third)
     bend = max((high_rate - low_rate) / width, LEAST_BEND * rate / s)
     return low + width * t * (low_rate + t * (second + t * third)), rate, bend
-
-
-@inner_kernel
-def stored_in(laws, law, ax, ay, u, bx, by, v):
-    """int W over the triangle (0, a, b) for the values 0, u, v."""
-    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
-    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

@@ -1,0 +1,48 @@
+"""Work out the Ritz functional of a P1 function on tetrahedra.
+
+That of an element (a, b, c, d) with six times the volume D is, for int c/2 |grad u|^2 - f u - g . grad u,
+
+    c |n|^2 / (12 D) - f D (u_a + u_b + u_c + u_d) / 24 - g . n / 6,    n = al BxC + be CxA + ga AxB,
+
+A, B, C the ways from a to the others, al, be, ga the differences of their values: grad u = n / D. Nonlinear material
+has D W(|grad u|^2) / 6 in place of the first term.
+"""
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    SIXTH_FLUX_X,
+    SIXTH_FLUX_Y,
+    SIXTH_FLUX_Z,
+    SOURCE_24TH,
+    TWELFTH_COEFFICIENT,
+)
+
+ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
+
+
+@inner_kernel
+def element_energy(position, trial, region, a, b, c, d):
+    """The functional of an element of positive volume, and the sum of the magnitudes that it is made of."""
+    value, data = trial.value, trial.data
+    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
+    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
+    vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
+    wx, wy, wz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
+    alpha, beta, gamma = value[b] - value[a], value[c] - value[a], value[d] - value[a]
+    px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
+    qx, qy, qz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
+    rx, ry, rz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    six = ux * px + uy * py + uz * pz
+    nx = alpha * px + beta * qx + gamma * rx
+    ny = alpha * py + beta * qy + gamma * ry
+    nz = alpha * pz + beta * qz + gamma * rz
+    square = nx * nx + ny * ny + nz * nz
+    law = trial.laws.number[region]
+    if law >= 0:
+        energy = six * stored(trial.laws, law, square / (six * six))[0] / 6.0
+    else:
+        energy = data[region, TWELFTH_COEFFICIENT] * square / six
+    pull = data[region, SOURCE_24TH] * six * (value[a] + value[b] + value[c] + value[d])
+    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
+    return energy - pull - push, energy + abs(pull) + abs(push)
