@@ -130,8 +130,7 @@ class Arguments:
 
     def _best_order(self) -> Chosen:
         """The order that comes to an error of 1 % in the least time, of those that have what is asked for."""
-        turns = any(material.turns for material in self.materials.values())
-        return Chosen(1 if turns or self.goal is not None or self.estimator != "residual" else 2)
+        return Chosen(1 if self.goal is not None or self.estimator != "residual" else 2)
 
     def _check_order(self) -> None:
         if self.order not in (1, 2, 3) or isinstance(self.order, bool):

@@ -78,8 +78,7 @@ class Magnetostatics(Arguments):
         ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
         Of the elements, 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). By default 2, a quarter of the time of 1 to an
-        error of 1 % (`python -m benchmarks time`); but 1 with a goal or another estimator than "residual", and with
-        magnets that turn inside their region, of which higher orders have the mean remanence of every element only.
+        error of 1 % (`python -m benchmarks time`); but 1 with a goal or another estimator than "residual".
     curved
         Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, and
         to solve on a `MeshTri2`: on chords they lose their rate (`python -m benchmarks curves`). `solve` bends none.

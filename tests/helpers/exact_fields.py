@@ -105,3 +105,10 @@ def smooth_potential(x):
 def smooth_field(x):
     """B of that potential."""
     return 3 * np.exp(3 * x[0]) * np.stack((-np.sin(3 * x[1]), -np.cos(3 * x[1])))
+
+
+def halbach_field(x):
+    """B of a cylinder of one pole pair in free space, remanence 1 T: A = y ln(0.04 / r) in it, y ln 2 in the bore."""
+    r = np.hypot(*x)
+    along, inside = np.log(0.04 / np.clip(r, 0.02, 0.04)), (r > 0.02) & (r < 0.04)
+    return np.stack([along - np.where(inside, (x[1] / r) ** 2, 0.0), np.where(inside, x[0] * x[1] / r**2, 0.0)])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.exact_fields import halbach_field
 from helpers.meshes import generic_square, inset, perturbed
 from helpers.tensor_meshes import disk
 
@@ -127,13 +128,6 @@ def ring(k, outside="air"):
     """A ring from 20 to 40 mm around a bore, with 6 mm of something else around it, in air up to 60 mm."""
     parts = {"bore": k // 3, "ring": 2 * k // 3, outside: 5 * k // 6, "air": k}
     return disk(np.linspace(0.0, 0.06, k + 1)[1:], parts)
-
-
-def halbach_field(x):
-    """B of a cylinder of one pole pair in free space, remanence 1 T: A = y ln(0.04 / r) in it, y ln 2 in the bore."""
-    r = np.hypot(*x)
-    along, inside = np.log(0.04 / np.clip(r, 0.02, 0.04)), (r > 0.02) & (r < 0.04)
-    return np.stack([along - np.where(inside, (x[1] / r) ** 2, 0.0), np.where(inside, x[0] * x[1] / r**2, 0.0)])
 
 
 def error_of(field):

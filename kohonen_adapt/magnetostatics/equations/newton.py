@@ -56,7 +56,7 @@ class EnergyFunctional:
 
     @cached_property
     def _at_points(self) -> Coefficients:
-        return self.given.at_quadrature(self.elements.element)
+        return self.given.at_quadrature(self.elements.element, self.elements.points)
 
     def at_rest(self) -> Self:
         """The same with the reluctivity at B = 0 everywhere: quadratic in u."""

@@ -26,6 +26,15 @@ class Piece:
 
 
 @dataclass(frozen=True)
+class Turning:
+    """The elements of one magnet that turns inside its region, and its material by name."""
+
+    name: str
+    material: Material
+    elements: Ints
+
+
+@dataclass(frozen=True)
 class Coefficients:
     """The materials of a mesh, element by element."""
 
@@ -35,26 +44,35 @@ class Coefficients:
     coercivity: Floats  # (2, nelements) in A/m: what of H does not depend on B, with its sign changed
     current_density: Floats  # (nelements,) in A/m^2
     pieces: tuple[Piece, ...] = ()  # the nonlinear materials
+    turning: tuple[Turning, ...] = ()  # magnets of which remanence and coercivity are the means
 
     @property
     def flux(self) -> Floats:
         """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
         return np.stack((-self.coercivity[1], self.coercivity[0]))
 
-    def at_points(self, element: Ints) -> "Coefficients":
-        """The same point by point, for points of these elements, (n,)."""
+    def at_points(self, element: Ints, x: Floats) -> "Coefficients":
+        """The same point by point, for points x (2, n) of these elements, (n,): magnets that turn as they are there."""
         names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
-        pieces = []
-        for piece in self.pieces:
-            inside = np.zeros(self.number.size, dtype=bool)
-            inside[piece.elements] = True
-            pieces.append(Piece(piece.law, np.flatnonzero(inside[element])))
-        return replace(self, **arrays, pieces=tuple(pieces))
+        pieces = tuple(replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.pieces)
+        turning = tuple(replace(magnet, elements=self._points_in(magnet.elements, element)) for magnet in self.turning)
+        for magnet in turning:
+            rows, material = magnet.elements, magnet.material
+            coercivity = _at(material, x[:, rows], magnet.name)
+            arrays["coercivity"][:, rows] = coercivity
+            arrays["remanence"][:, rows] = _converted(material, coercivity, "coercivity")
+        return replace(self, **arrays, pieces=pieces, turning=turning)
 
-    def at_quadrature(self, element: Ints) -> "Coefficients":
-        """The same for all quadrature points, in these elements, (npoints,): itself if there is one in each."""
-        return self if element.size == self.number.size else self.at_points(element)
+    def _points_in(self, elements: Ints, element: Ints) -> Ints:
+        """Which points, in these elements (n,), are in some elements."""
+        inside = np.zeros(self.number.size, dtype=bool)
+        inside[elements] = True
+        return np.flatnonzero(inside[element])
+
+    def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
+        """The same for all quadrature points, x (2, npoints) in these elements: itself if there is one in each."""
+        return self if element.size == self.number.size else self.at_points(element, x)
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""
@@ -117,14 +135,16 @@ def coefficients(
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
     constant = [(0.0, 0.0) if callable(material.remanence) else material.remanence for material in filled]
     remanence = np.array(constant).T[:, number]
-    coercivity, pieces = reluctivity * remanence, list[Piece]()
+    coercivity, pieces, turning = reluctivity * remanence, list[Piece](), list[Turning]()
     for index, (name, material) in enumerate(materials.items()):
         if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
             rows = np.flatnonzero(number == index)
             remanence[:, rows], coercivity[:, rows] = _magnet(mesh, material, rows, name)
             if material.bh is not None:
                 pieces.append(Piece(material.bh, rows))
-    return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces))
+            if material.turns:
+                turning.append(Turning(name, material, rows))
+    return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces), tuple(turning))
 
 
 def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) -> Floats:
@@ -139,8 +159,8 @@ def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) ->
 def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
     """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given.
 
-    Of a magnet that turns the mean coercivity counts, for that is what the equations ask of an element, and its middle
-    is off that by as much as the solution is by itself.
+    Of a magnet that turns the mean coercivity counts, for that is what the equations ask of an element of order 1, and
+    its middle is off that by as much as the solution is by itself.
     """
     if material.turns:
         x = inner_points(mesh.p[:, mesh.t[:, rows]])

@@ -1,6 +1,6 @@
 """Evaluate a solved field: B at points of its elements, what follows from it there, and the means of the elements."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -100,7 +100,7 @@ class LocalField:
         """The field at the quadrature points of the elements, whose volumes are `point_volumes`."""
         elements = self.elements
         density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
-        given = self.coefficients.at_quadrature(elements.element)
+        given = self.coefficients.at_quadrature(elements.element, elements.points)
         return PointField(elements.element, elements.points, density, given)
 
     @cached_property
@@ -117,7 +117,12 @@ class LocalField:
         """
         x = self.elements.shape.points(element, share)
         density = self._density_of(self.unknown, element, share)
-        return PointField(element, x, density, self.coefficients.at_points(element))
+        return PointField(element, x, density, self._coefficients_at(element, x))
+
+    def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
+        """The materials at points x (2, n) of these elements; of order 1 magnets have means, as B has."""
+        linear = isinstance(self.elements, Linear)
+        return (replace(self.coefficients, turning=()) if linear else self.coefficients).at_points(element, x)
 
     def _density_of(self, unknown: Floats, element: Ints, share: Floats) -> Floats:
         """B of a function like `unknown` at such points, (2, n)."""
