@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.tetrahedron import (
     stars,
     surfaces,
     swap,
+    swap_by_energy,
     train,
 )
 
@@ -31,6 +32,8 @@ I3 = int32[:, :, ::1]
 CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
 OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = RecordType(arrays.Queue, (B1, I1, L1))
+LAWS = RecordType(shared.Laws, (I1, int64, R3))
+TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
@@ -56,6 +59,10 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
         Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
+    ),
+    "space polish": (
+        Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
+        Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
     ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),

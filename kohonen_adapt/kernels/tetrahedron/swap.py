@@ -3,7 +3,9 @@
 Edge removal: the ring of nodes around an edge is triangulated anew by the dynamic program of Klincsek ("Minimal
 triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest least quality; Shewchuk, "Two
 discrete optimization algorithms for the topological improvement of tetrahedral meshes" (2002). An edge on an outer
-patch has an open ring, one on a patch between regions has two.
+patch has an open ring, one on a patch between regions has two. `kernels/tetrahedron/swap_by_energy.py` has the same for
+the least functional: where a `trial` is handed on here that is what counts, and None leaves the quality; numba compiles
+either by itself.
 """
 
 import numpy as np
@@ -11,11 +13,13 @@ import numpy as np
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, RING
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node
+from kohonen_adapt.kernels.tetrahedron.energy import element_energy
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, cubed_quality, element_quality, element_volumes
 from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, off_patch
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
 BETTER = 1.02  # times the cube of the quality: less is not worth a swap, and may be rounding
+RULED_OUT = -np.inf  # what a part of a ring is worth that no allowed elements fill
 
 
 @inner_kernel
@@ -86,29 +90,52 @@ def walk_fan(mesh, queue, side, e, a, b, first, second):
 
 
 @inner_kernel
-def triangulate(mesh, side, count, a, b, least):
-    """Find the triangulation of a ring of `count` nodes whose worst element, cubed quality, is best; returns that, or
-    -1 if none is better than `least`. Elements are triangles of the ring with a and with b.
+def triangulate(mesh, trial, side, count, a, b, least):
+    """Find the triangulation of a ring of `count` nodes that is best; returns what it is worth, or RULED_OUT.
+
+    Elements are triangles of the ring with a and with b. Without a trial that is the cubed quality of the worst one,
+    which must be better than `least`; with one the functional of all, negative, and none may be worse than `least`.
     """
-    position, ring, worth, apex = mesh.position, mesh.cavity.ring, mesh.cavity.worth, mesh.cavity.apex
+    worth, apex, by_quality = mesh.cavity.worth, mesh.cavity.apex, trial is None
     for i in range(count - 1):
-        worth[side, i, i + 1] = 2.0
+        worth[side, i, i + 1] = 2.0 if by_quality else 0.0
     for length in range(2, count):
         for i in range(count - length):
-            k, best = i + length, -1.0
+            k, best = i + length, RULED_OUT
             for j in range(i + 1, k):
-                value = min(worth[side, i, j], worth[side, j, k])
-                if not value > max(best, least):
-                    continue
-                p, q, r = ring[side, i], ring[side, j], ring[side, k]
-                value = min(value, cubed_quality(position, p, q, r, b))
-                if not value > max(best, least):
-                    continue
-                value = min(value, cubed_quality(position, p, r, q, a))
-                if value > max(best, least):
+                value = worth_with(mesh, trial, side, i, j, k, a, b, max(best, least) if by_quality else least)
+                if value > best:
                     best, apex[side, i, k] = value, j
             worth[side, i, k] = best
     return worth[side, 0, count - 1]
+
+
+@inner_kernel
+def worth_with(mesh, trial, side, i, j, k, a, b, least):
+    """What the part of a ring from its node i to k is worth with the triangle of i, j and k, and its best on both sides
+    of it.
+    """
+    position, ring, worth = mesh.position, mesh.cavity.ring, mesh.cavity.worth
+    p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], worth[side, i, j], worth[side, j, k]
+    if trial is None:
+        value = min(before, after)
+        if not value > least:
+            return RULED_OUT
+        value = min(value, cubed_quality(position, p, q, r, b))
+        if not value > least:
+            return RULED_OUT
+        value = min(value, cubed_quality(position, p, r, q, a))
+        return value if value > least else RULED_OUT
+    if before == RULED_OUT or after == RULED_OUT or not cubed_quality(position, p, q, r, b) >= least:
+        return RULED_OUT
+    if not cubed_quality(position, p, r, q, a) >= least:
+        return RULED_OUT
+    region = mesh.elements.region[mesh.cavity.fan[side, 0]]
+    one, other = (
+        element_energy(position, trial, region, p, q, r, b),
+        element_energy(position, trial, region, p, r, q, a),
+    )
+    return before + after - one[0] - other[0]
 
 
 @inner_kernel
@@ -183,41 +210,69 @@ def stays(mesh, patch, a, b, nodes):
 
 
 @inner_kernel
-def remove_edge(mesh, queue, e, edge, below):
-    """Remove an edge of element e if that makes the worst element around it, if worse than `below`, better; returns
-    how many elements are made.
+def rings_around(mesh, queue, e, edge):
+    """List the ring of nodes around an edge of element e and the fan of its elements, two of each if it is between
+    regions.
+
+    Returns the ends of the edge, and how many nodes and elements the first have, how many the other ones, and the patch
+    of the edge, -1 for none. No nodes where the edge must stay, or an element of the fan waits for its turn.
     """
     elements = mesh.elements
     a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
     first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
     e, first, second = first_of_fan(mesh, e, a, b, first, second)
     if e < 0:
-        return 0
+        return a, b, (0, 0, 0, 0, NOWHERE)
     nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
-    if nodes < 3:
-        return 0
-    other, found_other, patch = 0, 0, NOWHERE
-    if nodes > found:
-        other, found_other, patch = other_fan(mesh, queue, a, b, nodes)
-        if patch < 0:
-            return 0
-    old, before = enter_fan(mesh, 0, found, 0)
-    if other > 0:
-        old, before = enter_fan(mesh, 1, found_other, old)
-    least = max(FLAT, BETTER * before)
-    if before >= below or not triangulate(mesh, 0, nodes, a, b, least) > 0.0:
-        return 0
-    if other > 0 and not triangulate(mesh, 1, other, a, b, least) > 0.0:
-        return 0
-    new = write_triangulation(mesh, 0, nodes, a, b, patch, 0)
-    if patch >= 0 and mesh.surfaces.shape[patch] == PLANE and not fills(mesh, 0, found, 0, new):
+    if nodes < 3 or nodes == found:
+        return a, b, (nodes if nodes == found else 0, found, 0, 0, NOWHERE)
+    other, found_other, patch = other_fan(mesh, queue, a, b, nodes)
+    return a, b, (nodes if patch >= 0 else 0, found, other, found_other, patch)
+
+
+@inner_kernel
+def replace_fans(mesh, a, b, rings):
+    """Put the best triangulations of rings in place of the fans that `enter_fan` took; returns how many elements are
+    made, 0 where these would not fill a part of a plane, and for want of room.
+    """
+    nodes, found, other, found_other, patch = rings
+    plane = patch >= 0 and mesh.surfaces.shape[patch] == PLANE
+    old, new = found + found_other, write_triangulation(mesh, 0, nodes, a, b, patch, 0)
+    if plane and not fills(mesh, 0, found, 0, new):
         return 0
     if other > 0:
         more = write_triangulation(mesh, 1, other, a, b, patch, new)
-        if mesh.surfaces.shape[patch] == PLANE and not fills(mesh, found, old, new, more):
+        if plane and not fills(mesh, found, old, new, more):
             return 0
         new = more
     return new if replace(mesh, old, new) else 0
+
+
+@inner_kernel
+def enter_fans(mesh, rings):
+    """Enter all elements around an edge to be taken out; returns the worst quality of them."""
+    _, found, other, found_other, _ = rings
+    old, before = enter_fan(mesh, 0, found, 0)
+    if other > 0:
+        old, before = enter_fan(mesh, 1, found_other, old)
+    return before
+
+
+@inner_kernel
+def remove_edge(mesh, queue, e, edge, below):
+    """Remove an edge of element e if that makes the worst element around it, if worse than `below`, better; returns
+    how many elements are made.
+    """
+    a, b, rings = rings_around(mesh, queue, e, edge)
+    if rings[0] < 3:
+        return 0
+    before = enter_fans(mesh, rings)
+    least = max(FLAT, BETTER * before)
+    if before >= below or triangulate(mesh, None, 0, rings[0], a, b, least) == RULED_OUT:
+        return 0
+    if rings[2] > 0 and triangulate(mesh, None, 1, rings[2], a, b, least) == RULED_OUT:
+        return 0
+    return replace_fans(mesh, a, b, rings)
 
 
 @inner_kernel
@@ -232,26 +287,36 @@ def fills(mesh, first, last, first_new, last_new):
 
 
 @inner_kernel
-def swap_face(mesh, queue, e, k, below):
-    """Put three elements in place of two with a common face if the worst is then better; returns 3 or 0."""
+def enter_pair(mesh, queue, e, k):
+    """Enter two elements with a common face to be taken out, and the three around the edge through it that would be put
+    in; returns the worse quality of the two, or RULED_OUT where the face must stay, or the other element waits.
+    """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     across = np.int64(elements.neighbour[e, k])
     if across < 0 or elements.patch[e, k] >= 0 or queue.waiting[across]:
-        return 0
-    before = min(element_quality(position, elements.node, e), element_quality(position, elements.node, across))
-    if before >= below:
-        return 0
+        return RULED_OUT
     a, b = np.int64(elements.node[e, OPPOSITE[k, 0]]), np.int64(elements.node[e, OPPOSITE[k, 1]])
     c, top = np.int64(elements.node[e, OPPOSITE[k, 2]]), np.int64(elements.node[e, k])
-    bottom, least = fourth_node(elements.node, across, a, b, c), max(FLAT, BETTER * before)
+    bottom = fourth_node(elements.node, across, a, b, c)
     cavity.old[0], cavity.old[1] = e, across
     for new, (p, q) in enumerate(((a, b), (b, c), (c, a))):
-        if not cubed_quality(position, top, bottom, p, q) > least:
-            return 0
         cavity.new[new, 0], cavity.new[new, 1], cavity.new[new, 2], cavity.new[new, 3] = top, bottom, p, q
         cavity.region[new] = elements.region[e]
         for j in range(4):
             cavity.patch[new, j] = -1
+    return min(element_quality(position, elements.node, e), element_quality(position, elements.node, across))
+
+
+@inner_kernel
+def swap_face(mesh, queue, e, k, below):
+    """Put three elements in place of two with a common face if the worst is then better; returns 3 or 0."""
+    before = enter_pair(mesh, queue, e, k)
+    if before == RULED_OUT or before >= below:
+        return 0
+    least = max(FLAT, BETTER * before)
+    for new in range(3):
+        if not element_quality(mesh.position, mesh.cavity.new, new) > least:
+            return 0
     return 3 if replace(mesh, 2, 3) else 0
 
 

@@ -1,0 +1,155 @@
+"""Swaps lower the functional by what they say, as far as they can, and spoil nothing."""
+
+import numpy as np
+import pytest
+from helpers.boxes import check, jittered, opened, qualities
+from helpers.functions_in_space import functional, functional_of, on_nodes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.tetrahedron import swap
+from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
+from kohonen_adapt.kernels.tetrahedron.swap_by_energy import enter_changed, swap_downhill
+
+FLOOR = 0.2
+EVERY = 1.0  # no element is as good as this
+
+
+class Swaps:
+    """A queue of a mesh's elements, and what was seen of them."""
+
+    def __init__(self, mesh, trial):
+        self.mesh, self.trial = mesh, trial
+        self.queue, self.seen = Queue.of(len(mesh.elements.node)), np.zeros((len(mesh.elements.node), 2))
+        self.open = np.ones(len(mesh.surfaces.shape), dtype=bool)
+
+    def enter_all(self):
+        enter_worse(self.mesh, self.queue, EVERY)
+        return self
+
+    def swap(self, limit=1000):
+        swaps, lowered = 0, 0.0
+        while self.queue.state[1]:
+            more, gain = swap_downhill(self.mesh, self.trial, self.queue, self.seen, self.open, FLOOR**3, limit)
+            swaps, lowered = swaps + more, lowered + gain
+        assert not self.queue.waiting.any()
+        return swaps, lowered
+
+
+def half_named(middle):
+    return abs(middle[2] - 0.5) < 1e-9 and middle[0] < 0.5
+
+
+def world(cells, amount, seed, two, named=None, **function):
+    position, node = jittered(cells, amount, seed)
+    mesh = opened(position, node, position[node].mean(axis=1)[:, 0] > 0.5 if two else None, named)
+    return mesh, on_nodes(mesh, seed, **function)
+
+
+def worst(mesh):
+    return qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min()
+
+
+@settings(max_examples=12)
+@given(
+    st.sampled_from([(2, 2, 2), (2, 3, 4), (4, 2, 2), (4, 4, 2)]),
+    st.sampled_from([0.0, 0.3, 0.7]),
+    st.integers(0, 1000),
+    st.booleans(),
+    st.booleans(),
+    st.booleans(),
+)
+def test_the_functional_falls_by_what_swaps_say_and_nothing_is_spoilt(cells, amount, seed, two, bent, named):
+    mesh, trial = world(cells, amount, seed, two, half_named if named and cells[2] % 2 == 0 else None, bent=bent)
+    count, by_region, by_patch = check(mesh)
+    values, position, before = trial.value.copy(), mesh.position.copy(), functional(mesh, trial)
+    floor, told = min(FLOOR, worst(mesh)), Swaps(mesh, trial).enter_all().swap()
+    after = functional(mesh, trial)
+    assert told[0] > 0 and told[1] > 0.0
+    assert before[0] - after[0] == pytest.approx(told[1], rel=1e-9, abs=(1e-9 if bent else 1e-12) * before[1])
+    now, regions, patches = check(mesh, floor)
+    assert now == count
+    assert regions == pytest.approx(by_region, rel=1e-12)
+    assert patches == pytest.approx(by_patch, rel=1e-12)
+    assert np.array_equal(trial.value, values) and np.array_equal(mesh.position, position)
+    assert Swaps(mesh, trial).enter_all().swap() == (0, 0.0)
+
+
+def test_edges_between_regions_are_swapped_where_that_lowers_the_sum_of_both():
+    mesh, trial = world((2, 4, 4), 0.0, 0, True, value=rough)
+    before, at_first = faces_at_half(mesh), functional(mesh, trial)[0]
+    lowered = Swaps(mesh, trial).enter_all().swap()[1]
+    after = faces_at_half(mesh)
+    assert len(before) == len(after) == 32 and before != after
+    assert at_first - functional(mesh, trial)[0] == pytest.approx(lowered)
+    check(mesh, FLOOR)
+
+
+def rough(x):
+    return np.random.default_rng(1).normal(size=len(x))
+
+
+def faces_at_half(mesh):
+    e, k = np.nonzero(mesh.elements.patch >= 0)
+    nodes = (np.delete(mesh.elements.node[i], j) for i, j in zip(e, k, strict=True) if mesh.elements.node[i, 0] >= 0)
+    return {tuple(sorted(face)) for face in nodes if np.all(mesh.position[face, 0] == 0.5)}
+
+
+def test_edges_on_closed_patches_stay():
+    mesh, trial = world((2, 4, 4), 0.0, 0, True, value=rough)
+    before, swaps = faces_at_half(mesh), Swaps(mesh, trial).enter_all()
+    swaps.open[np.unique(mesh.elements.patch[(mesh.elements.patch >= 0) & (mesh.elements.neighbour >= 0)])] = False
+    assert swaps.swap()[0] > 0
+    assert faces_at_half(mesh) == before
+
+
+def test_only_elements_that_have_changed_wait_again():
+    mesh, trial = world((4, 4, 4), 0.3, 2, False)
+    swaps = Swaps(mesh, trial).enter_all()
+    swaps.swap()
+    enter_changed(mesh, trial, swaps.queue, swaps.seen, 0.0)
+    assert swaps.queue.state[1] == 0
+    inner = np.flatnonzero(mesh.freedom.number == 3)
+    mesh.position[inner[0]] += 1e-3
+    trial.value[inner[-1]] += 1e-3
+    around = np.isin(mesh.elements.node, inner[[0, -1]]).any(axis=1) & (mesh.elements.node[:, 0] >= 0)
+    enter_changed(mesh, trial, swaps.queue, swaps.seen, 1.0)
+    assert swaps.queue.state[1] == 0
+    enter_changed(mesh, trial, swaps.queue, swaps.seen, 1e-9)
+    assert np.array_equal(np.flatnonzero(swaps.queue.waiting), np.flatnonzero(around))
+
+
+@pytest.mark.parametrize("count", range(3, RING + 1))
+def test_the_triangulation_of_a_ring_has_the_least_functional_of_all_that_may_be(count):
+    """Every triangulation of the polygon is looked at, and the dynamic program finds none below the least."""
+    rng, floor = np.random.default_rng(count), 0.3**3
+    angles = np.sort(rng.uniform(0.0, 2 * np.pi, count)) if count > 5 else np.arange(count) * 2 * np.pi / count
+    ring = np.column_stack([np.cos(angles), np.sin(angles), rng.uniform(-0.1, 0.1, count)])
+    mesh = opened(*jittered((1, 1, 1), 0.0, 0))
+    mesh = mesh._replace(position=np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]]))
+    trial = on_nodes(mesh._replace(pool=mesh.pool._replace(anchor=np.full(len(mesh.position), -1))), count)
+    mesh.cavity.ring[0, :count] = np.arange(count)
+    mesh.cavity.fan[:] = 0
+    found = -interpreted(swap.triangulate)(mesh, trial, 0, count, count, count + 1, floor)
+    allowed = [made for made in map(elements_of(count), triangulations(0, count - 1)) if may_be(mesh, made, floor)]
+    energies = [functional_of(mesh.position, trial, made, np.zeros(len(made), dtype=int))[0] for made in allowed]
+    assert found == pytest.approx(min(energies, default=np.inf))
+
+
+def elements_of(count):
+    """Elements of triangles with both ends of the edge."""
+    return lambda triangles: np.array([t for i, j, k in triangles for t in ((i, j, k, count + 1), (i, k, j, count))])
+
+
+def may_be(mesh, made, floor):
+    return qualities(mesh.position, made).min() >= np.cbrt(floor)
+
+
+def triangulations(i, k):
+    """All of the polygon of nodes i to k, as lists of triangles."""
+    if k - i < 2:
+        return [[]]
+    pairs = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
+    return [[*one, *other, (i, j, k)] for one, other, j in pairs]
