@@ -11,8 +11,7 @@ from kohonen_adapt.io.content import EXACT, nodes_of, parsed
 
 __all__ = ["INT", "SIZE", "Numbers"]
 
-INT, SIZE, REAL = "i4", "u8", "f8"
-"""Types of Gmsh's numbers in binary files, in the byte order of this machine."""
+INT, SIZE, REAL = "i4", "u8", "f8"  # of Gmsh's numbers in binary files, in the byte order of this machine
 
 
 class Numbers:
@@ -30,9 +29,8 @@ class Numbers:
         start, size = self._position, np.dtype(kind).itemsize if self._binary else 1
         _need(0 <= count <= (len(self._data) - start) // size)
         self._position += int(count) * size
-        if self._binary:
-            return np.frombuffer(self._data, kind, int(count), start)
-        return self._data[start : self._position]
+        data = self._data
+        return np.frombuffer(data, kind, int(count), start) if self._binary else data[start : self._position]
 
     def ints(self, count: int, kind: str = INT) -> Ints:
         """Take the next whole numbers."""
@@ -60,13 +58,12 @@ class Numbers:
 
     def means(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take rows of a number, how many nodes, and values at each: (count,), and means (count, components)."""
-        numbers: list[Ints] = [np.empty(0, np.int64)]
-        means = [np.empty((0, components))]
         words = components * (2 if self._binary else 1)
+        parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, components)))]
         for (nodes,), table in self._alike(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
-            numbers.append(_whole(table[:, 0]))
-            values = np.ascontiguousarray(table[:, 2:]).view(REAL)
-            means.append(values.reshape(-1, nodes, components).mean(axis=1))
+            values = np.ascontiguousarray(table[:, 2:]).view(REAL).reshape(-1, nodes, components)
+            parts.append((_whole(table[:, 0]), values.mean(axis=1)))
+        numbers, means = zip(*parts, strict=True)
         return np.concatenate(numbers), np.concatenate(means)
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
@@ -78,8 +75,7 @@ class Numbers:
             return says.stop - says.start + many * (1 + tags + nodes_of(kind)), many
 
         for (kind, *_, tags), table in self._alike(count, says, row):
-            rows = np.delete(table, says, axis=1)
-            yield kind, tags, _whole(rows.reshape(-1, 1 + tags + nodes_of(kind)))
+            yield kind, tags, _whole(np.delete(table, says, axis=1).reshape(-1, 1 + tags + nodes_of(kind)))
 
     def _alike(self, count: int, says: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
         """Rows to the end of the section, those that begin alike together.
@@ -113,7 +109,6 @@ def _need(there: bool) -> None:
 def _whole(values: NDArray[Any]) -> Ints:
     if not np.all(np.abs(values) < EXACT):
         raise ValueError("a number that counts is too large, or none")
-    whole = values.astype(np.int64)
-    if np.any(whole != values):
-        raise ValueError(f"{values[whole != values][0]} stands where a whole number must")
-    return whole
+    if np.any(np.trunc(values) != values):
+        raise ValueError(f"{values[np.trunc(values) != values][0]} stands where a whole number must")
+    return values.astype(np.int64)
