@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from math import isfinite
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats
 
@@ -12,6 +13,7 @@ __all__ = [
     "as_reals",
     "check_count",
     "check_hook",
+    "check_state",
     "check_tolerance",
     "checked_points",
     "finite_point",
@@ -67,6 +69,32 @@ def check_hook(name: str, hook: object, told: str) -> None:
     """
     if hook is not None and not callable(hook):
         raise ValueError(f"{name} must be a function of {told}, or None; got {hook!r}.")
+
+
+def check_state(
+    now: Mapping[str, NDArray[Any]],
+    state: Mapping[str, NDArray[Any]],
+    rows: Mapping[str, int],
+    numbers: Mapping[str, tuple[int, int]],
+) -> None:
+    """Refuse arrays by name that have other types and shapes than those of `now`, and numbers of what is not there.
+
+    Each is to have so many `rows`; `numbers` has the least that may stand in an array, and what all must be below.
+
+    Raises
+    ------
+    ValueError
+        With the name of the first that does not fit.
+    """
+    for name, like in now.items():
+        if name not in state:
+            raise ValueError(f"there is no array {name}")
+        found = state[name]
+        if (found.dtype, found.shape) != (like.dtype, (rows[name], *like.shape[1:])):
+            raise ValueError(f"{name} is an array {found.shape} of {found.dtype}")
+        low, high = numbers.get(name, (-np.inf, np.inf))
+        if found.size and not (found.min() >= low and found.max() < high):
+            raise ValueError(f"{name} has numbers from {found.min()} to {found.max()}")
 
 
 def listed(names: Iterable[str]) -> str:

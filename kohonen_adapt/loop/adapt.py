@@ -4,28 +4,27 @@ from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
-from skfem import MeshTri
+from skfem import Mesh
 
+from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.rooms import ROOMS
 from kohonen_adapt.loop.settings import PASSES, Growth, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, holding
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for, holding
 from kohonen_adapt.outline.surfaces import Surface
-from kohonen_adapt.polishing.polish import PLAN
-from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, is_curved, nodes_held, order_of, pairs_of
-from kohonen_adapt.som.relocate import expect_loops, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]
@@ -34,7 +33,7 @@ TOPOLOGY = "recycle"  # the measured best
 
 
 def adapt(
-    mesh: MeshTri,
+    mesh: Mesh,
     problem: Problem,
     *,
     passes: int = PASSES,
@@ -70,7 +69,8 @@ def adapt(
     Parameters
     ----------
     mesh
-        A triangular mesh; it is not modified. The corners of a `skfem.MeshTri2` are moved, as `relocate` says.
+        Of triangles or of tetrahedra; it is not modified. The corners of a `skfem.MeshTri2` are moved, as `relocate`
+        says.
     problem
         Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
         of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
@@ -86,7 +86,8 @@ def adapt(
     rtol, atol
         Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
     schedule
-        How the map learns; None for the default, which fits itself to every pass.
+        How the map learns; None for the default, which fits itself to every pass. Of tetrahedra there are by default
+        no stages, as in `relocate`: presenting points to them after recycling costs error.
     topology, min_quality, pinned, curves, layers, surfaces
         What nodes may do: see `Rules`. ``topology=None`` takes the measured best, ``"recycle"``.
     periodic
@@ -102,7 +103,7 @@ def adapt(
     target_nodes
         Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
         "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are
-        fewer, and the message says so.
+        fewer, and the message says so. Of tetrahedra nothing is swapped for it with "fixed".
     outputs
         Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
         shows them with their changes. Where a run stalls and the problem has better values to compare with
@@ -158,18 +159,19 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
-    check_mesh(mesh, bent=True, folded=True)
+    check_mesh(mesh, bent=True, folded=True, space=True)
+    room = ROOMS[cell_of(mesh).dim]
     round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
+    check_for(rules, room.dim)
     rules = holding(rules.guarded(), nodes_held(problem, mesh))
     growth, wanted = Growth.of(int(mesh.nvertices), target_nodes, passes), check_outputs(outputs, output_rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = MovableMesh.of(mesh, rules, is_curved(problem))
+    movable = room.taken_apart(mesh, rules, is_curved(problem))
     settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    order, plan = order_of(problem), PLAN if rules.topology == "recycle" else (SWEEPS,)
-    expect_loops(rules.topology, *([*loops_of(problem), "carrying"] if polish else []))
-    adaptation = Adaptation(problem, movable, settings, steps, order, plan)
+    expect(*room.loops(problem, settings))
+    adaptation = Adaptation(problem, room, movable, settings, steps, order_of(problem))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 
 
@@ -181,7 +183,7 @@ def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
         while history.goes_on:
             moved = adaptation.relocate(solved)
             moved, gain = adaptation.polish(solved, moved)
-            report_curves(moved.before, movable)
+            adaptation.room.report(moved.before, movable)
             if moved.changed(movable) or history.growing:
                 solved = history.add(adaptation.assess(solved, moved, gain))
             else:

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
-from kohonen_adapt.outline.movable import STATE_NAMES, MovableMesh
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["Checkpoint"]
@@ -45,7 +46,7 @@ class Checkpoint:
 
     @classmethod
     def at(
-        cls, folder: str | PathLike[str] | None, mesh: MeshTri, problem: Problem, settings: Settings
+        cls, folder: str | PathLike[str] | None, mesh: Mesh, problem: Problem, settings: Settings
     ) -> "Checkpoint | None":
         """Create the folder if need be, and see that what is in it belongs to this run; None for None.
 
@@ -66,7 +67,7 @@ class Checkpoint:
             checkpoint._read(file)
         return checkpoint
 
-    def passes(self, movable: MovableMesh) -> Iterator[Pass]:
+    def passes(self, movable: MovableMesh | MovableSolid) -> Iterator[Pass]:
         """The passes that are there, in order, the input's first; `movable` becomes the mesh of each in turn.
 
         Raises
@@ -85,7 +86,7 @@ class Checkpoint:
             mesh = movable.mesh() if values["number"] else movable.start()
             yield self.record(mesh=mesh, **values)
 
-    def keep(self, step: Pass, movable: MovableMesh) -> None:
+    def keep(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
         """Write a pass with the mesh as it is now, whole or not at all.
 
         Raises
@@ -131,7 +132,7 @@ class Checkpoint:
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"it says format {about['format']} and pass {about['number']}")
             values = {name: _plain(about, arrays, name) for name in self._names()}
-            state = {name: arrays[f"{STATE}{name}"] for name in STATE_NAMES}
+            state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise self._damaged(file, error) from error
         _check_run(self.folder, about["run"], self.run)

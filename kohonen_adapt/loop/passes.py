@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
 
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.outline.movable import Work, shown
@@ -85,7 +85,7 @@ class Pass(Work):
     """
 
     number: int
-    mesh: MeshTri
+    mesh: Mesh
     indicators: Floats
     nodes: Ints
     unknowns: int

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.loop.passes import Pass, Status
@@ -39,7 +39,7 @@ class AdaptResult:
         The exception that ended the loop if ``status`` is ``FAILED``, else None.
     """
 
-    mesh: MeshTri = field(repr=False)
+    mesh: Mesh = field(repr=False)
     solution: Any = field(repr=False)
     indicators: Floats = field(repr=False)
     estimate: float

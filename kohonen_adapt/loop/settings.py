@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import is_count
@@ -97,7 +97,7 @@ class Settings:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
-def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str, str]:
+def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, str]:
     """Name to text of everything that passes depend on, but for what the problem and its outputs work out.
 
     What only says when to end is not in it.
@@ -115,7 +115,7 @@ def fingerprint(mesh: MeshTri, problem: Problem, settings: Settings) -> dict[str
     return texts
 
 
-def _text(value: Any, mesh: MeshTri) -> str:
+def _text(value: Any, mesh: Mesh) -> str:
     """A text of a setting, whatever the type of its numbers and sequences."""
     if value is None:
         return "none"
@@ -149,7 +149,7 @@ def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
     return found
 
 
-def _of_curves(mesh: MeshTri, curves: Mapping[str, Curve]) -> str:
+def _of_curves(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
     """A curve is what it makes of the middles of its facets, which lie off it."""
     found: list[NDArray[Any]] = []
     for name, curve in sorted(curves.items()):

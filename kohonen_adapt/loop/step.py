@@ -1,10 +1,11 @@
 """Do the steps of a pass: solve and estimate a mesh, relocate its nodes, polish."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.loop.passes import Pass
@@ -13,10 +14,10 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.outline.movable import MovableMesh, Work
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional, VariesInside
-from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.slivers import longest_on_arcs
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (
     NotOffered,
@@ -31,16 +32,11 @@ from kohonen_adapt.problem.protocol import (
     solve,
     solve_again,
 )
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import equidistributing
-from kohonen_adapt.som.relocate import Moved, move
-from kohonen_adapt.som.training_points import ElementDensity
+from kohonen_adapt.som.moved import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved"]
-
-# Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants long
-# elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
-RECYCLED_BY_DENSITY = 3
+__all__ = ["UNSOLVED", "Adaptation", "Room", "Solved"]
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -65,6 +61,23 @@ class Solved:
     functional: Functional | None = None
 
 
+class Room(NamedTuple):
+    """What passes over meshes of one kind of elements are made of."""
+
+    dim: int
+    taken_apart: Callable[[Mesh, Rules, bool | None], Any]  # with bent sides if True, as it comes with None
+    loops: Callable[[Problem, Settings], tuple[str, ...]]  # chapters of `kernels/entries.py`
+    moved: Callable[..., Moved[Any]]  # as `moved_triangles`
+    stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # what the polish lowers, on a movable mesh, and its value
+    carried: Callable[..., Any]  # a solution, onto the moved mesh
+    lowered: Callable[..., Any]  # a functional, as `descend_and_recycle`
+    report: Callable[[Any, Any], None]  # of movable meshes before and after: what their curved sides leave out
+    # Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants
+    # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
+    by_density: int
+    plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between its numbers
+
+
 @dataclass(frozen=True)
 class Adaptation:
     """A mesh while it is adapted to a problem: what every step of a pass works on.
@@ -73,6 +86,8 @@ class Adaptation:
     ----------
     problem
         What is solved.
+    room
+        By what, where that depends on the dimension.
     movable
         The mesh as it is now; `relocate` and `polish` change it.
     settings
@@ -81,18 +96,21 @@ class Adaptation:
         Times the steps, and knows which pass is in the making.
     order
         Of the elements, as the problem says at first.
-    plan
-        Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off.
     """
 
     problem: Problem
-    movable: MovableMesh
+    room: Room
+    movable: MovableMesh | MovableSolid
     settings: Settings
     steps: Steps
     order: int
-    plan: tuple[int, ...]
 
-    def assess(self, before: Solved | None = None, moved: Moved | None = None, polish_gain: float = 0.0) -> Solved:
+    @property
+    def plan(self) -> tuple[int, ...]:
+        """Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off."""
+        return self.room.plan if self.settings.rules.topology == "recycle" else (SWEEPS,)
+
+    def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
         """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
         mesh = self.movable.mesh() if before else self.movable.start()
         with self.steps("solve"):
@@ -136,32 +154,28 @@ class Adaptation:
         solution = solve_again(self.problem, record.mesh, record.indicators)
         return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
 
-    def relocate(self, solved: Solved) -> Moved:
+    def relocate(self, solved: Solved) -> Moved[Any]:
         """Recycle and move nodes to where all elements would carry the same error."""
         with self.steps("relocate"):
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
-            per_element = equidistributing(record.mesh, record.indicators, order, norm)
-            density = ElementDensity(self.movable.triangulation, per_element)
+            density = equidistributing(record.mesh, record.indicators, order, norm)
             settings, number = self.settings, self.steps.number
-            topology, nodes = settings.rules.topology, settings.growth.nodes(number)
-            by_energy = solved.functional is not None and len(self.plan) > 1 and number > RECYCLED_BY_DENSITY
-            recycles, longest = not by_energy or nodes != self.movable.nnodes, None
-            if solved.functional is not None and solved.functional.dual is None:  # what arcs cost a goal is not known
-                longest = longest_on_arcs(solved.functional.ritz, self.movable, record.estimate)
-            rng = settings.rng(number)
-            return move(self.movable, density, settings.schedule, topology, rng, nodes, recycles, longest)
+            by_energy = solved.functional is not None and len(self.plan) > 1 and number > self.room.by_density
+            recycles = not by_energy or settings.growth.nodes(number) != self.movable.nnodes
+            estimate, functional = record.estimate, solved.functional
+            return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)
 
-    def polish(self, solved: Solved, moved: Moved) -> tuple[Moved, float]:
+    def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         """Carry the last solution to the moved mesh and descend its functional; returns all moves, and its gain."""
         with self.steps("polish"):
             if solved.functional is None:
                 return moved, 0.0
             functional = solved.functional
-            trial = carried(functional, moved.before, self.movable, moved.recycled.hint)
-            recycled, gain = descend_and_recycle(self.movable, functional, trial, moved.recycled, self.plan)
+            trial = self.room.carried(functional, moved.before, self.movable, moved.recycled.hint)
+            recycled, gain = self.room.lowered(self.movable, functional, trial, moved.recycled, self.plan)
             return replace(moved, recycled=recycled), gain
 
-    def better_outputs(self, mesh: MeshTri, solution: Any) -> dict[str, float]:
+    def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
         """Better values of the outputs, none where the problem has none to give."""
         outputs = self.settings.outputs
         try:
@@ -170,7 +184,7 @@ class Adaptation:
             return {}
 
     def _functional(
-        self, mesh: MeshTri, solution: Any, share: float | None
+        self, mesh: Mesh, solution: Any, share: float | None
     ) -> tuple[Functional | None, float | None, str]:
         """What the solution minimises and its value, None where there is no polish, and then why not.
 
@@ -183,9 +197,7 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
-            functional = Functional.of(ritz, self.movable, mesh)
-            beyond = functional.beyond_chords(self.movable.triangulation, functional.solution)
-            return functional, functional_value(mesh, ritz) + beyond, ""
+            return *self.room.stated(ritz, self.movable, mesh), ""
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:
@@ -200,7 +212,7 @@ class Adaptation:
         return values
 
 
-def numbers_in_input(before: Solved | None, moved: Moved | None, nnodes: int, in_input: int) -> Ints:
+def numbers_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, in_input: int) -> Ints:
     """Number in the input of every node of a mesh, -1 for a new one; those that layers have taken are the last."""
     if before is None or moved is None:
         return np.where(np.arange(nnodes) < in_input, np.arange(nnodes), -1)

@@ -1,14 +1,16 @@
 """Write functions of order 1 to 3 by values at nodes and coefficients of sides and elements; evaluate them."""
 
 from functools import cache
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
-from skfem import ElementTriP1, MeshTri
+from skfem import ElementTriP1, Mesh, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes, Points, Reference
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
@@ -77,13 +79,17 @@ class TrialFunction(NamedTuple):
             self.dual.restore(values.dual)
 
 
-def count_unknowns(mesh: MeshTri, order: int) -> int:
-    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements."""
+def count_unknowns(mesh: Mesh, order: int) -> int:
+    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements.
+
+    Of tetrahedra those of nodes, edges, faces and elements, as of `ElementTetP1` and `P2`.
+    """
     nodes = int(mesh.nvertices)
     if order == 1:
         return nodes
     number_facets(mesh)
-    return nodes + (order - 1) * mesh.facets.shape[1] + (order - 1) * (order - 2) // 2 * mesh.t.shape[1]
+    parts = (mesh.facets, mesh.t) if cell_of(mesh) is TRIANGLE else (mesh.edges, mesh.facets, mesh.t)
+    return nodes + sum(comb(order - 1, k) * part.shape[1] for k, part in enumerate(parts, start=1))
 
 
 def functions_at(share: Floats, order: int) -> Floats:

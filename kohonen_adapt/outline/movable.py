@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import check_state
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
@@ -102,6 +103,11 @@ class MovableMesh:
         """What the outlines allow every node, for the kernels."""
         return self.outline.constraints
 
+    @property
+    def tessellation(self) -> Triangulation:
+        """Nodes and elements, by the name that those of all kinds of movable meshes have."""
+        return self.triangulation
+
     def neurons(self) -> Neurons:
         """The mesh as loops that train it take it."""
         tri = self.triangulation
@@ -166,7 +172,7 @@ class MovableMesh:
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Refuse arrays of other types and shapes, and numbers of what is not there."""
-        n, m = len(state["position"]), len(state["elements.node"])
+        n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
         chains, motions = len(self.constraints.chains.length), len(self.constraints.twins.motions)
         numbers = {
             "elements.node": (0, n),
@@ -177,13 +183,8 @@ class MovableMesh:
             "twins.partner": (-1, n),
             "twins.motion": (-1, motions),
         }
-        for name, now in self.state().items():
-            found, rows = state[name], m if name in BY_ELEMENT else n
-            if (found.dtype, found.shape) != (now.dtype, (rows, *now.shape[1:])):
-                raise ValueError(f"{name} is an array {found.shape} of {found.dtype}")
-            low, high = numbers.get(name, (-np.inf, np.inf))
-            if found.size and not (found.min() >= low and found.max() < high):
-                raise ValueError(f"{name} has numbers from {found.min()} to {found.max()}")
+        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
+        check_state(self.state(), state, rows, numbers)
 
     def settle(self) -> None:
         """Put the nodes that slide on curves exactly there, as far as the quality rule lets them."""

@@ -10,9 +10,17 @@ from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.checks import check_state, listed
 from kohonen_adapt.kernels.arrays import Neurons
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, Constraints, Freedom, Surfaces
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    ON_PATCH,
+    ON_RIDGE,
+    Constraints,
+    Freedom,
+    Surfaces,
+)
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import set_boundaries
@@ -81,6 +89,11 @@ class MovableSolid:
         """Number of nodes."""
         return self.tetrahedralization.nnodes
 
+    @property
+    def tessellation(self) -> Tetrahedralization:
+        """Nodes and elements, by the name that those of all kinds of movable meshes have."""
+        return self.tetrahedralization
+
     def neurons(self) -> Neurons:
         """The mesh as loops that train it take it."""
         tet = self.tetrahedralization
@@ -98,6 +111,10 @@ class MovableSolid:
             facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
             set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
         return mesh
+
+    def start(self) -> MeshTet:
+        """The mesh to start from, before anything has moved: the one it came from."""
+        return self.came_from
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
         """The facets of the patches that carry a name; with their sides if it had them."""
@@ -132,6 +149,34 @@ class MovableSolid:
         named = {name: name.split(".") for name in STATE_NAMES if "." in name}
         arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
         return {"position": self.tetrahedralization.position, **arrays}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
+
+        What cannot be the state of such a mesh is refused, and nothing changed.
+        """
+        self._check_state(state)
+        self.become({name: state[name].copy() for name in STATE_NAMES})
+
+    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Refuse arrays of other types and shapes, and numbers of what is not there."""
+        n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
+        patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
+        numbers = {
+            "tetrahedra.node": (-1, n),
+            "tetrahedra.neighbour": (-1, m),
+            "tetrahedra.region": (0, int(self.tetrahedralization.region_of_input.max()) + 1),
+            "tetrahedra.patch": (-1, patches),
+            "freedom.number": (HELD, INSIDE + 1),
+        }
+        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
+        check_state(self.state(), state, rows, numbers)
+        node, number, place = (state[name] for name in ("tetrahedra.node", "freedom.number", "freedom.place"))
+        if np.any(node[node[:, 0] >= 0] < 0):
+            raise ValueError("tetrahedra.node has elements without all of their corners")
+        for kind, count in ((ON_RIDGE, ridges), (ON_PATCH, patches)):
+            if np.any((number == kind) & ((place < 0) | (place >= count))):
+                raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
     def become(self, own: Mapping[str, NDArray[Any]]) -> None:
         """Take over the arrays of a state."""

@@ -7,6 +7,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.charts import draw_passes
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
 
@@ -24,8 +25,11 @@ def adaptation_figure(
     lines_title: str = "Field lines",
     unit: str = "m",
     errors: Sequence[float] | None = None,
+    plane: CutBy | None = None,
 ) -> Figure:
     """Mesh and indicators before and after, field lines, and the estimate over the passes, on one page.
+
+    Of tetrahedra it is cuts.
 
     Parameters
     ----------
@@ -45,6 +49,8 @@ def adaptation_figure(
         Unit of the axes: "m" or "mm" for a mesh in metres, "" for one without a unit.
     errors
         The exact error of every pass, where it is known.
+    plane
+        Where meshes of tetrahedra are cut, a `kohonen_adapt.Plane`.
 
     Returns
     -------
@@ -54,18 +60,18 @@ def adaptation_figure(
     Raises
     ------
     ValueError
-        If an array has the wrong shape or the unit is unknown.
+        If an array has the wrong shape, the unit is unknown, or tetrahedra come without a plane that meets them.
     """
     figure = Figure(figsize=(13.0, 7.6), dpi=160, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     panels = figure.subplots(2, 3)
     norm = indicator_scale(before.indicators, after.indicators)
     for column, (word, result) in enumerate([("before", before), ("after", after)]):
-        draw_mesh(panels[0, column], result.mesh, unit=unit)
+        draw_mesh(panels[0, column], result.mesh, plane=plane, unit=unit)
         panels[0, column].set_title(f"Mesh {word}: {result.mesh.nvertices} nodes")
-        shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, unit=unit)
+        shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, plane=plane, unit=unit)
         panels[1, column].set_title(f"Error indicators {word}")
     figure.colorbar(shades, ax=panels[1, 1], label=indicator_label, extend="min")
-    colours = draw_field_lines(panels[0, 2], after.mesh, potential, magnitude, unit=unit)
+    colours = draw_field_lines(panels[0, 2], after.mesh, potential, magnitude, plane=plane, unit=unit)
     figure.colorbar(colours, ax=panels[0, 2], label=magnitude_label, extend="max")
     panels[0, 2].set_title(f"{lines_title} after")
     draw_passes(panels[1, 2], after.history, errors=errors)

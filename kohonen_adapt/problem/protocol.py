@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals
@@ -87,10 +87,10 @@ class Problem(Protocol):
     known, adapt, and compare, as `python -m benchmarks effectivity` does.
     """
 
-    def solve(self, mesh: MeshTri) -> Any:
+    def solve(self, mesh: Mesh) -> Any:
         """Solve on the mesh; the solution may be of any type."""
 
-    def indicators(self, mesh: MeshTri, solution: Any) -> ArrayLike:
+    def indicators(self, mesh: Mesh, solution: Any) -> ArrayLike:
         """Error indicators of the energy norm, unsquared, (nelements,)."""
 
 
@@ -117,7 +117,7 @@ def is_curved(problem: Problem) -> bool | None:
     return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
 
 
-def improved(problem: Problem, mesh: MeshTri, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
+def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
     """Better values of functions of the solution that `solve` returned for the mesh, by name.
 
     Raises
@@ -133,7 +133,7 @@ def pairs_of(problem: Problem) -> Sequence[Pair]:
     return getattr(problem, "pairs", None) or ()
 
 
-def nodes_held(problem: Problem, mesh: MeshTri) -> list[int]:
+def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
     """Nodes of the mesh that must stay where they are, those at the problem's points."""
     nodes = nodes_of_points(mesh, getattr(problem, "points", None) or {})
     return [int(node) for rows in nodes.values() for node in rows]
@@ -170,14 +170,14 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
 
 
-def solve(problem: Problem, mesh: MeshTri, old_mesh: MeshTri | None = None, old_solution: Any = None) -> Any:
+def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
     """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
     if old_mesh is not None and offers(problem, "solve_from"):
         return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
     return problem.solve(mesh)
 
 
-def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
+def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
     """The problem's indicators (nelements,), as a copy: a problem may write the next ones into the same array.
 
     Raises
@@ -191,7 +191,7 @@ def estimate(problem: Problem, mesh: MeshTri, solution: Any) -> Floats:
     return values
 
 
-def solve_again(problem: Problem, mesh: MeshTri, indicators: Floats) -> Any:
+def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
     """Solve a mesh that was solved before, in another process.
 
     Raises
@@ -209,7 +209,7 @@ def solve_again(problem: Problem, mesh: MeshTri, indicators: Floats) -> Any:
     return solution
 
 
-def energy_norm(problem: Problem, mesh: MeshTri, solution: Any, rtol: float | None = None) -> float | None:
+def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
     """The problem's energy norm of the solution, or None where it offers none.
 
     Raises
@@ -233,7 +233,7 @@ def without_norm(reason: object) -> ValueError:
     return ValueError(f"rtol needs the energy norm of the problem, but {reason}: use atol instead.")
 
 
-def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
+def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     """The problem's functional with the solution that `solve` returned for the mesh.
 
     Raises
@@ -251,7 +251,7 @@ def ritz_of(problem: Problem, mesh: MeshTri, solution: Any) -> Ritz:
     return ritz
 
 
-def curves_of(problem: Problem, mesh: MeshTri, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
     """The curves given for boundaries, and those that the problem itself knows of, its ``curves(mesh)``."""
     tell = getattr(problem, "curves", None)
     if not callable(tell) or not (given is None or isinstance(given, Mapping)):

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,66 +15,24 @@ from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
-from kohonen_adapt.outline.movable import MovableMesh, Work
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled, unchanged
-from kohonen_adapt.som.density_in_space import density_in_space
-from kohonen_adapt.som.recycling import recycle_nodes, starts_in_space, starts_of
+from kohonen_adapt.som.moved import Moved, why_still
+from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, check_training, most_doublings
-from kohonen_adapt.som.space import move_in_space
+from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Density, density_of, source_of
+from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["Moved", "expect_loops", "move", "relocate", "report_curves"]
+__all__ = ["loops_in_plane", "move", "relocate", "report_curves"]
 
 # Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
 MISMATCH = 0.6
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A movable mesh before the map moved it, and what the map did.
-
-    Attributes
-    ----------
-    before
-        The mesh as it was.
-    recycled
-        Which nodes are old, and an old element near each.
-    quantization_errors, why_still
-        As in `Work`.
-    """
-
-    before: MovableMesh
-    recycled: Recycled
-    quantization_errors: tuple[float, ...]
-    why_still: str
-
-    def changed(self, now: MovableMesh) -> bool:
-        """Whether any node or edge is another one than before."""
-        before, after = self.before.triangulation, now.triangulation
-        same = np.array_equal(before.position, after.position)
-        return not (same and np.array_equal(before.elements.node, after.elements.node))
-
-    def work(self, now: MovableMesh, polish_gain: float = 0.0) -> Work:
-        """The figures of all that happened to the mesh until now."""
-        old, position = self.recycled.old, now.triangulation.position
-        kept = old >= 0
-        way = np.sqrt(np.sum((position[kept] - self.before.triangulation.position[old[kept]]) ** 2, axis=1))
-        moved = int(np.count_nonzero(way) + np.count_nonzero(~kept))
-        return Work(
-            quantization_errors=self.quantization_errors,
-            max_displacement=float(way.max()),
-            moved=moved,
-            why_still="" if moved else self.why_still,
-            splits=self.recycled.splits,
-            collapses=self.recycled.collapses,
-            polish_gain=polish_gain,
-        )
 
 
 def relocate(
@@ -163,34 +120,13 @@ def relocated_in_space(
     rng: np.random.Generator,
 ) -> MeshTet:
     """What `relocate` does with tetrahedra."""
-    if schedule is not None and schedule.rounds:
-        raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
     movable = MovableSolid.of(mesh, rules)
-    wanted = density_in_space(movable.tetrahedralization, density)
-    expect("space ground", "space moves", *["space recycling"] * (rules.topology == "recycle"))
-    before = movable.copy()
-    if schedule is not None and schedule.trains:
-        expect("space map")
-        moved = move_in_space(movable, wanted, rules.topology, sweeps=0)
-        source = source_of(before.tetrahedralization, density)
-        Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
-        move_in_space(movable, wanted, "flip" if rules.flips else "fixed", schedule.sweeps)
-    else:
-        moved = move_in_space(movable, wanted, rules.topology, None if schedule is None else schedule.sweeps)
-    report_surfaces(before, movable)
-    still = not moved.splits and np.array_equal(before.tetrahedralization.position, movable.tetrahedralization.position)
-    if still and schedule != Schedule(()):
-        why = "every move would have broken the quality rule" if movable.can_move() else "every node is held"
-        logger.warning("relocate moved no node: %s.", why)
+    expect(*loops_in_space(rules.topology, schedule))
+    moved = move_in_space(movable, density, schedule, rules.topology, rng)
+    report_surfaces(moved.before, movable)
+    if not moved.work(movable).moved and schedule != Schedule(()):
+        logger.warning("relocate moved no node: %s.", moved.why_still)
     return movable.mesh()
-
-
-def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
-    """Say how much of curved surfaces their faces leave out, before and now."""
-    then, left_out = before.sagitta(), now.sagitta()
-    if max(then, left_out) > 0.0:
-        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
-        logger.info(text, left_out, now.farthest_surface(), then)
 
 
 def relocated_in_plane(
@@ -205,7 +141,7 @@ def relocated_in_plane(
     movable = MovableMesh.of(layered, rules)
     if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
-    expect_loops(rules.topology)
+    expect(*loops_in_plane(rules.topology))
     wanted = density_of(movable.triangulation, density)
     moved = move(movable, wanted, schedule, rules.topology, np.random.default_rng(seed), int(mesh.nvertices))
     work = moved.work(movable)
@@ -215,9 +151,9 @@ def relocated_in_plane(
     return movable.mesh()
 
 
-def expect_loops(topology: str, *others: str) -> None:
-    """Say which compiled loops `move` will need, and what else will be needed."""
-    expect("map", "recycling" if topology == "recycle" else "transport", *others)
+def loops_in_plane(topology: str) -> tuple[str, ...]:
+    """The chapters of compiled loops that `move` needs."""
+    return "map", "recycling" if topology == "recycle" else "transport"
 
 
 def move(
@@ -229,7 +165,7 @@ def move(
     nodes: int = 0,
     recycles: bool = True,
     longest: Floats | None = None,
-) -> Moved:
+) -> Moved[MovableMesh]:
     """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; to so many `nodes`, but that
     without recycling there are never fewer than now.
 
@@ -257,15 +193,6 @@ def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recyc
     if topology == "recycle":
         return None
     return 2 if recycled.splits else 2 ** doublings_for(trainer, wanted)
-
-
-def why_still(movable: MovableMesh, schedule: Schedule) -> str:
-    """The reason that no node moved."""
-    if not schedule.trains and not schedule.sweeps:
-        return "the schedule has no rounds, no epochs and no sweeps"
-    if not movable.can_move():
-        return "every node is a corner or pinned"
-    return "every move would have broken the quality rule"
 
 
 def doublings_for(trainer: Trainer, wanted: Density) -> int:

@@ -1,9 +1,10 @@
 """Bring the nodes of tetrahedra to where a density wants them: exchange nodes, swap elements, smooth by sweeps."""
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Neurons
@@ -15,11 +16,16 @@ from kohonen_adapt.kernels.threads import number_of_threads, shared
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
 from kohonen_adapt.outline.surgery import Recycled
-from kohonen_adapt.som.density_in_space import DensityInSpace
+from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
+from kohonen_adapt.som.moved import Moved, why_still
+from kohonen_adapt.som.recycling import starts_in_space
+from kohonen_adapt.som.schedule import Schedule
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import source_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["move_in_space"]
+__all__ = ["loops_in_space", "move_in_space", "report_surfaces"]
 
 SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # of smoothing; more carry too many nodes to where most are wanted
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
@@ -31,29 +37,76 @@ STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts th
 PAIRS, NODES = 10_000, 50_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 
+def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
+    """The chapters of compiled loops that `move_in_space` needs.
+
+    Raises
+    ------
+    ValueError
+        If the schedule has rounds, for which there are none.
+    """
+    if schedule is not None and schedule.rounds:
+        raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
+    recycling = ["space recycling"] * (topology == "recycle")
+    return ("space ground", "space moves", *recycling, *["space map"] * (schedule is not None and schedule.trains))
+
+
 def move_in_space(
+    movable: MovableSolid,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
+    schedule: Schedule | None,
+    topology: str,
+    rng: np.random.Generator,
+    nodes: int = 0,
+) -> Moved[MovableSolid]:
+    """Bring the nodes of a movable solid to where a density wants them, in place; to so many `nodes`, 0 for as many.
+
+    The map is trained, between the exchange of nodes and the sweeps, only where the schedule has stages.
+
+    Raises
+    ------
+    ValueError
+        If the density has another shape or is negative, not finite, or zero everywhere.
+    """
+    before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
+    wanted = density_in_space(before.tetrahedralization, density)
+    if schedule is None or not schedule.trains:
+        recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes), tuple[float, ...]()
+    else:
+        recycled = rearrange(movable, wanted, topology, 0, nodes)
+        source = source_of(before.tetrahedralization, density)
+        errors = Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
+        rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps)
+    return Moved(before, recycled, errors, why_still(movable, schedule))
+
+
+def rearrange(
     movable: MovableSolid, density: DensityInSpace, topology: str, sweeps: int | None = None, nodes: int = 0
 ) -> Recycled:
     """Exchange nodes, swap and smooth, in place, as far as a topology allows it; to so many `nodes`, 0 for as many.
 
-    Of nodes that are kept the number stays, but with "recycle", where new ones take the numbers of old ones and all are
-    put in the order of a space-filling curve. Returns which nodes are old, and how many edges were split and collapsed.
+    Without recycling there are never fewer than now. Of nodes that are kept the number stays, but with "recycle", where
+    new ones take the numbers of old ones and all are put in the order of a space-filling curve. Returns which nodes are
+    old, and how many edges were split and collapsed.
     """
-    target = nodes if nodes and topology == "recycle" else movable.nnodes
+    pairs, target = topology == "recycle", nodes or movable.nnodes
+    target = target if pairs else max(target, movable.nnodes)
     movable.settle()
     opened = OpenSolid.of(movable, density.at_nodes(), target)
     if movable.flips:
         opened.swap()
-    splits, collapses = exchange(opened, movable.floor, target) if topology == "recycle" else (0, 0)
+    splits = collapses = 0
+    if pairs or target > movable.nnodes:
+        splits, collapses = exchange(opened, movable, target, RATIO if pairs else np.inf)
     smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
-    rows = opened.hand_back(movable, renumbered=topology == "recycle")
+    rows = opened.hand_back(movable, renumbered=bool(pairs and splits + collapses))
     movable.settle()
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
 
 
-def exchange(opened: OpenSolid, floor: float, target: int) -> tuple[int, int]:
-    """Rounds of splits and collapses with swaps between; returns how many of each."""
-    mesh, rows = opened.mesh, 2 * len(opened.mesh.elements.node)
+def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:
+    """Rounds of splits and collapses with swaps between, where those are allowed; returns how many of each."""
+    mesh, rows, floor = opened.mesh, 2 * len(opened.mesh.elements.node), cubed(movable.floor)
     heaps = Heap.of(rows), Heap.of(rows)
     splits = collapses = 0
     for _ in range(ROUNDS):
@@ -61,9 +114,10 @@ def exchange(opened: OpenSolid, floor: float, target: int) -> tuple[int, int]:
         at_first, finished = splits, False
         while not finished:
             missing = target - len(opened.nodes())
-            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, RATIO, cubed(floor), PAIRS)
+            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
             splits, collapses = splits + more, collapses + fewer
-        opened.swap()
+        if movable.flips:
+            opened.swap()
         if splits - at_first <= SETTLED * len(mesh.position):
             break
     return splits, collapses
@@ -144,3 +198,11 @@ def parts_for(nodes: int) -> int:
 def cubed(floor: float) -> float:
     """A quality as loops over tetrahedra compare it."""
     return floor**3
+
+
+def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
+    """Say how much of curved surfaces their faces leave out, before and now."""
+    then, left_out = before.sagitta(), now.sagitta()
+    if max(then, left_out) > 0.0:
+        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
+        logger.info(text, left_out, now.farthest_surface(), then)

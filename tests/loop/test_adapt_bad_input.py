@@ -41,8 +41,8 @@ def refused(message, mesh=MESH, problem=None, **arguments):
 @pytest.mark.parametrize("options", [{}, {"target_nodes": 30}])
 def test_what_is_no_mesh(mesh, options):
     kind = type(mesh).__name__
-    remedy = "Build one with skfem.MeshTri or kohonen_adapt.read_mesh."
-    message = f"mesh must be a skfem.MeshTri or MeshTri2; got {kind}. {remedy}"
+    remedy = "Build one with skfem.MeshTri or MeshTet or kohonen_adapt.read_mesh."
+    message = f"mesh must be a skfem.MeshTri, MeshTri2 or MeshTet; got {kind}. {remedy}"
     assert refused(message, mesh=mesh, **options).solves == 0
 
 

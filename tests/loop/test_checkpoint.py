@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.meshes import inset, ring
+from helpers.poisson_solids import Poisson
+from helpers.solids import two_regions
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -385,7 +387,8 @@ def rewritten(file, change):
 @pytest.mark.parametrize("name", ["nodes", "indicators", "about", "state position", "state elements.node"])
 def test_a_pass_that_lacks_something(name, folder):
     rewritten(folder / "pass-0001.npz", lambda arrays: arrays.pop(name))
-    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*KeyError"):
+    missing = f"ValueError: there is no array {name[6:]}" if name.startswith("state") else f"KeyError: '{name}'"
+    with pytest.raises(ValueError, match=rf"pass-0001.npz' is damaged \({missing}"):
         ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
 
 
@@ -478,3 +481,40 @@ def test_the_files_are_plain(folder):
         assert content["state elements.node"].shape == (len(content["indicators"]), 3)
     assert about["number"] == 1 and about["run"]["seed"] == "5"
     assert about["outputs"] == uninterrupted().history[1].outputs
+
+
+# ---- tetrahedra ----
+
+
+SOLID = two_regions(3)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"target_nodes": 90},
+        {"topology": "flip"},
+        {"topology": "fixed", "pinned": ["wall"]},
+        {"schedule": ka.Schedule((ka.Stage(1, 1, 0.3),), sweeps=1)},
+        {"surfaces": {"left": ka.Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))}},
+    ],
+    ids=["recycle", "growing", "flip", "pinned", "trained", "surfaces"],
+)
+def test_tetrahedra_killed_and_resumed_are_as_if_nothing_had_happened(options, tmp_path):
+    options = {"passes": 3, "seed": 5, **options}
+    straight = ka.adapt(SOLID, Poisson(), **options)
+    ka.adapt(SOLID, Poisson(), **options, checkpoint=tmp_path, callback=lambda step: step.number == 1)
+    resumed = ka.adapt(SOLID, Poisson(), **options, checkpoint=tmp_path)
+    assert_same(resumed, straight)
+    assert_array_equal(resumed.solution, straight.solution)
+    assert len(straight.history) > 2 and any(step.moved for step in straight.history[1:])
+
+
+def test_damaged_passes_of_tetrahedra_and_those_of_another_run(tmp_path):
+    ka.adapt(SOLID, Poisson(), passes=1, checkpoint=tmp_path)
+    with pytest.raises(ValueError, match=r"is of another run: its topology was recycle, not flip"):
+        ka.adapt(SOLID, Poisson(), passes=1, topology="flip", checkpoint=tmp_path)
+    rewritten(tmp_path / "pass-0001.npz", lambda arrays: arrays.update({"state tetrahedra.node": np.ones((3, 4))}))
+    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged \(ValueError: tetrahedra.node is an array"):
+        ka.adapt(SOLID, Poisson(), passes=2, checkpoint=tmp_path)

@@ -1,5 +1,7 @@
 """A mesh of tetrahedra taken apart: what its nodes may do, and every name back whatever has become of its arrays."""
 
+import io
+
 import numpy as np
 import pytest
 from helpers.solids import (
@@ -21,6 +23,7 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt import Rules
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE
 from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.som.space import move_in_space
 
 MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
 each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -30,6 +33,72 @@ def counts(solid):
     """Nodes that are held, on ridges, on patches and inside, and the numbers of patches and ridges."""
     number = np.bincount(solid.freedom.number, minlength=4).tolist()
     return number, len(solid.surfaces.shape), len(solid.surfaces.meets)
+
+
+def work_on(solid, seed=0):
+    """Recycle, swap and smooth towards a point."""
+    x = solid.tetrahedralization.centroids() - [0.3, 0.2, 0.1 * seed]
+    return move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, "recycle", np.random.default_rng(seed))
+
+
+def kept(solid):
+    """The state, as a file gives it back: with no array that the mesh goes on to change."""
+    file = io.BytesIO()
+    np.savez(file, **solid.state())
+    file.seek(0)
+    return dict(np.load(file))
+
+
+def assert_same_state(one, other):
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert array.dtype == other[name].dtype and array.tobytes() == other[name].tobytes(), name
+
+
+@each_mesh
+def test_a_state_gives_the_same_mesh_back_and_it_goes_on_in_the_same_way(build):
+    mesh, rules = build(), Rules("recycle", min_quality=0.1)
+    solid, again = (MovableSolid.of(mesh, rules) for _ in range(2))
+    assert solid.start() is mesh
+    assert work_on(solid).recycled.splits > 0
+    again.restore(kept(solid))
+    for _ in range(2):
+        assert_same_state(kept(again), kept(solid))
+        assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh()) if mesh.boundaries else True
+        for each in (solid, again):
+            work_on(each, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("position", lambda a: a[:, :2], r"position is an array \(125, 2\) of float64"),
+        ("position", lambda a: a.astype(np.float32), r"position is an array \(125, 3\) of float32"),
+        ("tetrahedra.node", lambda a: a + 1, "tetrahedra.node has numbers from 1 to 125"),
+        (
+            "tetrahedra.node",
+            lambda a: np.where(a == 124, np.int32(-1), a),
+            "tetrahedra.node has elements without all of their corner",
+        ),
+        ("tetrahedra.neighbour", lambda a: a + len(a), "tetrahedra.neighbour has numbers from 383 to 767"),
+        ("tetrahedra.region", lambda a: a + 2, "tetrahedra.region has numbers from 2 to 3"),
+        ("tetrahedra.patch", lambda a: a + 20, "tetrahedra.patch has numbers from 19 to"),
+        ("freedom.number", lambda a: a + np.int8(1), "freedom.number has numbers from 1 to 4"),
+        ("freedom.place", lambda a: a + 40, "freedom.place has numbers from 39 to"),
+        ("freedom.pinned", lambda a: a[1:], r"freedom.pinned is an array \(124,\) of bool"),
+        ("freedom.place", None, "there is no array freedom.place"),
+    ],
+)
+def test_what_cannot_be_a_state_is_refused_and_nothing_changed(name, change, said):
+    solid = MovableSolid.of(two_regions(4), Rules())
+    before, state = kept(solid), kept(solid)
+    if change is None:
+        del state[name]
+    else:
+        state[name] = change(state[name])
+    with pytest.raises(ValueError, match=f"^{said}"):
+        solid.restore(state)
+    assert_same_state(solid.state(), before)
 
 
 @each_mesh

@@ -23,7 +23,6 @@ class Given:
 
 
 CALLS = {
-    "adapt": lambda: ka.adapt(NAMED, Given()),
     "adapt, of a field": lambda: ka.adapt(NAMED, FIELD),
     "polish": lambda: ka.polish(NAMED, Given()),
     "solve": lambda: FIELD.solve(NAMED),

@@ -107,8 +107,9 @@ OTHER_CLASSES = [
     ("mesh.msh", r"str\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
     (None, r"NoneType\. Build one with skfem\.MeshTri( or MeshTet)? or kohonen_adapt\.read_mesh\."),
 ]
-PLANE_ONLY = {"adapt": lambda mesh: ka.adapt(mesh, SimpleNamespace(solve=abs, indicators=abs))}
+PLANE_ONLY = {"turned": lambda mesh: ka.turned(mesh, "core", 1.0)}
 SPACE_TOO = {
+    "adapt": lambda mesh: ka.adapt(mesh, SimpleNamespace(solve=abs, indicators=abs)),
     "map": KohonenMap,
     "relocate": lambda mesh: ka.relocate(mesh, ONES),
     "indicators": lambda mesh: ka.density_from_indicators(mesh, ONES),

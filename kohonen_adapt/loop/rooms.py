@@ -1,0 +1,117 @@
+"""Name what passes over triangles and over tetrahedra are made of, where that depends on the dimension."""
+
+from typing import Any
+
+import numpy as np
+from skfem import Mesh, MeshTet
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
+from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.loop.step import Room
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.polish import PLAN, descend_and_recycle
+from kohonen_adapt.polishing.slivers import longest_on_arcs
+from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
+from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.problem.protocol import NotOffered, Problem
+from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.som.moved import Moved
+from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
+from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
+from kohonen_adapt.som.training_points import ElementDensity
+
+__all__ = ["ROOMS"]
+
+
+def loops_for_triangles(problem: Problem, settings: Settings) -> tuple[str, ...]:
+    """What `moved_triangles`, and the polish if there is one, call."""
+    return *loops_in_plane(settings.rules.topology), *([*loops_of(problem), "carrying"] if settings.polish else [])
+
+
+def moved_triangles(
+    movable: MovableMesh,
+    density: Floats,
+    functional: Functional | None,
+    estimate: float,
+    settings: Settings,
+    number: int,
+    recycles: bool,
+) -> Moved[MovableMesh]:
+    """Make pass `number` of a density of nodes by element; nodes are exchanged only if it `recycles`."""
+    longest = None
+    if functional is not None and functional.dual is None:  # what arcs cost a goal is not known
+        longest = longest_on_arcs(functional.ritz, movable, estimate)
+    wanted, topology = ElementDensity(movable.triangulation, density), settings.rules.topology
+    nodes = settings.growth.nodes(number)
+    return move(movable, wanted, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
+
+
+def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[Functional, float]:
+    """The functional, and its value with what is between chords and curves."""
+    functional = Functional.of(ritz, movable, mesh)
+    beyond = functional.beyond_chords(movable.triangulation, functional.solution)
+    return functional, functional_value(mesh, ritz) + beyond
+
+
+def tetrahedra_taken_apart(mesh: MeshTet, rules: Rules, curved: bool | None) -> MovableSolid:
+    """A movable solid, whose edges are straight.
+
+    Raises
+    ------
+    ValueError
+        If bent ones are asked for, and a surface is curved; and whatever `MovableSolid.of` refuses.
+    """
+    movable = MovableSolid.of(mesh, rules)
+    if curved and np.any(movable.surfaces.shape != PLANE):
+        raise ValueError(
+            "curved of the problem must be False or None where surfaces of tetrahedra are curved, for their edges are "
+            "straight; got True."
+        )
+    return movable
+
+
+def loops_for_tetrahedra(problem: Problem, settings: Settings) -> tuple[str, ...]:
+    """What `moved_tetrahedra` calls."""
+    return *loops_in_space(settings.rules.topology, settings.schedule), "space locating"
+
+
+def moved_tetrahedra(
+    movable: MovableSolid,
+    density: Floats,
+    functional: None,
+    estimate: float,
+    settings: Settings,
+    number: int,
+    recycles: bool,
+) -> Moved[MovableSolid]:
+    """Make pass `number` of a density of nodes by element."""
+    nodes, rng = settings.growth.nodes(number), settings.rng(number)
+    return move_in_space(movable, density, settings.schedule, settings.rules.topology, rng, nodes)
+
+
+def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[Any, float]:
+    """There is none.
+
+    Raises
+    ------
+    NotOffered
+        Always.
+    """
+    raise NotOffered("tetrahedra have none")
+
+
+ROOMS = {
+    TRIANGLE.dim: Room(
+        TRIANGLE.dim, MovableMesh.of, loops_for_triangles, moved_triangles, stated_on_triangles, carried,
+        descend_and_recycle, report_curves, 3, PLAN,
+    ),
+    TETRAHEDRON.dim: Room(
+        TETRAHEDRON.dim, tetrahedra_taken_apart, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra, carried,
+        descend_and_recycle, report_surfaces, 1, (SWEEPS,),
+    ),
+}  # fmt: skip

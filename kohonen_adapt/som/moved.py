@@ -1,0 +1,66 @@
+"""Say what was done to a movable mesh: what it was before, which of its nodes are old, and why it may be as it was."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from kohonen_adapt.outline.movable import MovableMesh, Work
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.surgery import Recycled
+from kohonen_adapt.som.schedule import Schedule
+
+__all__ = ["Moved", "why_still"]
+
+Movable = TypeVar("Movable", MovableMesh, MovableSolid)
+
+
+@dataclass(frozen=True)
+class Moved(Generic[Movable]):
+    """A movable mesh before the map moved it, and what the map did.
+
+    Attributes
+    ----------
+    before
+        The mesh as it was.
+    recycled
+        Which nodes are old, and an old element near each.
+    quantization_errors, why_still
+        As in `Work`.
+    """
+
+    before: Movable
+    recycled: Recycled
+    quantization_errors: tuple[float, ...]
+    why_still: str
+
+    def changed(self, now: Movable) -> bool:
+        """Whether any node or edge is another one than before."""
+        before, after = self.before.tessellation, now.tessellation
+        same = np.array_equal(before.position, after.position)
+        return not (same and np.array_equal(before.elements.node, after.elements.node))
+
+    def work(self, now: Movable, polish_gain: float = 0.0) -> Work:
+        """The figures of all that happened to the mesh until now."""
+        old, position = self.recycled.old, now.tessellation.position
+        kept = old >= 0
+        way = np.sqrt(np.sum((position[kept] - self.before.tessellation.position[old[kept]]) ** 2, axis=1))
+        moved = int(np.count_nonzero(way) + np.count_nonzero(~kept))
+        return Work(
+            quantization_errors=self.quantization_errors,
+            max_displacement=float(way.max()),
+            moved=moved,
+            why_still="" if moved else self.why_still,
+            splits=self.recycled.splits,
+            collapses=self.recycled.collapses,
+            polish_gain=polish_gain,
+        )
+
+
+def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) -> str:
+    """The reason that no node moved."""
+    if schedule is not None and not schedule.trains and not schedule.sweeps:
+        return "the schedule has no rounds, no epochs and no sweeps"
+    if not movable.can_move():
+        return "every node is a corner or pinned" if isinstance(movable, MovableMesh) else "every node is held"
+    return "every move would have broken the quality rule"

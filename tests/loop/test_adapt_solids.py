@@ -1,0 +1,259 @@
+"""The loop on tetrahedra: what holds for every result, and what is refused."""
+
+import re
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers.poisson_solids import FICHERA, Poisson, cube, fichera
+from helpers.reports import CUT
+from helpers.solids import ball, box, two_regions, volumes
+from numpy.testing import assert_array_equal
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt import plotting
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.report import write_report
+
+
+@cache
+def adapted(topology="recycle"):
+    return ka.adapt(fichera(), Poisson(FICHERA), passes=3, topology=topology)
+
+
+def area_of(mesh, name):
+    a, b, c = mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries[name])]].transpose(1, 2, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+@pytest.mark.parametrize(("topology", "most"), [("recycle", 0.82), ("flip", 0.92), ("fixed", 0.92)])
+def test_the_error_falls_at_a_constant_number_of_nodes(topology, most):
+    result, problem = adapted(topology), Poisson(FICHERA)
+    first, best = result.history[0], result.best
+    assert {step.mesh.nvertices for step in result.history} == {316}
+    assert result.estimate == min(step.estimate for step in result.history) < first.estimate
+    assert problem.error(best) < most * problem.error(first)
+    assert all(step.min_quality >= 0.2 for step in result.history)
+    assert result.status in (ka.Status.MAX_PASSES, ka.Status.STALLED)
+
+
+def test_the_error_falls_at_the_rate_of_uniform_meshes_and_lies_a_fifth_below():
+    """As |u - u_h| = C N^(-1/3): half as many nodes would do."""
+    problem, cells = Poisson(), np.array([4, 5, 6, 8])
+    runs = [ka.adapt(box(n), problem, passes=3) for n in cells]
+    uniform = np.array([problem.error(run.history[0]) for run in runs])
+    best = np.array([problem.error(run.best) for run in runs])
+    for errors in (uniform, best):
+        assert 0.28 < -np.polyfit(3.0 * np.log(cells + 1), np.log(errors), 1)[0] < 0.37
+    assert np.all(best < 0.8 * uniform)
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_names_volumes_and_sides_are_conserved(topology):
+    mesh = two_regions(4)
+    result = ka.adapt(mesh, Poisson(given="left"), passes=2, topology=topology)
+    after = result.history[-1].mesh
+    assert type(after) is MeshTet and after.is_valid() and list(after.boundaries) == list(mesh.boundaries)
+    for name in mesh.subdomains:
+        part = [np.abs(volumes(of)[of.subdomains[name]]).sum() for of in (mesh, after)]
+        assert part[1] == pytest.approx(part[0], rel=1e-12)
+    for name in mesh.boundaries:
+        assert area_of(after, name) == pytest.approx(area_of(mesh, name), rel=1e-12)
+    assert np.all(after.p[0, after.facets[:, after.boundaries["left"]]] == 0.0)
+    wall = after.boundaries["wall"]
+    assert isinstance(wall, OrientedBoundary)
+    low = np.isin(after.f2t[wall.ori, np.asarray(wall)], after.subdomains["low"])
+    before = np.isin(mesh.f2t[mesh.boundaries["wall"].ori, np.asarray(mesh.boundaries["wall"])], mesh.subdomains["low"])
+    assert len(np.unique(low)) == 1 and low[0] == before[0]
+
+
+def test_the_history_tells_what_was_done():
+    first, *rest = adapted().history
+    assert (first.moved, first.splits, first.collapses, first.max_displacement) == (0, 0, 0, 0.0)
+    for step in rest:
+        assert step.splits == step.collapses > 0 and step.moved > 0 and 0.0 < step.max_displacement < 2.0
+        assert step.mean_quality > 0.8 and step.unknowns == 316 and set(step.seconds) >= {"relocate", "solve"}
+        assert step.functional is None and not step.comparable
+    text = str(adapted())
+    assert "splits" in text and "Poisson has no method ritz" in text
+    assert_array_equal(first.nodes, np.arange(316))
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_nodes_tells_which_were_there(topology):
+    """Corners stay: with "recycle" they, and no others, are sure to be found by number."""
+    mesh = fichera()
+    for before, after in pairwise(adapted(topology).history):
+        kept = [set(step.nodes[step.nodes >= 0]) for step in (before, after)]
+        assert len(kept[1]) == np.count_nonzero(after.nodes >= 0)
+        assert kept[1] < kept[0] if topology == "recycle" else kept[1] == kept[0]
+        corners = np.flatnonzero(
+            np.all(np.abs(mesh.p[:, np.maximum(after.nodes, 0)]) == 1, axis=0) & (after.nodes >= 0)
+        )
+        assert len(corners) == 7
+        assert_array_equal(after.mesh.p[:, corners], mesh.p[:, after.nodes[corners]])
+
+
+def test_a_pass_is_relocate_with_the_density_of_its_indicators():
+    mesh, problem = fichera(), Poisson()
+    density = ka.density_from_indicators(mesh, problem.indicators(mesh, problem.solve(mesh)))
+    found = ka.relocate(mesh, density, topology="recycle")
+    again = ka.adapt(mesh, problem, passes=1).history[1].mesh
+    assert_array_equal(again.p, found.p)
+    assert_array_equal(again.t, found.t)
+
+
+def test_with_the_l2_norm_the_result_is_the_best_in_it():
+    problem = Poisson(FICHERA, norm="L2")
+    result = ka.adapt(fichera(), problem, passes=2)
+    worths = [np.sqrt(np.sum(area(step.mesh) * step.indicators**2)) for step in result.history]
+    assert result.mesh is result.history[int(np.argmin(worths))].mesh
+    assert [step.worth for step in result.history] == pytest.approx(worths)
+    assert np.any(result.history[1].mesh.p != adapted().history[1].mesh.p)
+
+
+def test_elements_of_second_order_have_their_own_density_and_no_polish():
+    problem = Poisson(order=2)
+    result = ka.adapt(cube(3), problem, passes=2)
+    mesh = result.best.mesh
+    assert result.best.unknowns == mesh.nvertices + mesh.edges.shape[1] == len(result.solution)
+    assert "unknowns" in str(result) and "no polish" in result.message
+    assert problem.error(result.best) < problem.error(result.history[0])
+    eta = result.history[0].indicators
+    wanted = [ka.density_from_indicators(cube(3), eta, order=order) for order in (1, 2)]
+    assert_array_equal(result.history[1].mesh.p, ka.relocate(cube(3), wanted[1], topology="recycle").p)
+    assert not np.array_equal(*wanted)
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_growing(topology):
+    problem = Poisson(FICHERA)
+    result = ka.adapt(fichera(2), problem, passes=3, target_nodes=300, topology=topology)
+    counts = [step.mesh.nvertices for step in result.history]
+    assert counts[0] == 117 and all(b > a for a, b in pairwise(counts[:3]))
+    assert counts[-1] == 300 or "of 300 nodes" in result.message
+    assert counts[-1] > 280 and problem.error(result.best) < problem.error(adapted("fixed").history[0])
+    assert result.history[-1].mesh.is_valid()
+    assert area_of(result.mesh, "corner") == pytest.approx(3.0, rel=1e-12)
+    with pytest.raises(ValueError, match="target_nodes must be at least the number of nodes of the mesh, 117; got 100"):
+        ka.adapt(fichera(2), problem, target_nodes=100)
+
+
+def test_pinned_nodes_and_surfaces():
+    mesh = two_regions(4)
+    plane = {"left": ka.Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))}
+    result = ka.adapt(mesh, Poisson(), passes=2, pinned=["wall", 0], surfaces=plane)
+    kept = {tuple(x) for x in result.mesh.p.T}
+    ends = mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries["wall"])]].reshape(3, -1).T
+    assert {*map(tuple, ends), tuple(mesh.p[:, 0])} <= kept
+    every = ka.adapt(mesh, Poisson(), pinned=np.arange(mesh.nvertices), topology="fixed")
+    assert every.status is ka.Status.NOT_MOVED and every.message.startswith("Nothing could move: ")
+
+
+def test_a_problem_may_name_points_that_stay():
+    problem = Poisson()
+    problem.points = {"probe": np.array([[0.25], [0.5], [0.75]])}
+    result = ka.adapt(two_regions(4), problem, passes=2)
+    assert np.any(np.all(result.mesh.p == problem.points["probe"], axis=0))
+
+
+def test_the_map_is_trained_where_a_schedule_has_stages():
+    schedule = ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)
+    result = ka.adapt(fichera(), Poisson(FICHERA), passes=1, schedule=schedule, seed=3)
+    assert len(result.history[1].quantization_errors) == 2
+    other = ka.adapt(fichera(), Poisson(FICHERA), passes=1, schedule=schedule, seed=4)
+    assert np.any(other.history[1].mesh.p != result.history[1].mesh.p)
+    still = ka.adapt(box(2), Poisson(), schedule=ka.Schedule(()), topology="fixed")
+    assert still.status is ka.Status.NOT_MOVED and "no epochs" in still.message
+
+
+def test_outputs_settle_and_targets_are_met():
+    mean = {"mean": lambda solution: float(np.mean(solution))}
+    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, outputs=mean, output_rtol=0.06)
+    assert result.status is ka.Status.CONVERGED and len(result.history) == 2
+    assert "mean" in str(result)
+    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, rtol=1.4)
+    assert result.status is ka.Status.CONVERGED and len(result.history) == 3
+
+
+def test_ctrl_c_gives_back_what_there_is():
+    def progress(number, step):
+        if (number, step) == (2, "relocate"):
+            raise KeyboardInterrupt
+
+    result = ka.adapt(fichera(), Poisson(FICHERA), passes=3, progress=progress)
+    assert result.status is ka.Status.STOPPED and len(result.history) == 2
+    assert_array_equal(result.history[1].mesh.p, adapted().history[1].mesh.p)
+
+
+def test_report_and_page_show_a_cut(tmp_path):
+    before, after = ka.adapt(cube(3), Poisson(), passes=0), ka.adapt(cube(3), Poisson(), passes=1)
+    write_report(tmp_path / "report.html", after, before=before, plane=CUT, point_data={"u": lambda u: u})
+    assert "Poisson has no method ritz" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    shown = {"potential": after.solution, "magnitude": after.indicators, "magnitude_label": "eta"}
+    figure = plotting.adaptation_figure(before, after, **shown, plane=CUT)
+    figure.savefig(tmp_path / "page.png", dpi=40)
+    assert len([each for each in figure.axes if each.get_title()]) == 6
+    with pytest.raises(ValueError, match="shown in a cut"):
+        plotting.adaptation_figure(before, after, **shown)
+
+
+def paired(problem):
+    problem.pairs = (("left", "top"),)
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("options", "change", "said"),
+    [
+        ({"periodic": [("left", "top")]}, None, "periodic must be left out for tetrahedra; it is for triangles only."),
+        ({}, paired, "periodic must be left out for tetrahedra; it is for triangles only."),
+        ({"layers": {"low": 2}}, None, "layers must be left out for tetrahedra; it is for triangles only."),
+        (
+            {"curves": {"left": ka.Line((0, 0), (0, 1))}},
+            None,
+            "curves are for triangles; a boundary of tetrahedra may be given one of the surfaces.",
+        ),
+        (
+            {"schedule": ka.Schedule((), rounds=2)},
+            None,
+            "rounds of transport are for triangles only; got a schedule with 2.",
+        ),
+        (
+            {"surfaces": {"nowhere": ka.Plane((0, 0, 0), (1, 0, 0))}},
+            None,
+            "surfaces has 'nowhere', which is no boundary of the mesh; "
+            "its boundaries are: 'left', 'part', 'top', 'wall'.",
+        ),
+        ({"pinned": ["nowhere"]}, None, None),
+    ],
+)
+def test_what_is_for_the_plane_is_refused_before_anything_is_solved(options, change, said):
+    problem = change(Poisson()) if change else Poisson()
+    with pytest.raises(ValueError, match=f"^{re.escape(said)}$" if said else "pinned name 'nowhere'"):
+        ka.adapt(two_regions(2), problem, **options)
+    assert problem.solves == 0
+
+
+def test_bent_edges_are_refused_where_there_would_be_some():
+    problem = Poisson(order=2)
+    problem.curved = True
+    with pytest.raises(
+        ValueError, match=r"^curved of the problem must be False or None where surfaces of tetrahedra are"
+    ):
+        ka.adapt(ball(4), problem)
+    assert problem.solves == 0
+    assert type(ka.adapt(box(2), problem, passes=1).mesh) is MeshTet
+
+
+def test_broken_meshes_and_indicators():
+    flat = MeshTet(np.zeros((3, 4)), np.arange(4)[:, None])
+    with pytest.raises(ValueError, match="volume above zero"):
+        ka.adapt(flat, Poisson())
+    problem = Poisson()
+    problem.indicators = lambda mesh, solution: np.ones(3)
+    with pytest.raises(ValueError, match=r"must have shape \(nelements,\) = \(48,\)"):
+        ka.adapt(box(2), problem)
