@@ -18,8 +18,9 @@ from kohonen_adapt.polishing.polish import PLAN, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
 from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import NotOffered, Problem
-from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved
 from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
 from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces

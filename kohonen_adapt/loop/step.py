@@ -16,7 +16,8 @@ from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.polishing.functional import Functional, VariesInside
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.regions import VariesInside
 from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (

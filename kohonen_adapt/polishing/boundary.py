@@ -12,7 +12,8 @@ from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.problem.ritz import Ritz, flux_on, value_on
+from kohonen_adapt.problem.functional_value import flux_on, value_on
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import added_on_sides, facet_terms
 from kohonen_adapt.problem.tables import looked_up
 

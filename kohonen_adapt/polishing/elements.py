@@ -21,7 +21,8 @@ from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, by_points, fields_at, gradients, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.ritz import Ritz, integrated
+from kohonen_adapt.problem.functional_value import integrated
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at
 
 __all__ = ["expanded", "kinds_of", "shapes_of", "steepest", "without_modes"]

@@ -30,18 +30,14 @@ from kohonen_adapt.polishing.chain_values import (
 )
 from kohonen_adapt.polishing.chords import Chords
 from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, without_modes
-from kohonen_adapt.polishing.energy_tables import Tables, tabulated
-from kohonen_adapt.problem.ritz import Ritz, check_fits, integrated, parts_of, value_on
-from kohonen_adapt.problem.tables import EnergyLaw
+from kohonen_adapt.polishing.energy_tables import Tables
+from kohonen_adapt.polishing.regions import LINEAR, VariesInside, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.problem.functional_value import integrated, value_on
+from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of
 
-__all__ = ["Functional", "VariesInside"]
+__all__ = ["Functional"]
 
 FOLLOWED = 2  # order up to which a parabola follows a curve as well as functions do the solution
-LINEAR = 1e-9  # of the range of all values: given values this near to a straight line between a chain's ends are on it
-
-
-class VariesInside(ValueError):
-    """The constants of a functional change inside a region of the mesh."""
 
 
 @dataclass(frozen=True)
@@ -155,10 +151,11 @@ class Functional:
         linear = whole & ~bare & followed & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         sign = signs_of_chains(ritz, outline)
-        number, at = numbers_of_regions(ritz, triangulation), integrated(ritz)
+        number, at = numbers_of_regions(ritz, triangulation.elements.region), integrated(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
         held = ~outline.straight | (given & ~linear) | (whole & bare) | boundary.on
-        law, tables = laws_of_regions(ritz, number, triangulation, solution)
+        largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
+        law, tables = laws_of_regions(ritz, number, largest)
         constants = constants_of(ritz, number)
         level = np.where(whole & (off <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
         curves = ~followed & ~bare & ~boundary.on & is_plain(ritz, outline)
@@ -249,26 +246,6 @@ def is_plain(ritz: Ritz, outline: Outline) -> bool:
     return plain and not outline.constraints.chains.paired.any()
 
 
-def numbers_of_regions(ritz: Ritz, triangulation: Triangulation) -> NDArray[np.int64]:
-    """The number of every region of the triangulation in the tables of the functional, (nregions,)."""
-    region, first = triangulation.elements.region, first_of_regions(triangulation)
-    number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-    stray = np.flatnonzero(number != number[first][region])
-    if len(stray):
-        e = int(stray[0])
-        raise VariesInside(
-            f"region of Ritz must be one number on each region of the mesh; elements {first[region[e]]} and {e} are of "
-            f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the "
-            "mesh; a flux that varies inside one is a function."
-        )
-    return number[first]
-
-
-def first_of_regions(triangulation: Triangulation) -> NDArray[np.intp]:
-    """The first element of every region."""
-    return np.unique(triangulation.elements.region, return_index=True)[1]
-
-
 def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> TrialFunction:
     """The solution of a functional in the form of the kernels."""
     values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
@@ -278,26 +255,3 @@ def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> Tria
     elif ritz.order > 1:
         modes = modes_of(mesh, node, values, ritz.order, fixed, kinds_of(ritz, triangulation))
     return TrialFunction(values[:n], fixed[:n].copy(), modes)
-
-
-def constants_of(ritz: Ritz, number: NDArray[np.int64]) -> Floats:
-    """Coefficient, source and flux of regions of these numbers, (nregions, 4)."""
-    flux = np.zeros(2) if callable(ritz.flux) else np.asarray(ritz.flux)
-    tables = (ritz.coefficient, ritz.source, *flux)
-    rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
-    return np.stack(rows, axis=1)
-
-
-def laws_of_regions(
-    ritz: Ritz, number: NDArray[np.int64], triangulation: Triangulation, solution: TrialFunction
-) -> tuple[NDArray[np.int32], Tables]:
-    """The law of every region as a place among tables, -1 for none, and the tables."""
-    distinct: list[EnergyLaw] = []
-    law = np.full(len(number), -1, dtype=np.int32)
-    for place, row in enumerate(number if ritz.laws else ()):
-        found = ritz.laws[row]
-        if found is not None:
-            same = [k for k, other in enumerate(distinct) if other is found]
-            law[place] = same[0] if same else len(distinct)
-            distinct += [] if same else [found]
-    return law, tabulated(distinct, steepest(ritz, triangulation, solution.values, solution.modes) if distinct else 0.0)

@@ -7,7 +7,7 @@ from kohonen_adapt.kernels.arrays import ROUND, SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.functional import constants_of
+from kohonen_adapt.polishing.regions import constants_of
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at
 

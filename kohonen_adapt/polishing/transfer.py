@@ -22,7 +22,8 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.elements import kinds_of, without_modes
-from kohonen_adapt.polishing.functional import Functional, first_of_regions
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.regions import first_of_regions
 
 __all__ = ["carried"]
 
@@ -160,7 +161,7 @@ def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Int
     near = hint[new.elements.node]
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
-    return np.where(fits.any(axis=1), chosen, first_of_regions(old)[new.elements.region])
+    return np.where(fits.any(axis=1), chosen, first_of_regions(old.elements.region)[new.elements.region])
 
 
 def parts_of_regions(triangulation: Triangulation) -> Ints:

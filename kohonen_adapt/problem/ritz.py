@@ -6,47 +6,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.kernels.arrays import Reference
-from kohonen_adapt.mesh.curved import displacements, is_second_order
-from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.near_axis import kinds_at_axis
-from kohonen_adapt.mesh.polynomials import (
-    by_points,
-    count_unknowns,
-    fields_at,
-    gradients,
-    local_coefficients,
-    modes_of,
-    reference,
-)
-from kohonen_adapt.problem.robin import Robin, added_on_sides, checked_conditions, sides_of_boundary
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boundary
 from kohonen_adapt.problem.tables import (
     EnergyLaw,
     check_axis,
+    checked_flux,
     checked_laws,
     checked_signs,
     constants,
     floats,
-    flux_at,
-    looked_up,
+    flux_table,
     numbers,
 )
 
-__all__ = [
-    "Flux",
-    "Ritz",
-    "check_fits",
-    "flux_on",
-    "functional_value",
-    "integrated",
-    "parts_of",
-    "value_on",
-]
+__all__ = ["Flux", "Ritz", "check_fits", "parts_of", "unknown_in_space"]
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
@@ -68,6 +47,8 @@ class Ritz:
     are, where only a corner is on the axis, and stay so. The integrals are finite, and u is admissible: the functional
     bounds the exact one from above.
 
+    On tetrahedra the elements are of order 1, and there is no axis, no Robin condition, no dual and no sign.
+
     Parameters
     ----------
     values
@@ -80,9 +61,10 @@ class Ritz:
     source
         A constant, or one value per region number, (nregions,).
     flux
-        A constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``. Where it varies
-        inside regions of the mesh, a function of x (2, n) and the region numbers there (n,) that returns (2, n), smooth
-        in each: an element has the mean over three points (half-way from its middle to its corners).
+        0.0 for none; a constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``. On
+        tetrahedra it has three components. Where it varies inside regions of a mesh in the plane, a function of x
+        (2, n) and the region numbers there (n,) that returns (2, n), smooth in each: an element has the mean over three
+        points (half-way from its middle to its corners).
     region
         (nelements,) of integers >= 0: the number that each element looks its constants up by. None where there are no
         tables to look up. The constants must not change inside a region of the mesh, a connected set of elements that
@@ -139,7 +121,7 @@ class Ritz:
     fixed: ArrayLike
     coefficient: ArrayLike
     source: ArrayLike = 0.0
-    flux: Flux = (0.0, 0.0)
+    flux: Flux = 0.0
     region: ArrayLike | None = None
     laws: Sequence[EnergyLaw | None] = ()
     order: int = 1
@@ -168,7 +150,7 @@ class Ritz:
         if not np.all(coefficient > 0.0):
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
         source = constants("source", self.source, (), region)
-        flux = self.flux if callable(self.flux) else constants("flux", self.flux, (2,), region)
+        flux = self.flux if callable(self.flux) else checked_flux(self.flux, region)
         # Copies: what the caller does to his arrays later must not change a functional in use.
         names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
         laws = checked_laws(self.laws, region)
@@ -220,7 +202,7 @@ def _times(factor: float, ritz: Ritz) -> Ritz:
     return replace(ritz, robin=robin, **constants)
 
 
-def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
+def check_fits(ritz: Ritz, mesh: Mesh) -> None:
     """Refuse a functional of another mesh."""
     unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
     if np.shape(ritz.values) != (unknowns,):
@@ -228,6 +210,8 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
         raise ValueError(f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}.")
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
+    if not callable(ritz.flux):
+        flux_table(np.asarray(ritz.flux), mesh.dim())
     if ritz.axisymmetric:
         check_axis(np.asarray(ritz.values), np.asarray(ritz.fixed), mesh)
     for name in ritz.robin:
@@ -236,77 +220,14 @@ def check_fits(ritz: Ritz, mesh: MeshTri) -> None:
         named(mesh.boundaries, name, "boundary")
 
 
-def integrated(ritz: Ritz) -> Reference:
-    """The functions of the elements, and the points at which the functional is integrated: exactly without laws."""
-    return reference(ritz.order, 2 * (ritz.order - 1) + (2 if ritz.laws and ritz.order > 1 else 0))
-
-
-def functional_value(mesh: MeshTri, ritz: Ritz) -> float:
-    """The functional of the solution on its own mesh, its dual's included, or an error if that is another one."""
-    return sum(_value_of_part(mesh, part) for part in parts_of(ritz))
-
-
-def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
-    check_fits(ritz, mesh)
-    number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-    values, node = np.asarray(ritz.values), mesh.t.T
-    kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
-    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
-    corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    total = value_on(corners, coefficients, number, ritz, displacements(mesh) if is_second_order(mesh) else None)
-    for name, terms in ritz.robin.items():
-        total += added_on_sides(corners, coefficients, sides_of_boundary(mesh, name), terms, ritz.axisymmetric)
-    return total
-
-
-def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats | None = None) -> float:
-    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,).
-
-    Their sides are bent so much, (m, 3, 2); with a curved one, and around an axis, they are integrated `by_points`.
-    """
-    bend = np.zeros_like(corners) if bend is None else bend
-    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
-    kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
-    total = 0.0
-    for one in np.unique(kind):
-        rows = np.flatnonzero(kind == one)
-        part = corners[rows], coefficients[rows], number[rows], ritz
-        total += _plain_value(*part) if one < 0 else _value_by_points(*part, bend[rows], int(one))
-    return total
-
-
-def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
-    """The functional on triangles in the plane."""
-    at = integrated(ritz)
-    doubled, slope = gradients(corners, coefficients, at)
-    density = at.weight @ _density(slope, 1.0, corners, number, ritz)
-    pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
-    return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
-
-
-def _value_by_points(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int) -> float:
-    """The functional on elements of one kind with curved sides, or around an axis."""
-    points = by_points(ritz.order)
-    doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
-    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
-    density -= looked_up(np.asarray(ritz.source), number) * value
-    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled) * density)))
-
-
-def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """What is integrated of gradients (2, points, m), but for the source, (points, m); around an axis at those x."""
-    flux_x, flux_y = flux_on(corners, number, ritz)
-    stored = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * np.sum(slope**2, axis=0) / x
-    far = np.broadcast_to(x, stored.shape)
-    for k, law in enumerate(ritz.laws):
-        if law is not None:
-            rows = number == k
-            stored[:, rows] = far[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / far[:, rows])
-    return stored - flux_x * slope[0] - flux_y * slope[1]
-
-
-def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """The mean flux over elements, (2, m), or a constant (2,)."""
-    if callable(ritz.flux):
-        return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
-    return np.stack([looked_up(part, number) for part in np.asarray(ritz.flux)])
+def unknown_in_space(ritz: Ritz) -> str:
+    """What of a functional is for the plane only, as the end of a sentence; empty where it holds on tetrahedra."""
+    has = {
+        f"its Ritz is of order {ritz.order}": ritz.order > 1,
+        "its Ritz is axisymmetric": ritz.axisymmetric,
+        "its Ritz has Robin conditions": bool(ritz.robin),
+        "its Ritz has a dual": ritz.dual is not None,
+        "its Ritz has signs of pairs": bool(ritz.signs),
+        "the flux of its Ritz is a function": callable(ritz.flux),
+    }
+    return next((f"{reason}, and that is for the plane only" for reason, found in has.items() if found), "")

@@ -13,11 +13,13 @@ from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
 __all__ = [
     "EnergyLaw",
     "check_axis",
+    "checked_flux",
     "checked_laws",
     "checked_signs",
     "constants",
     "floats",
     "flux_at",
+    "flux_table",
     "looked_up",
     "numbers",
 ]
@@ -80,6 +82,25 @@ def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArr
             "number of elements."
         )
     return table
+
+
+def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
+    """A flux of as many components as the mesh has dimensions, a constant or a table; 0.0 for none."""
+    table = floats("flux", given)
+    if table.ndim == 0 and table == 0.0:
+        return table
+    if table.shape[:1] in ((2,), (3,)):
+        return constants("flux", table, table.shape[:1], region)
+    raise ValueError(
+        f"flux of Ritz must have shape (2,) or (2, nregions), on tetrahedra (3,) or (3, nregions); got {table.shape}."
+    )
+
+
+def flux_table(flux: Floats, dim: int) -> Floats:
+    """A flux that was checked, with the components it has on a mesh of so many dimensions: zeros for none."""
+    if flux.ndim and len(flux) != dim:
+        raise ValueError(f"flux of Ritz must have {dim} components on a mesh of {dim} dimensions; got {len(flux)}.")
+    return flux if flux.ndim else np.zeros(dim)
 
 
 def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:

@@ -24,7 +24,8 @@ def on_nodes(mesh, seed=0, bent=False, value=None):
     number = np.full(regions, -1, dtype=np.int32)
     number[-1] = 0 if bent else -1
     tables = tabulated([LAW], 10.0)
-    return Trial(values, fixed, data, Laws(number, tables.first, tables.energy))
+    places = len(mesh.surfaces.shape) + len(mesh.surfaces.ridge_shape)
+    return Trial(values, fixed, data, Laws(number, tables.first, tables.energy), np.zeros((places, 3)))
 
 
 def functional(mesh, trial, elements=None):

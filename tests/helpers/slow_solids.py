@@ -97,3 +97,89 @@ class SlowSolidMap:
             for v in ring:
                 self.move(v, x, rate * share)
         return distance.min()
+
+
+def functional(position, node, data, values, laws=None):
+    """Coefficient, source and flux of elements (m, 5) make the Ritz functional; where there is a law, its energy."""
+    edges = position[node[:, 1:]] - position[node[:, :1]]
+    sixfold, rise = np.linalg.det(edges), values[node[:, 1:]] - values[node[:, :1]]
+    slope = np.linalg.solve(edges, rise[..., None])[..., 0]
+    density = 0.5 * data[:, 0] * np.sum(slope**2, axis=1)
+    for e, law in enumerate([] if laws is None else laws):
+        if law is not None:
+            density[e] = law.energy(np.linalg.norm(slope[e]))
+    density -= data[:, 1] * values[node].mean(axis=1) + np.sum(data[:, 2:] * slope, axis=1)
+    return float(np.sum(sixfold * density)) / 6.0
+
+
+def even_with(row, v):
+    """The corners of an element, v first, as an even permutation."""
+    k = int(np.argmax(row == v))
+    rest = np.delete(row, k)
+    return np.append(v, rest if k % 2 == 0 else rest[[1, 0, 2]])
+
+
+def star_parts(position, node, data, values, v):
+    """Gradient and Hessian (4, 4) of the functional of a star by position and value of v: of D and n differences are
+    exact, for they are affine.
+    """
+    gradient, hessian = np.zeros(4), np.zeros((4, 4))
+
+    def parts(row, d):
+        corners = position[row] + np.outer([1, 0, 0, 0], d[:3])
+        a, b, c = corners[1:] - corners[0]
+        rise = values[row[1:]] - values[v] - d[3]
+        n = rise[0] * np.cross(b, c) + rise[1] * np.cross(c, a) + rise[2] * np.cross(a, b)
+        return np.append(n, a @ np.cross(b, c)), values[row].sum() + d[3]
+
+    for e in np.flatnonzero((node == v).any(axis=1)):
+        (coefficient, source, *flux), row = data[e], even_with(node[e], v)
+        (*n, doubled), total = parts(row, np.zeros(4))
+        rates = np.array([parts(row, step)[0] - parts(row, np.zeros(4))[0] for step in np.eye(4)])
+        of_n, of_d, of_sum, slope = rates[:, :3], rates[:, 3], np.array([0, 0, 0, 1.0]), np.array(n) / doubled
+        r = of_n - np.outer(of_d, slope)
+        gradient += coefficient / 6 * (of_n @ slope - 0.5 * slope @ slope * of_d)
+        gradient -= source / 24 * (of_d * total + doubled * of_sum) + of_n @ flux / 6
+        hessian += coefficient / (6 * doubled) * r @ r.T
+        hessian -= source / 24 * (np.outer(of_d, of_sum) + np.outer(of_sum, of_d))
+    return gradient, hessian
+
+
+def slow_descent(position, node, data, values, axes, rates, floor, overstep, least):
+    """One sweep of energy descent: positions, values and what it took off the functional.
+
+    `axes[v]` (3, k) spans where node v may go; `rates[v]` (3,) is the gradient of a value given there, None for one
+    that is eliminated.
+    """
+    position, values = position.copy(), values.copy()
+    start = functional(position, node, data, values)
+    for v in range(len(position)):
+        span, rate, star = axes[v], rates[v], (node == v).any(axis=1)
+        gradient, hessian = star_parts(position, node, data, values, v)
+        follow = -hessian[:3, 3] / hessian[3, 3] if rate is None else rate
+        before, own, worst = position[v].copy(), values[v], quality(position, node[star]).min()
+
+        def settled(w, v=v, rate=rate, star=star):
+            """The functional of the star where v is now, its value changed by w and then at its best."""
+            values[v] += w
+            if rate is None:
+                g, h = star_parts(position, node, data, values, v)
+                values[v] -= g[3] / h[3, 3]
+            return functional(position, node[star], data[star], values)
+
+        now = settled(0.0)
+        still = values[v]
+        if not span.shape[1]:
+            continue
+        lift = np.vstack([np.eye(3), follow[None]]) @ span
+        gradient, hessian = lift.T @ gradient, lift.T @ hessian @ lift
+        curvature, principal = np.linalg.eigh(hessian)
+        curvature = np.maximum(np.abs(curvature), least * np.abs(curvature).max())
+        step = -overstep * span @ (principal @ (principal.T @ gradient / curvature))
+        for part in (1.0, 0.5, 0.25, 0.125):
+            position[v], values[v] = before + part * step, own
+            there = quality(position, node[star]).min()
+            if there > 1e-6 and there >= min(floor, worst) - 1e-12 and settled(part * follow @ step) < now - 1e-13:
+                break
+            position[v], values[v] = before, still
+    return position, values, start - functional(position, node, data, values)

@@ -17,7 +17,8 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.problem.functional_value import functional_value
+from kohonen_adapt.problem.ritz import Ritz
 
 FLOOR = 0.3
 

@@ -11,7 +11,7 @@ from skfem.models.poisson import laplace, unit_load
 import kohonen_adapt as ka
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 
 class Load:

@@ -14,7 +14,7 @@ from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import carried
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 MAGNET = RoundMagnet(shift=0.3)
 

@@ -12,7 +12,7 @@ from skfem import Basis, ElementTriP0, MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 MU0 = 4e-7 * np.pi
 INDUCTANCE = 22.94524e-3  # H, of FEMM's coil: `benchmarks.problems.thick_coil`

@@ -39,7 +39,7 @@ from kohonen_adapt.magnetostatics import (
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.solution import tangent_solution
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 CASES = {
     "force": (actuator, Force("bar", (3.0, 4.0))),

@@ -27,7 +27,7 @@ from kohonen_adapt.magnetostatics import (
 )
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 MU0 = 4e-7 * np.pi
 

@@ -14,7 +14,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.curve_nodes import Stars
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 RADII = (0.3, 0.6, 1.0)
 

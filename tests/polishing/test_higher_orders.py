@@ -18,7 +18,8 @@ from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import carried
-from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.problem.functional_value import functional_value
+from kohonen_adapt.problem.ritz import Ritz
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 TABLE = 1e-9  # of a functional: what tables of laws leave out

@@ -30,7 +30,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 LAWS = {
     "Brauer": Brauer(100.0, 10.0, 1.8),

@@ -20,7 +20,7 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, tie
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.sweeps import _downhill
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}
 SIDES = {name: lambda x, i=i, at=at: x[i] == at for name, (i, at) in LINES.items()}

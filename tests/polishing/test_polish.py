@@ -21,7 +21,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 
 class Diffusion:

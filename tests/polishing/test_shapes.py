@@ -16,7 +16,8 @@ from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.sweeps import Higher
-from kohonen_adapt.problem.ritz import Ritz, functional_value
+from kohonen_adapt.problem.functional_value import functional_value
+from kohonen_adapt.problem.ritz import Ritz
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 STEP = 1e-5

@@ -22,7 +22,7 @@ from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.problem.ritz import functional_value
+from kohonen_adapt.problem.functional_value import functional_value
 
 FLUX = np.random.default_rng(5).normal(size=(2, 6))
 

@@ -42,8 +42,9 @@ def functional_for(mesh, values, fixed):
         ((ZEROS, FIXED, "iron"), r"coefficient of Ritz must be real numbers"),
         ((ZEROS, FIXED, np.inf), r"coefficient of Ritz must be finite; 1 of 1 are not\."),
         ((ZEROS, FIXED, [1.0, 2.0]), r"coefficient of Ritz is a table of 2; give region, the number of each element\."),
-        ((ZEROS, FIXED, 1.0, 0.0, 1.0), r"flux of Ritz must have shape \(2,\) or \(2, nregions\); got \(\)\."),
-        ((ZEROS, FIXED, 1.0, 0.0, np.zeros((3, 2)), REGION), r"flux of Ritz must have shape .* got \(3, 2\)\."),
+        ((ZEROS, FIXED, 1.0, 0.0, 1.0), r"flux of Ritz must have shape \(2,\) or \(2, nregions\), on .* got \(\)\."),
+        ((ZEROS, FIXED, 1.0, 0.0, np.zeros((4, 2)), REGION), r"flux of Ritz must have shape .* got \(4, 2\)\."),
+        ((ZEROS, FIXED, 1.0, 0.0, np.zeros((3, 2, 1)), REGION), r"flux of Ritz must have shape .* got \(3, 2, 1\)\."),
         (
             (ZEROS, FIXED, 1.0, [[1.0]], (0.0, 0.0), REGION),
             r"source of Ritz must have shape \(\) or \(nregions,\)",

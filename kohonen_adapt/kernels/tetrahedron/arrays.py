@@ -165,3 +165,4 @@ class Trial(NamedTuple):
     # Of every region a twelfth of the coefficient, a 24th of the source, a sixth of the flux.
     data: np.ndarray  # (regions, 5)
     laws: Laws  # numbers are those of regions, not of elements; where there is one, the coefficient has no say
+    rate: np.ndarray  # (p + r, 3): gradient along patches, then along ridges, of values that are given there

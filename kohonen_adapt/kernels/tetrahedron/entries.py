@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.records import RecordType
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     connectivity,
+    descend,
     locate,
     recycle,
     search,
@@ -33,7 +34,7 @@ CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, 
 OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = RecordType(arrays.Queue, (B1, I1, L1))
 LAWS = RecordType(shared.Laws, (I1, int64, R3))
-TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS))
+TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
@@ -61,6 +62,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
     "space polish": (
+        Entry(descend.descend_nodes, NEURONS, TRIAL, I1, float64),
         Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
     ),

@@ -1,0 +1,367 @@
+"""Lower the Ritz functional of a P1 function on tetrahedra by sweeps that move nodes.
+
+What `energy.py` says of an element (v, a, b, c) is, with A, B, C the ways from v to the others and al, be, ga their
+values relative to v's, made of D = A . (B x C) and n = al BxC + be CxA + ga AxB. In the position and the value w of v
+
+    dn/dx_k = e_k x T,   dn/dw = -S,   dD/dx = -S,   S = BxC + CxA + AxB,   T = al (B - C) + be (C - A) + ga (A - B),
+
+and neither S nor T changes with x or w: D and n are affine, so |n|^2 / D is jointly convex, and with g = n / D the
+gradient of u the Hessian of c |n|^2 / (12 D) is c / (6 D) r_i . r_j, r = dn - g dD. Newton's method fits, and only the
+source can make a Hessian indefinite. Nonlinear material, D W(|g|^2) / 6, has W' / (3 D) in place of c / (6 D), and
+2 W'' / (3 D) (g . r_i)(g . r_j) more. See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61 (2004).
+"""
+
+import math
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    ON_PATCH,
+    SIXTH_FLUX_X,
+    SIXTH_FLUX_Y,
+    SIXTH_FLUX_Z,
+    SOURCE_24TH,
+    TWELFTH_COEFFICIENT,
+)
+from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed
+from kohonen_adapt.kernels.tetrahedron.surfaces import slid
+
+HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation
+TRIES = 4  # of a Newton step of a value beside nonlinear material, each half of the one before
+LEAST_CURVATURE = 0.3  # of the largest principal one: flatter directions count as curved as that, or steps are too wild
+TURNS = 24  # of Jacobi's method, three of which bring every pair of axes to its turn once
+DIAGONAL = 1e-20  # of the square of a matrix: smaller squares beside its diagonal are none
+
+
+@kernel
+def descend_nodes(neurons, trial, order, floor):
+    """Move nodes, in the given order, to where the functional of their stars is lower; returns by how much it fell.
+
+    A node's own value follows: it is what minimises the functional, or where it is given what is given there. `floor`
+    is the cube of a quality.
+    """
+    number, fall = neurons.constraints.freedom.number, 0.0
+    for node in order:
+        v = np.int64(node)
+        if number[v] != HELD:
+            fall += move(neurons, trial, v, floor)
+        elif not trial.fixed[v]:
+            fall += improve_value(neurons, trial, v)
+    return fall
+
+
+@kernel
+def derivatives(neurons, trial, v):
+    """The functional of the star of v, with its gradient and Hessian in (x, y, z, w), w the change of v's own value.
+
+    Returns (sum of magnitudes, value, worst cubed quality, whether a law has a say), (by x, y, z), by w,
+    (by xx, xy, xz, yy, yz, zz), (by xw, yw, zw), by ww. Values are taken relative to v's own: what that adds to the
+    load depends on the volume of the star in each region alone, which no move changes.
+    """
+    position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
+    x, y, z, own = position[v, 0], position[v, 1], position[v, 2], value[v]
+    size = total = by_x = by_y = by_z = by_w = 0.0
+    xx = xy = xz = yy = yz = zz = xw = yw = zw = ww = 0.0
+    worst, bent = 2.0, False
+    for j in range(star.start[v], star.start[v + 1]):
+        a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
+        region = neurons.elements.region[star.element[j]]
+        ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+        bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+        cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+        alpha, beta, gamma = value[a] - own, value[b] - own, value[c] - own
+        px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
+        rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        six = ax * px + ay * py + az * pz
+        worst = min(worst, cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six))
+        sx, sy, sz = px + qx + rx, py + qy + ry, pz + qz + rz
+        nx = alpha * px + beta * qx + gamma * rx
+        ny = alpha * py + beta * qy + gamma * ry
+        nz = alpha * pz + beta * qz + gamma * rz
+        tx = alpha * (bx - cx) + beta * (cx - ax) + gamma * (ax - bx)
+        ty = alpha * (by - cy) + beta * (cy - ay) + gamma * (ay - by)
+        tz = alpha * (bz - cz) + beta * (cz - az) + gamma * (az - bz)
+        inverse = 1.0 / six
+        gx, gy, gz = inverse * nx, inverse * ny, inverse * nz
+        square = gx * gx + gy * gy + gz * gz
+        # r by x, y, z; that by w is -S
+        x_x, x_y, x_z = gx * sx, gy * sx - tz, gz * sx + ty
+        y_x, y_y, y_z = gx * sy + tz, gy * sy, gz * sy - tx
+        z_x, z_y, z_z = gx * sz - ty, gy * sz + tx, gz * sz
+        g_x, g_y, g_z = gx * x_x + gy * x_y + gz * x_z, gx * y_x + gy * y_y + gz * y_z, gx * z_x + gy * z_y + gz * z_z
+        g_w = -(gx * sx + gy * sy + gz * sz)
+        law = trial.laws.number[region]
+        if law >= 0:
+            bent = True
+            density, rate, curve = stored(trial.laws, law, square)
+            energy, weight, per_volume = six * density / 6.0, rate * inverse / 3.0, density / 6.0
+            curve *= 2.0 * inverse / 3.0
+            xx += curve * g_x * g_x
+            xy += curve * g_x * g_y
+            xz += curve * g_x * g_z
+            yy += curve * g_y * g_y
+            yz += curve * g_y * g_z
+            zz += curve * g_z * g_z
+            xw += curve * g_x * g_w
+            yw += curve * g_y * g_w
+            zw += curve * g_z * g_w
+            ww += curve * g_w * g_w
+        else:
+            weight, per_volume = 2.0 * data[region, TWELFTH_COEFFICIENT] * inverse, data[region, TWELFTH_COEFFICIENT]
+            per_volume *= square
+            energy = per_volume * six
+        load = data[region, SOURCE_24TH]
+        fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
+        around = alpha + beta + gamma
+        pull, push = load * six * around, fx * nx + fy * ny + fz * nz
+        size += energy + abs(pull) + abs(push)
+        total += energy - pull - push
+        along, lost = weight * six, load * around - per_volume  # the rate of D is -S
+        by_x += along * g_x + lost * sx + fy * tz - fz * ty
+        by_y += along * g_y + lost * sy + fz * tx - fx * tz
+        by_z += along * g_z + lost * sz + fx * ty - fy * tx
+        by_w += along * g_w - load * six + fx * sx + fy * sy + fz * sz
+        xx += weight * (x_x * x_x + x_y * x_y + x_z * x_z)
+        xy += weight * (x_x * y_x + x_y * y_y + x_z * y_z)
+        xz += weight * (x_x * z_x + x_y * z_y + x_z * z_z)
+        yy += weight * (y_x * y_x + y_y * y_y + y_z * y_z)
+        yz += weight * (y_x * z_x + y_y * z_y + y_z * z_z)
+        zz += weight * (z_x * z_x + z_y * z_y + z_z * z_z)
+        xw += load * sx - weight * (x_x * sx + x_y * sy + x_z * sz)
+        yw += load * sy - weight * (y_x * sx + y_y * sy + y_z * sz)
+        zw += load * sz - weight * (z_x * sx + z_y * sy + z_z * sz)
+        ww += weight * (sx * sx + sy * sy + sz * sz)
+    hessian = xx, xy, xz, yy, yz, zz
+    return (size, total, worst, bent), (by_x, by_y, by_z), by_w, hessian, (xw, yw, zw), ww
+
+
+@inner_kernel
+def cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six):
+    """What `cubed_quality` says of the element that these vectors span, with six times its volume."""
+    lengths = ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
+    x, y, z = ax + bx + cx, ay + by + cy, az + bz + cz
+    squares = 4.0 * lengths - (x * x + y * y + z * z)
+    return 432.0 * six * abs(six) / (squares * squares * squares)
+
+
+@kernel
+def parabola(neurons, trial, v, x, y, z, w):
+    """The functional of the star with v at (x, y, z) and its value changed by w, its two derivatives by w, and the
+    worst cubed quality: (c, r, k, worst).
+
+    Relative to v's own value, as of `derivatives`; without laws the derivatives tell it for every w.
+    """
+    position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
+    own = value[v] + w
+    total = by_w = ww = 0.0
+    worst = 2.0
+    for j in range(star.start[v], star.start[v + 1]):
+        a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
+        region = neurons.elements.region[star.element[j]]
+        ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+        bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+        cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+        alpha, beta, gamma = value[a] - own, value[b] - own, value[c] - own
+        px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
+        rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        six = ax * px + ay * py + az * pz
+        quality = cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six)
+        if not quality >= worst:
+            worst = quality
+        sx, sy, sz = px + qx + rx, py + qy + ry, pz + qz + rz
+        nx = alpha * px + beta * qx + gamma * rx
+        ny = alpha * py + beta * qy + gamma * ry
+        nz = alpha * pz + beta * qz + gamma * rz
+        square, along = nx * nx + ny * ny + nz * nz, nx * sx + ny * sy + nz * sz
+        load, law = data[region, SOURCE_24TH] * six, trial.laws.number[region]
+        fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
+        weight = 2.0 * data[region, TWELFTH_COEFFICIENT] / six
+        if law >= 0:
+            density, rate, curve = stored(trial.laws, law, square / (six * six))
+            weight = rate / (3.0 * six)
+            total += six * density / 6.0
+            ww += 2.0 * curve * along * along / (3.0 * six * six * six)
+        else:
+            total += 0.5 * weight * square
+        total -= load * (alpha + beta + gamma + 4.0 * w) + fx * nx + fy * ny + fz * nz
+        by_w -= weight * along + load - fx * sx - fy * sy - fz * sz
+        ww += weight * (sx * sx + sy * sy + sz * sz)
+    return total, by_w, ww, worst
+
+
+@inner_kernel
+def best_value(neurons, trial, v, x, y, z, w, bent):
+    """The least functional of the star with v at (x, y, z), the change of value that has it, the worst cubed quality.
+
+    Beside nonlinear material, `bent`, it is the better one of w and of one step of Newton's method from there.
+    """
+    c, r, k, worst = parabola(neurons, trial, v, x, y, z, w)
+    further = w - r / k
+    least = c - 0.5 * r * r / k
+    if bent:
+        least = parabola(neurons, trial, v, x, y, z, further)[0]
+        if not least < c:
+            return c, w, worst
+    return least, further, worst
+
+
+@inner_kernel
+def improve_value(neurons, trial, v):
+    """Change the value of v by Newton's step, beside nonlinear material half as far until it gains; returns the fall.
+
+    The step that is taken is the first that does not add to the functional.
+    """
+    x, y, z = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
+    c, r, k, _ = parabola(neurons, trial, v, x, y, z, 0.0)
+    w = -r / k
+    for _ in range(TRIES):
+        least = parabola(neurons, trial, v, x, y, z, w)[0]
+        if least <= c:
+            trial.value[v] += w
+            return c - least
+        w *= 0.5
+    return 0.0
+
+
+@inner_kernel
+def move(neurons, trial, v, floor):
+    """Move a node by a step with its value eliminated, or half as far until it is a gain; returns the fall.
+
+    A given value changes at the rate that values have along the patch or ridge.
+    """
+    position, freedom, given = neurons.position, neurons.constraints.freedom, trial.fixed[v]
+    (size, total, before, bent), gradient, by_w, hessian, mixed, ww = derivatives(neurons, trial, v)
+    still, now = 0.0, total
+    if given:
+        row = rates_row(neurons.constraints, v)
+        rate = trial.rate[row, 0], trial.rate[row, 1], trial.rate[row, 2]
+    else:
+        rate = -mixed[0] / ww, -mixed[1] / ww, -mixed[2] / ww
+        still, now = -by_w / ww, total - 0.5 * by_w * by_w / ww
+    gradient, hessian = following(gradient, by_w, hessian, mixed, ww, rate)
+    if freedom.number[v] != INSIDE:
+        gradient, hessian = within(neurons.constraints, v, gradient, hessian)
+    dx, dy, dz = newton_step(gradient, hessian)
+    if -(dx * gradient[0] + dy * gradient[1] + dz * gradient[2]) > ROUNDING * size:
+        if bent and not given:
+            now, still, _ = best_value(neurons, trial, v, position[v, 0], position[v, 1], position[v, 2], still, bent)
+            now = min(now, total)
+        for _ in range(HALVINGS + 1):
+            x, y, z = slid(position, neurons.constraints, v, dx, dy, dz)
+            w = rate[0] * (x - position[v, 0]) + rate[1] * (y - position[v, 1]) + rate[2] * (z - position[v, 2])
+            if given:
+                least, _, _, worst = parabola(neurons, trial, v, x, y, z, w)
+            else:
+                least, w, worst = best_value(neurons, trial, v, x, y, z, still + w, bent)
+            if allowed(worst, before, floor) and now - least > ROUNDING * size:
+                position[v, 0], position[v, 1], position[v, 2] = x, y, z
+                trial.value[v] += w
+                return total - least
+            dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+    if given:
+        return 0.0
+    if bent:
+        return improve_value(neurons, trial, v)
+    trial.value[v] += still
+    return total - now
+
+
+@inner_kernel
+def rates_row(constraints, v):
+    """Where `Trial.rate` has what values do along the patch or ridge of a node."""
+    place = np.int64(constraints.freedom.place[v])
+    if constraints.freedom.number[v] == ON_PATCH:
+        return place
+    return constraints.surfaces.shape.shape[0] + place
+
+
+@inner_kernel
+def following(gradient, by_w, hessian, mixed, ww, rate):
+    """Gradient and Hessian by the position alone, where the value changes with it at this rate."""
+    (gx, gy, gz), (xx, xy, xz, yy, yz, zz), (mx, my, mz), (x, y, z) = gradient, hessian, mixed, rate
+    px, py, pz = mx + 0.5 * ww * x, my + 0.5 * ww * y, mz + 0.5 * ww * z
+    hessian = (
+        xx + 2.0 * px * x,
+        xy + px * y + py * x,
+        xz + px * z + pz * x,
+        yy + 2.0 * py * y,
+        yz + py * z + pz * y,
+        zz + 2.0 * pz * z,
+    )
+    return (gx + by_w * x, gy + by_w * y, gz + by_w * z), hessian
+
+
+@inner_kernel
+def times(hessian, x, y, z):
+    """The Hessian times a vector."""
+    xx, xy, xz, yy, yz, zz = hessian
+    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+
+
+@inner_kernel
+def within(constraints, v, gradient, hessian):
+    """What of gradient and Hessian is in the plane or along the line of a node."""
+    surfaces, place = constraints.surfaces, np.int64(constraints.freedom.place[v])
+    gx, gy, gz = gradient
+    if constraints.freedom.number[v] == ON_PATCH:
+        x, y, z = surfaces.axis[place, 0], surfaces.axis[place, 1], surfaces.axis[place, 2]
+        across = gx * x + gy * y + gz * z
+        hx, hy, hz = times(hessian, x, y, z)
+        half = 0.5 * (hx * x + hy * y + hz * z)
+        hx, hy, hz = hx - half * x, hy - half * y, hz - half * z
+        xx, xy, xz, yy, yz, zz = hessian
+        hessian = (
+            xx - 2.0 * hx * x,
+            xy - hx * y - hy * x,
+            xz - hx * z - hz * x,
+            yy - 2.0 * hy * y,
+            yz - hy * z - hz * y,
+            zz - 2.0 * hz * z,
+        )
+        return (gx - across * x, gy - across * y, gz - across * z), hessian
+    x, y, z = surfaces.ridge_axis[place, 0], surfaces.ridge_axis[place, 1], surfaces.ridge_axis[place, 2]
+    along = gx * x + gy * y + gz * z
+    hx, hy, hz = times(hessian, x, y, z)
+    k = hx * x + hy * y + hz * z
+    return (along * x, along * y, along * z), (k * x * x, k * x * y, k * x * z, k * y * y, k * y * z, k * z * z)
+
+
+@inner_kernel
+def newton_step(gradient, hessian):
+    """Newton's step, overdone, downhill even where the Hessian is not positive: by its eigenvalues' magnitudes.
+
+    Jacobi's method turns the axes x, y and keeps what the axes are in the old ones; the names then go round, so that
+    each pair of axes has its turn.
+    """
+    (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
+    ux, uy, uz, vx, vy, vz, wx, wy, wz = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    enough = DIAGONAL * (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz))
+    for _ in range(TURNS):
+        if xy * xy + xz * xz + yz * yz <= enough:
+            break
+        if xy != 0.0:
+            half = 0.5 * (yy - xx) / xy
+            tangent = math.copysign(1.0 / (abs(half) + math.sqrt(half * half + 1.0)), half)
+            c = 1.0 / math.sqrt(tangent * tangent + 1.0)
+            s = tangent * c
+            xx, yy, xz, yz = xx - tangent * xy, yy + tangent * xy, c * xz - s * yz, s * xz + c * yz
+            ux, vx, uy, vy = c * ux - s * vx, s * ux + c * vx, c * uy - s * vy, s * uy + c * vy
+            uz, vz = c * uz - s * vz, s * uz + c * vz
+            xy = 0.0
+        xx, yy, zz, xy, yz, xz = yy, zz, xx, yz, xz, xy
+        ux, uy, uz, vx, vy, vz, wx, wy, wz = vx, vy, vz, wx, wy, wz, ux, uy, uz
+    least = LEAST_CURVATURE * max(abs(xx), abs(yy), abs(zz))
+    if not least > 0.0:
+        return 0.0, 0.0, 0.0
+    a = -OVERSTEP * (gx * ux + gy * uy + gz * uz) / max(abs(xx), least)
+    b = -OVERSTEP * (gx * vx + gy * vy + gz * vz) / max(abs(yy), least)
+    c = -OVERSTEP * (gx * wx + gy * wy + gz * wz) / max(abs(zz), least)
+    return a * ux + b * vx + c * wx, a * uy + b * vy + c * wy, a * uz + b * vz + c * wz

@@ -1,0 +1,105 @@
+"""Find out what values are given on every patch and ridge, and whether they are linear there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE
+from kohonen_adapt.mesh.tetrahedralization import FACES
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.regions import LINEAR
+
+__all__ = ["GivenValues", "given_on"]
+
+
+@dataclass(frozen=True)
+class GivenValues:
+    """What values are given on places, (k,): on patches, then on ridges.
+
+    Attributes
+    ----------
+    given
+        Whether values are, at some of the nodes that slide there at least.
+    linear
+        Whether they are at all nodes, and linear from node to node.
+    unknown
+        Whether nobody can tell: no node slides there, and all nodes have given values, on ridges some of the patches'.
+    rate
+        Their gradient along the place, (k, 3), where they are linear.
+    """
+
+    given: Mask
+    linear: Mask
+    unknown: Mask
+    rate: Floats
+
+
+def given_on(movable: MovableSolid, values: Floats, fixed: Mask) -> GivenValues:
+    """What is given at which nodes, (n,), by patches and ridges of a movable solid as it is now."""
+    freedom, surfaces = movable.freedom, movable.surfaces
+    patches = len(surfaces.shape)
+    count = patches + len(surfaces.ridge_shape)
+    patch, node = nodes_of_patches(movable)
+    touched = np.bincount(patch, weights=fixed[node], minlength=patches) > 0
+    place, node = np.concatenate([[patch, node], ends_of_ridges(movable)], axis=1)
+    slides = np.isin(freedom.number, (ON_PATCH, ON_RIDGE))
+    own = freedom.place + np.where(freedom.number == ON_RIDGE, patches, 0)
+    bare = np.bincount(own[slides], minlength=count) == 0
+    partly = np.bincount(own[slides & fixed], minlength=count) > 0
+    whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
+    near = np.append(touched, False)[surfaces.meets].any(axis=1)
+    unknown = bare & np.append(whole[:patches], near)
+    rate, off = linear_fits(place, movable.tetrahedralization.position[node], values[node], whole & ~bare)
+    linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
+    return GivenValues((whole & ~bare) | partly, linear, unknown, rate)
+
+
+def nodes_of_patches(movable: MovableSolid) -> tuple[Ints, Ints]:
+    """Every patch with every node of its faces, once."""
+    elements = movable.tetrahedralization.elements
+    e, k = np.nonzero(elements.patch >= 0)
+    node = elements.node[e[:, None], FACES[k]]
+    code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * movable.nnodes + node)
+    patch, nodes = np.divmod(code, movable.nnodes)
+    return patch, nodes
+
+
+def ends_of_ridges(movable: MovableSolid) -> Ints:
+    """Every ridge, counted on from the patches, with the nodes that slide on it and those held beside them, (2, k).
+
+    A node is beside another one on a ridge if as many patches have the edge between them as meet in the ridge.
+    """
+    elements, freedom, n = movable.tetrahedralization.elements, movable.freedom, movable.nnodes
+    patches, slides = len(movable.surfaces.shape), movable.freedom.number == ON_RIDGE
+    e, k = np.nonzero(elements.patch >= 0)
+    corners, patch = elements.node[e[:, None], FACES[k]].astype(np.int64), elements.patch[e, k].astype(np.int64)
+    start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    start, end = np.concatenate([start, end]), np.concatenate([end, start])
+    there = slides[start] & (freedom.number[end] == HELD)
+    code = np.unique((start * n + end)[there] * (patches + 1) + np.tile(np.repeat(patch, 3), 2)[there])
+    edge, count = np.unique(code // (patches + 1), return_counts=True)
+    ridge = freedom.place[edge // n]
+    beside = count == np.count_nonzero(movable.surfaces.meets >= 0, axis=1)[ridge]
+    own = np.flatnonzero(slides)
+    rows = [np.append(freedom.place[own], ridge[beside]) + patches, np.append(own, (edge % n)[beside])]
+    return np.stack(rows).astype(np.int64)
+
+
+def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> tuple[Floats, Floats]:
+    """Gradients of the linear functions nearest to values at positions (q, 3) of places (q,), and how far off they are.
+
+    Of places that are not `wanted`, (k,), neither is known: they have zeros.
+    """
+    rate, off = np.zeros((len(wanted), 3)), np.zeros(len(wanted))
+    low, high = np.full(len(wanted), np.inf), np.full(len(wanted), -np.inf)
+    np.minimum.at(low, place, values)
+    np.maximum.at(high, place, values)
+    order = np.argsort(place, kind="stable")
+    start = np.searchsorted(place[order], np.arange(len(wanted) + 1))
+    for p in np.flatnonzero(wanted & (low < high)).tolist():
+        rows = order[start[p] : start[p + 1]]
+        way, rest = position[rows] - position[rows].mean(axis=0), values[rows] - values[rows].mean()
+        rate[p] = np.linalg.lstsq(way, rest, rcond=1e-9)[0]
+        off[p] = np.abs(rest - way @ rate[p]).max()
+    return rate, off

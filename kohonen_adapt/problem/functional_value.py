@@ -1,0 +1,127 @@
+"""Work out the value of a Ritz functional, on triangles and on tetrahedra."""
+
+import numpy as np
+from skfem import Mesh, MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.arrays import Reference
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.curved import displacements, is_second_order
+from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.near_axis import kinds_at_axis
+from kohonen_adapt.mesh.polynomials import (
+    by_points,
+    fields_at,
+    gradients,
+    local_coefficients,
+    modes_of,
+    reference,
+)
+from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of, unknown_in_space
+from kohonen_adapt.problem.robin import added_on_sides, sides_of_boundary
+from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up
+
+__all__ = ["flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
+
+
+def integrated(ritz: Ritz) -> Reference:
+    """The functions of the elements, and the points at which the functional is integrated: exactly without laws."""
+    return reference(ritz.order, 2 * (ritz.order - 1) + (2 if ritz.laws and ritz.order > 1 else 0))
+
+
+def functional_value(mesh: Mesh, ritz: Ritz) -> float:
+    """The functional of the solution on its own mesh, its dual's included, or an error if that is another one.
+
+    Raises
+    ------
+    ValueError
+        If it is of another mesh, or on tetrahedra has something that is for the plane only.
+    """
+    if mesh.dim() == TETRAHEDRON.dim:
+        if unknown_in_space(ritz):
+            raise ValueError(f"a Ritz on tetrahedra has a value only of what they know: {unknown_in_space(ritz)}.")
+        check_fits(ritz, mesh)
+        number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+        return value_in_space(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], number, ritz)
+    return sum(_value_of_part(mesh, part) for part in parts_of(ritz))
+
+
+def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
+    check_fits(ritz, mesh)
+    number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    values, node = np.asarray(ritz.values), mesh.t.T
+    kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
+    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
+    corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
+    total = value_on(corners, coefficients, number, ritz, displacements(mesh) if is_second_order(mesh) else None)
+    for name, terms in ritz.robin.items():
+        total += added_on_sides(corners, coefficients, sides_of_boundary(mesh, name), terms, ritz.axisymmetric)
+    return total
+
+
+def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats | None = None) -> float:
+    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,).
+
+    Their sides are bent so much, (m, 3, 2); with a curved one, and around an axis, they are integrated `by_points`.
+    """
+    bend = np.zeros_like(corners) if bend is None else bend
+    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
+    total = 0.0
+    for one in np.unique(kind):
+        rows = np.flatnonzero(kind == one)
+        part = corners[rows], coefficients[rows], number[rows], ritz
+        total += _plain_value(*part) if one < 0 else _value_by_points(*part, bend[rows], int(one))
+    return total
+
+
+def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
+    """The functional on triangles in the plane."""
+    at = integrated(ritz)
+    doubled, slope = gradients(corners, coefficients, at)
+    density = at.weight @ _density(slope, 1.0, corners, number, ritz)
+    pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
+    return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
+
+
+def _value_by_points(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int) -> float:
+    """The functional on elements of one kind with curved sides, or around an axis."""
+    points = by_points(ritz.order)
+    doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
+    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
+    density -= looked_up(np.asarray(ritz.source), number) * value
+    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled) * density)))
+
+
+def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
+    """The functional on tetrahedra with these corners (3, 4, m), values there (4, m) and region numbers (m,)."""
+    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
+    square = np.sum(slope**2, axis=0)
+    density = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * square
+    for k, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = number == k
+            density[rows] = law.energy(np.sqrt(square[rows]))
+    for part, along in zip(flux_table(np.asarray(ritz.flux), TETRAHEDRON.dim), slope, strict=True):
+        density -= looked_up(part, number) * along
+    density -= looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
+    return float(np.sum(np.abs(TETRAHEDRON.determinant(corners)) * density)) / 6.0
+
+
+def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """What is integrated of gradients (2, points, m), but for the source, (points, m); around an axis at those x."""
+    flux_x, flux_y = flux_on(corners, number, ritz)
+    stored = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * np.sum(slope**2, axis=0) / x
+    far = np.broadcast_to(x, stored.shape)
+    for k, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = number == k
+            stored[:, rows] = far[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / far[:, rows])
+    return stored - flux_x * slope[0] - flux_y * slope[1]
+
+
+def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """The mean flux over elements, (2, m), or a constant (2,)."""
+    if callable(ritz.flux):
+        return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
+    return np.stack([looked_up(part, number) for part in flux_table(np.asarray(ritz.flux), 2)])

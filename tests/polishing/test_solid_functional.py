@@ -1,0 +1,193 @@
+"""The functional as stated on tetrahedra: its value, and what given values let nodes do."""
+
+import numpy as np
+import pytest
+from helpers.solids import ball, box, two_regions
+from skfem import Basis, ElementTetP0, ElementTetP1, Functional, MeshTet, MeshTri
+from skfem.helpers import dot
+
+from kohonen_adapt import NotOffered, Ritz, Rules
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.regions import VariesInside
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
+
+
+class Cubic:
+    """H = b + b^3."""
+
+    def field_strength(self, b):
+        return b + b**3
+
+    def energy(self, b):
+        return b**2 / 2 + b**4 / 4
+
+
+class Falls(Cubic):
+    """A field strength that falls."""
+
+    def field_strength(self, b):
+        return -b
+
+
+def functional_of(mesh, values, fixed, rules=None):
+    movable = MovableSolid.of(mesh, Rules() if rules is None else rules)
+    return movable, SolidFunctional.of(Ritz(values, fixed, 1.0), movable)
+
+
+def halves(n=4):
+    """A cube of two regions, and the number of each element's."""
+    mesh = two_regions(n)
+    number = np.zeros(mesh.nelements, dtype=int)
+    number[mesh.subdomains["high"]] = 1
+    return mesh, number
+
+
+@pytest.mark.parametrize("law", [None, Cubic()], ids=["linear", "nonlinear"])
+def test_the_value_is_that_of_scikit_fem(law):
+    (mesh, number), rng = halves(), np.random.default_rng(0)
+    values, fixed = rng.normal(size=mesh.nvertices), np.zeros(mesh.nvertices, dtype=bool)
+    coefficient, source, flux = np.array([2.0, 0.3]), rng.normal(size=2), rng.normal(size=(3, 2))
+    ritz = Ritz(values, fixed, coefficient, source, flux, number, laws=() if law is None else (None, law))
+
+    def density(w):
+        square = dot(w["u"].grad, w["u"].grad)
+        stored = 0.5 * w["nu"] * square
+        if law is not None:
+            stored = np.where(w["number"] > 0.5, law.energy(np.sqrt(square)), stored)
+        return stored - w["f"] * w["u"] - dot(w["g"], w["u"].grad)
+
+    basis = Basis(mesh, ElementTetP1(), intorder=2)
+    constants = Basis(mesh, ElementTetP0(), intorder=2)
+    fields = {name: constants.interpolate(table[number]) for name, table in (("nu", coefficient), ("f", source))}
+    fields["g"] = np.repeat(flux[:, number][:, :, None], basis.dx.shape[1], axis=2)
+    fields["number"] = constants.interpolate(number.astype(float))
+    expected = Functional(density).assemble(basis, u=basis.interpolate(values), **fields)
+    assert functional_value(mesh, ritz) == pytest.approx(expected, rel=1e-12)
+    movable = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(ritz, movable, mesh)
+    told = functional.value(movable.tetrahedralization, functional.solution)
+    assert told == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_flux_has_as_many_components_as_its_mesh():
+    solid, plane = box(2), MeshTri().refined(1)
+    for mesh, dim, other in ((solid, 3, 2), (plane, 2, 3)):
+        values, fixed = mesh.p[0], np.zeros(mesh.nvertices, dtype=bool)
+        assert functional_value(mesh, Ritz(values, fixed, 1.0)) == pytest.approx(0.5)
+        assert functional_value(mesh, Ritz(values, fixed, 1.0, flux=(2.0, *[0.0] * (dim - 1)))) == pytest.approx(-1.5)
+        with pytest.raises(ValueError, match=rf"must have {dim} components on a mesh of {dim} dim.* got {other}"):
+            functional_value(mesh, Ritz(values, fixed, 1.0, flux=np.ones(other)))
+
+
+def test_constants_must_not_change_inside_a_region():
+    mesh, number = halves()
+    fixed = np.zeros(mesh.nvertices, dtype=bool)
+    number[mesh.subdomains["high"][3]] = 0
+    with pytest.raises(VariesInside, match=r"one number on each region of the mesh; elements \d+ and \d+ are of"):
+        SolidFunctional.of(Ritz(mesh.p[0], fixed, 1.0, region=number), MovableSolid.of(mesh, Rules()))
+    with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nnodes,\) = \(125,\); got \(8,\)"):
+        SolidFunctional.of(Ritz(np.zeros(8), np.zeros(8, dtype=bool), 1.0), MovableSolid.of(mesh, Rules()))
+
+
+MESH = box(2)
+REST = {"values": MESH.p[0], "fixed": np.zeros(MESH.nvertices, dtype=bool), "coefficient": 1.0}
+PLANE_ONLY = {
+    "of order 2": {"order": 2},
+    "is axisymmetric": {"axisymmetric": True},
+    "has Robin conditions": {"robin": {"left": (1.0, 0.0)}},
+    "has a dual": {"dual": Ritz(**REST)},
+    "has signs of pairs": {"signs": {("left", "right"): 1}},
+    "flux of its Ritz is a function": {"flux": lambda x, number: x},
+}
+
+
+@pytest.mark.parametrize("reason", PLANE_ONLY)
+def test_what_is_for_the_plane_only_is_said(reason):
+    ritz = Ritz(**REST, **PLANE_ONLY[reason])
+    with pytest.raises(NotOffered, match=f"{reason}, and that is for the plane only"):
+        SolidFunctional.of(ritz, MovableSolid.of(MESH, Rules()))
+    with pytest.raises(ValueError, match=reason):
+        functional_value(MESH, ritz)
+
+
+def test_which_given_values_let_meshes_be_compared():
+    mesh = box(4)
+    x, y, z = mesh.p
+    left = x == 0.0
+    rim = np.any((mesh.p == 0.0) | (mesh.p == 1.0), axis=0)
+    comparable = {
+        "nothing given": (x * y, np.zeros_like(left)),
+        "constant": (1.0 + 0 * x, left),
+        "linear": (3 * y - z / 3, left),
+        "linear on every face": (2.0 * x - y + z, rim),
+        "other on other faces": (np.where(left, 0.0, 2.0 * x), left | (x == 1.0)),
+    }
+    not_comparable = {
+        "curved": (y * z, left),
+        "kinked": (np.minimum(y, z), left),
+        "a part of a face": (0 * y, left & (y < 0.6)),
+        "inside": (0 * y, (x == 0.5) & (y == 0.5) & (z == 0.5)),
+        "an edge and nothing beside it": (y**2, left & (z == 0.0)),
+    }
+    for name, (values, fixed) in comparable.items():
+        assert functional_of(mesh, values, fixed)[1].comparable, name
+    for name, (values, fixed) in not_comparable.items():
+        assert not functional_of(mesh, values, fixed)[1].comparable, name
+    assert not functional_of(ball(4), ball(4).p[0], np.zeros(125, dtype=bool))[1].comparable
+
+
+def freedoms(mesh, values, fixed, rules=None):
+    """What every node may do without the functional, and with it."""
+    movable, functional = functional_of(mesh, values, fixed, rules)
+    return movable.freedom.number, functional.freedom(movable.freedom, fixed).number, functional, movable
+
+
+def test_nodes_whose_given_values_no_formula_carries_are_held():
+    mesh = box(4)
+    x, y, z = mesh.p
+    left, low, centre = x == 0.0, z == 0.0, (x == 0.5) & (y == 0.5) & (z == 0.5)
+    values, fixed = np.where(left, y * z, 3.0 * x), left | low | centre
+    before, after, *_ = freedoms(mesh, values, fixed)
+    held = left | centre
+    np.testing.assert_array_equal(after, np.where(held, HELD, before))
+    assert set(before[held & ~centre]) == {HELD, ON_RIDGE, ON_PATCH}
+
+
+def test_values_go_along_patches_and_ridges_at_their_rate():
+    mesh = box(4)
+    slope = np.array([2.0, -1.0, 0.5])
+    values, fixed = slope @ mesh.p + 1.0, np.any((mesh.p == 0.0) | (mesh.p == 1.0), axis=0)
+    before, after, functional, movable = freedoms(mesh, values, fixed)
+    np.testing.assert_array_equal(after, before)
+    surfaces, patches = movable.surfaces, functional.patches
+    for rate, axis in zip(functional.rate[:patches], surfaces.axis, strict=True):
+        np.testing.assert_allclose(rate, slope - (slope @ axis) * axis, atol=1e-12)
+    for rate, axis in zip(functional.rate[patches:], surfaces.ridge_axis, strict=True):
+        np.testing.assert_allclose(rate, (slope @ axis) * axis, atol=1e-12)
+
+
+def test_a_face_without_a_node_of_its_own_may_be_given_or_not():
+    mesh = MeshTet.init_tensor(np.linspace(0, 1, 2), *[np.linspace(0, 1, 5)] * 2)
+    _, y, z = mesh.p
+    before, after, functional, movable = freedoms(mesh, y * z, (y == 0.0) | (y == 1.0))
+    narrow = np.abs(movable.surfaces.axis[:, 0]) < 0.5  # the faces y, z = 0, 1 have no node that is not on an edge
+    np.testing.assert_array_equal(functional.held[: functional.patches], narrow & (movable.surfaces.axis[:, 1] != 0.0))
+    on = (y == 0.0) | (y == 1.0)
+    assert np.all(after[on] == HELD)
+    assert np.array_equal(after[~on], before[~on])
+
+
+def test_nodes_stay_on_curved_surfaces_and_where_they_are_pinned():
+    mesh = ball(4)
+    fixed = np.zeros(mesh.nvertices, dtype=bool)
+    before, after, *_ = freedoms(mesh, mesh.p[0], fixed, Rules(surfaces={}))
+    np.testing.assert_array_equal(after, np.where(before == INSIDE, INSIDE, HELD))
+    before, after, *_ = freedoms(box(3), box(3).p[0], np.zeros(64, dtype=bool), Rules(pinned=[21]))
+    assert before[21] == after[21] == HELD
+
+
+def test_a_law_whose_field_strength_falls_is_refused():
+    with pytest.raises(ValueError, match=r"field strength that rises"):
+        SolidFunctional.of(Ritz(**REST, laws=(Falls(),)), MovableSolid.of(MESH, Rules()))
