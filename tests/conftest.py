@@ -10,9 +10,11 @@ from kohonen_adapt.precompile import warmup
 # By the clock nothing fails: a busy machine, or one that has to compile first, is no fault of the code.
 STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 
-# The same examples in every run, so that a red suite means a change; `--hypothesis-profile=fresh` looks for new ones.
+# The same examples in every run, so that a red suite means a change; `--hypothesis-profile=fresh` looks for new ones,
+# `--hypothesis-profile=ten-thousand` for so many of relocated tetrahedra (`tests/som/test_space_properties.py`).
 settings.register_profile("steady", derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
+settings.register_profile("ten-thousand", max_examples=16_200, print_blob=True, **STEADY)
 settings.load_profile("steady")
 
 

@@ -1,0 +1,324 @@
+"""Let nodes leave corners: a corner goes from one node to its neighbour on another ridge (Fig. 3 of the paper).
+
+The paper is Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps"; patches and ridges stand for its
+outlines.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, PROJECTED
+from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
+from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
+from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
+
+SETS = 4  # patches that meet in a ridge, at most
+AT_CORNER = 3  # ridges that meet in a corner which nodes may leave, at most
+
+
+@inner_kernel
+def jump(neurons, v, x, step, floor, scratch):
+    """Let v leave a corner along the nearest of its ridges, and its neighbour on another take over (Fig. 3).
+
+    Where three ridges meet, one face is all that may lie between that neighbour's ridge and the third: it changes to
+    the patch between the third ridge and the nearest one, and its edge from the neighbour to the third ridge's next
+    node becomes that ridge's end.
+    """
+    position, constraints, ends = neurons.position, neurons.constraints, scratch.crossed
+    count = ridges_at_corner(neurons, v, ends)
+    if count < 2 or count > AT_CORNER:
+        return
+    nearest = nearest_ridge(position, constraints.surfaces, ends, count, v, x)
+    if nearest < 0:
+        return
+    onto = np.int64(ends[nearest, 1])
+    new_x, new_y, new_z = onto_ridge(
+        constraints.surfaces, onto,
+        position[v, 0] + step * (x[0] - position[v, 0]),
+        position[v, 1] + step * (x[1] - position[v, 1]),
+        position[v, 2] + step * (x[2] - position[v, 2]),
+    )  # fmt: skip
+    if not np.isfinite(new_x + new_y + new_z):
+        return
+    for i in range(count):
+        f, away = np.int64(ends[i, 0]), np.int64(ends[i, 1])
+        if away == onto or constraints.freedom.number[f] != ON_RIDGE or constraints.freedom.place[f] != away:
+            continue
+        other = np.int64(ends[AT_CORNER - i - nearest, 0]) if count == AT_CORNER else np.int64(-1)
+        patch = patch_to_take(neurons, v, f, other, np.int64(ends[nearest, 0]), onto)
+        if patch == -2:
+            continue
+        if swapped(neurons, v, f, new_x, new_y, new_z, floor):
+            if other >= 0:
+                relabel_face(neurons, v, f, other, patch)
+            constraints.freedom.number[f], constraints.freedom.place[f] = HELD, -1
+            constraints.freedom.number[v], constraints.freedom.place[v] = ON_RIDGE, onto
+            return
+
+
+@inner_kernel
+def ridges_at_corner(neurons, v, ends):
+    """List the next node and the number of every ridge at v; returns how many, one more than may be if there are."""
+    elements, star, count = neurons.elements, neurons.star, 0
+    for k in range(star.start[v], star.start[v + 1]):
+        e = star.element[k]
+        for j in range(3):
+            w, known = np.int64(star.link[k, j]), False
+            for i in range(count):
+                if ends[i, 0] == w:
+                    known = True
+            if known or not on_patch_of(elements, e, v, w):
+                continue
+            r = ridge_of_edge(neurons, v, w)
+            if r == -2:  # an edge of a ridge that nobody knows, or on a patch that no loop knows
+                return AT_CORNER + 1
+            if r >= 0:
+                if count == AT_CORNER:
+                    return AT_CORNER + 1
+                ends[count, 0], ends[count, 1] = w, r
+                count += 1
+    return count
+
+
+@inner_kernel
+def on_patch_of(elements, e, v, w):
+    """Whether one of the two faces of e with both nodes is constrained."""
+    for k in range(4):
+        if elements.patch[e, k] >= 0 and elements.node[e, k] != v and elements.node[e, k] != w:
+            return True
+    return False
+
+
+@inner_kernel
+def ridge_of_edge(neurons, v, w):
+    """The ridge that the edge vw is on: -1 if it is on one patch only, -2 if that cannot be told."""
+    elements, star, freedom = neurons.elements, neurons.star, neurons.constraints.freedom
+    surfaces, only, sides, same = neurons.constraints.surfaces, np.int64(-1), 0, True
+    for k in range(star.start[v], star.start[v + 1]):
+        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+            continue
+        e = np.int64(star.element[k])
+        for j in range(4):
+            p = np.int64(elements.patch[e, j])
+            if p < 0 or elements.node[e, j] == v or elements.node[e, j] == w:
+                continue
+            if surfaces.shape[p] == PROJECTED:
+                return -2
+            if only >= 0 and only != p:
+                same = False
+            only = p
+            sides += 2 if elements.neighbour[e, j] < 0 else 1  # every face has two
+    if same and sides == 4:
+        return -1
+    if freedom.number[w] == ON_RIDGE:
+        return np.int64(freedom.place[w])
+    return ridge_between(neurons, v, w)
+
+
+@inner_kernel
+def ridge_between(neurons, v, w):
+    """The ridge with just the patches that meet in the edge vw, the nearest to its middle; -2 if there is none."""
+    position, surfaces, found, least = neurons.position, neurons.constraints.surfaces, np.int64(-2), np.inf
+    x = 0.5 * (position[v, 0] + position[w, 0])
+    y = 0.5 * (position[v, 1] + position[w, 1])
+    z = 0.5 * (position[v, 2] + position[w, 2])
+    for r in range(surfaces.meets.shape[0]):
+        if meets_in(neurons, r, v, w):
+            rx, ry, rz = onto_ridge(surfaces, np.int64(r), x, y, z)
+            distance = (rx - x) * (rx - x) + (ry - y) * (ry - y) + (rz - z) * (rz - z)
+            if distance < least:
+                found, least = np.int64(r), distance
+    return found
+
+
+@inner_kernel
+def meets_in(neurons, r, v, w):
+    """Whether the patches of ridge r are those that meet in the edge vw."""
+    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
+    for i in range(SETS):
+        if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
+            return False
+    for k in range(star.start[v], star.start[v + 1]):
+        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+            continue
+        e = star.element[k]
+        for j in range(4):
+            p = elements.patch[e, j]
+            if p >= 0 and elements.node[e, j] != v and elements.node[e, j] != w and not is_of(meets, r, p):
+                return False
+    return True
+
+
+@inner_kernel
+def is_of(meets, r, p):
+    """Whether ridge r is on patch p."""
+    for i in range(SETS):
+        if meets[r, i] == p:
+            return True
+    return False
+
+
+@inner_kernel
+def has_face(elements, star, v, w, p):
+    """Whether a face of patch p has both nodes."""
+    for k in range(star.start[v], star.start[v + 1]):
+        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+            continue
+        e = star.element[k]
+        for j in range(4):
+            if elements.patch[e, j] == p and elements.node[e, j] != v and elements.node[e, j] != w:
+                return True
+    return False
+
+
+@inner_kernel
+def nearest_ridge(position, surfaces, ends, count, v, x):
+    """Which ridge at v comes nearest to x ahead of v; -1 if v itself is as near as any."""
+    nearest = np.int64(-1)
+    dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
+    best = dx * dx + dy * dy + dz * dz
+    for i in range(count):
+        w, r = ends[i, 0], np.int64(ends[i, 1])
+        rx, ry, rz = onto_ridge(surfaces, r, x[0], x[1], x[2])
+        ahead = (
+            (rx - position[v, 0]) * (position[w, 0] - position[v, 0])
+            + (ry - position[v, 1]) * (position[w, 1] - position[v, 1])
+            + (rz - position[v, 2]) * (position[w, 2] - position[v, 2])
+        )
+        distance = (x[0] - rx) * (x[0] - rx) + (x[1] - ry) * (x[1] - ry) + (x[2] - rz) * (x[2] - rz)
+        if ahead > 0.0 and distance < best:
+            nearest, best = np.int64(i), distance
+    return nearest
+
+
+@inner_kernel
+def patch_to_take(neurons, v, f, other, ahead, onto):
+    """The patch that the face of v, f and the other node changes to as v leaves its corner along a ridge, -1 for none.
+
+    The next node `ahead` of v on that ridge stands for where v will be.
+
+    All other constrained faces at v must be on patches of that ridge, else the answer is -2. So it is where the face
+    would come between other regions than it is between.
+    """
+    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
+    found = np.int64(-1)
+    for k in range(star.start[v], star.start[v + 1]):
+        e = np.int64(star.element[k])
+        for j in range(4):
+            p = elements.patch[e, j]
+            if p < 0 or elements.node[e, j] == v or is_of(meets, onto, p):
+                continue
+            if other < 0 or not is_face(elements, e, j, v, f, other):
+                return np.int64(-2)
+            found = patch_beside(neurons, e, j, v, f, other, ahead, onto)
+            if found < 0:
+                return np.int64(-2)
+    return found if found >= 0 or other < 0 else np.int64(-2)
+
+
+@inner_kernel
+def is_face(elements, e, j, v, f, other):
+    """Whether the face of e opposite to corner j is that of three nodes."""
+    for i in range(4):
+        w = elements.node[e, i]
+        if i != j and w != v and w != f and w != other:
+            return False
+    return True
+
+
+@inner_kernel
+def patch_beside(neurons, e, j, v, f, other, ahead, onto):
+    """The patch of a ridge with a face at the edge from v to the other node, between the regions of face j of e, and
+    that looks where face j will: where a body touches itself, one in the same plane may look the other way.
+    """
+    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
+    for k in range(star.start[v], star.start[v + 1]):
+        if star.link[k, 0] != other and star.link[k, 1] != other and star.link[k, 2] != other:
+            continue
+        g = np.int64(star.element[k])
+        for i in range(4):
+            p = np.int64(elements.patch[g, i])
+            if p < 0 or elements.node[g, i] == v or elements.node[g, i] == other or not is_of(meets, onto, p):
+                continue
+            if (
+                elements.region[g] == elements.region[e]
+                and region_beyond(elements, g, i) == region_beyond(elements, e, j)
+                and look_alike(neurons.position, elements.node, e, j, g, i, v, f, ahead)
+            ):
+                return p
+    return np.int64(-1)
+
+
+@inner_kernel
+def look_alike(position, node, e, j, g, i, v, f, ahead):
+    """Whether face j of e will look to the side of face i of g once v is `ahead` and f is where v is."""
+    a, b, c = np.int64(node[e, OPPOSITE[j, 0]]), np.int64(node[e, OPPOSITE[j, 1]]), np.int64(node[e, OPPOSITE[j, 2]])
+    a, b, c = moved_up(a, v, f, ahead), moved_up(b, v, f, ahead), moved_up(c, v, f, ahead)
+    nx, ny, nz = across_face(position, a, b, c)
+    mx, my, mz = across_face(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
+    return nx * mx + ny * my + nz * mz > 0.0
+
+
+@inner_kernel
+def moved_up(node, v, f, ahead):
+    """Which node is now where a node will be."""
+    return ahead if node == v else v if node == f else node
+
+
+@inner_kernel
+def across_face(position, a, b, c):
+    """A normal of three nodes."""
+    ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
+    vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@inner_kernel
+def region_beyond(elements, e, j):
+    """The region across the face of e opposite to corner j, -1 outside."""
+    across = elements.neighbour[e, j]
+    return np.int64(elements.region[across]) if across >= 0 else np.int64(-1)
+
+
+@inner_kernel
+def relabel_face(neurons, v, f, other, patch):
+    """Give the constrained face of three nodes to another patch, on both of its sides."""
+    elements, star = neurons.elements, neurons.star
+    for k in range(star.start[v], star.start[v + 1]):
+        e = star.element[k]
+        for j in range(4):
+            if elements.patch[e, j] >= 0 and is_face(elements, e, j, v, f, other):
+                elements.patch[e, j] = patch
+
+
+@inner_kernel
+def swapped(neurons, v, f, x, y, z, floor):
+    """Move v to (x, y, z) and its follower into the corner; returns whether quality and reach allow it."""
+    position, elements, star = neurons.position, neurons.elements, neurons.star
+    surfaces = neurons.constraints.surfaces
+    corner_x, corner_y, corner_z = position[v, 0], position[v, 1], position[v, 2]
+    old_x, old_y, old_z = position[f, 0], position[f, 1], position[f, 2]
+    if not within_reach(position, elements, star, surfaces, f, corner_x, corner_y, corner_z):
+        return False
+    before = worst_of_two(position, star, v, f)
+    position[v, 0], position[v, 1], position[v, 2] = x, y, z
+    position[f, 0], position[f, 1], position[f, 2] = corner_x, corner_y, corner_z
+    both = star_tolerable(position, star, v, x, y, z, floor)
+    both = both and star_tolerable(position, star, f, corner_x, corner_y, corner_z, floor)
+    if not both:
+        after = worst_of_two(position, star, v, f)
+        both = after > FLAT and after >= before
+    if not both:
+        position[v, 0], position[v, 1], position[v, 2] = corner_x, corner_y, corner_z
+        position[f, 0], position[f, 1], position[f, 2] = old_x, old_y, old_z
+    return both
+
+
+@inner_kernel
+def worst_of_two(position, star, v, w):
+    """Worst cubed quality of the stars of two nodes."""
+    return min(
+        star_quality(position, star, v, position[v, 0], position[v, 1], position[v, 2], -2.0),
+        star_quality(position, star, w, position[w, 0], position[w, 1], position[w, 2], -2.0),
+    )
