@@ -109,17 +109,51 @@ class OpenSolid:
         """The rows of nodes in use."""
         return np.flatnonzero(self.mesh.pool.anchor >= 0)
 
+    def elements(self) -> Ints:
+        """The rows of elements in use."""
+        return np.flatnonzero(self.mesh.elements.node[:, 0] >= 0)
+
+    def renumber(self) -> None:
+        """Put the rows in use first, along a space-filling curve: what is near is so in memory then.
+
+        Elements that wait do so in this order.
+        """
+        mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
+        mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
+        waiting = np.flatnonzero(queue.waiting[elements])
+        queue.waiting[:] = False
+        queue.waiting[waiting] = True
+        queue.element[: len(waiting)], queue.state[:] = waiting, (0, len(waiting))
+        nodes = np.append(nodes, np.flatnonzero(mesh.pool.anchor < 0))
+        elements = np.append(elements, np.flatnonzero(mesh.elements.node[:, 0] < 0))
+        for name, array in self.state.items():
+            array[:] = array[elements if name in BY_ELEMENT else nodes]
+        origins = mesh.origins
+        for array in (origins.fineness, origins.old, origins.hint, origins.pinched, mesh.pool.anchor):
+            array[:] = array[nodes]
+        for array, order in (
+            (mesh.elements.node, nodes),
+            (mesh.elements.neighbour, elements),
+            (mesh.pool.anchor, elements),
+        ):
+            array[:] = np.append(ranks(order, len(order)), np.int32(-1))[array]
+        for stack, height in zip((mesh.pool.free_nodes, mesh.pool.free_elements), mesh.pool.height, strict=True):
+            stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
+
+    def along_curve(self) -> tuple[Ints, Ints]:
+        """The rows of nodes and of elements in use, in the order of a space-filling curve."""
+        node, kept, used = self.mesh.elements.node, self.nodes(), self.elements()
+        kept = kept[along_curve(self.mesh.position[kept])]
+        first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
+        return kept, used[np.argsort(first, kind="stable")]
+
     def hand_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
         """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
 
         Returns the row of every node.
         """
-        node, kept = self.mesh.elements.node, self.nodes()
-        used = np.flatnonzero(node[:, 0] >= 0)
-        if renumbered:
-            kept = kept[along_curve(self.mesh.position[kept])]
-            first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
-            used = used[np.argsort(first, kind="stable")]
+        node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
+        kept, used = self.along_curve() if renumbered else rows
         number, place = ranks(kept, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
         state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
         nodes, across = BY_ELEMENT[:2]

@@ -31,6 +31,7 @@ SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # of smoothing; more carry too m
 RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
 ROUNDS = 6  # what could not be collapsed at first may be when its surroundings have been swapped
 SETTLED = 0.005  # share of the nodes: a round with fewer splits is the last
+MIXED = 0.1  # share of the nodes: after a round with more splits rows are put in order again
 POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the mass of all elements alike
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
 STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts that they have to wait
@@ -116,6 +117,8 @@ def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float
             missing = target - len(opened.nodes())
             more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
             splits, collapses = splits + more, collapses + fewer
+        if splits - at_first > MIXED * len(mesh.position):
+            opened.renumber()
         if movable.flips:
             opened.swap()
         if splits - at_first <= SETTLED * len(mesh.position):

@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+from helpers.boxes import check as check_arrays
 from helpers.solids import (
     boundary_facts,
     box,
@@ -22,7 +23,9 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt import Rules
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE
+from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
 from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.open_solid import OpenSolid
 from kohonen_adapt.som.space import move_in_space
 
 MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
@@ -342,3 +345,28 @@ def test_pinned_nodes_are_held_and_known():
     assert solid.freedom.pinned.sum() == on_wall.sum() + 1
     assert solid.can_move()
     assert not MovableSolid.of(box(1), Rules()).can_move()
+
+
+@each_mesh
+def test_rows_put_in_order_are_the_same_mesh(build):
+    """With the same elements waiting, and room for as many more."""
+    solid = MovableSolid.of(build(), Rules())
+    scramble(solid)
+    found = []
+    for ordered in (False, True):
+        opened = OpenSolid.of(solid, np.ones(solid.nnodes))
+        while np.count_nonzero(opened.queue.waiting) > solid.nnodes // 2:
+            swap_waiting(opened.mesh, opened.queue, 1.0, 1)
+        if ordered:
+            opened.renumber()
+            n, m = len(opened.nodes()), len(opened.elements())
+            assert opened.nodes()[-1] == n - 1 and opened.elements()[-1] == m - 1
+        check_arrays(opened.mesh)
+        corners = opened.mesh.position[opened.mesh.elements.node[opened.queue.waiting]]
+        copy, height = solid.copy(), opened.mesh.pool.height.tolist()
+        old = opened.mesh.origins.old[opened.hand_back(copy, renumbered=True)]
+        found.append((copy.mesh(), height, sorted(corners.tolist()), old.tolist()))
+    (one, *facts), (other, *again) = found
+    assert (one.p.tobytes(), one.t.tobytes()) == (other.p.tobytes(), other.t.tobytes()) and facts == again
+    if one.boundaries:
+        assert boundary_facts(one) == boundary_facts(other)
