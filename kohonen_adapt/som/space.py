@@ -117,7 +117,7 @@ def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float
             missing = target - len(opened.nodes())
             more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
             splits, collapses = splits + more, collapses + fewer
-        if splits - at_first > MIXED * len(mesh.position):
+        if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # else nodes keep their numbers
             opened.renumber()
         if movable.flips:
             opened.swap()
