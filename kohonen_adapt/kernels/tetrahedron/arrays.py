@@ -166,3 +166,15 @@ class Trial(NamedTuple):
     data: np.ndarray  # (regions, 5)
     laws: Laws  # numbers are those of regions, not of elements; where there is one, the coefficient has no say
     rate: np.ndarray  # (p + r, 3): gradient along patches, then along ridges, of values that are given there
+
+
+@record
+class Offers(NamedTuple):
+    """What splits gain and collapses cost, and where there may be any."""
+
+    gain: np.ndarray  # (m, 6): of a split of each edge, at one of its elements; 0 at all others
+    cost: np.ndarray  # (n,): of the cheapest collapse of the node that is allowed, inf without one
+    open: np.ndarray  # (p,) bool: patches whose edges may be split
+    removable: np.ndarray  # (n,) bool: nodes that may be taken away
+    lone: np.ndarray  # (n,) bool: nodes with a given value that no patch of theirs has
+    fresh: np.ndarray  # (n,) bool: nodes that have been made since

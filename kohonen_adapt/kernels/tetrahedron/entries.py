@@ -10,6 +10,7 @@ from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     connectivity,
     descend,
+    energy_recycle,
     locate,
     recycle,
     search,
@@ -35,6 +36,7 @@ OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, F
 QUEUE = RecordType(arrays.Queue, (B1, I1, L1))
 LAWS = RecordType(shared.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2))
+OFFERS = RecordType(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
@@ -65,6 +67,9 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(descend.descend_nodes, NEURONS, TRIAL, I1, float64),
         Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
+        Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, int64, int64),
+        Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, int64, int64),
+        Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, QUEUE, OFFERS, I2, R1, L1, float64, float64),
     ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),

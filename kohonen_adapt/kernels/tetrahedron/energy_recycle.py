@@ -1,0 +1,332 @@
+"""Weigh splits of edges against collapses by what they do to a functional, and do both in pairs.
+
+As `kernels/triangle/energy_recycle.py`: a split gains what the best value of its node takes off, a collapse costs what
+the elements around it then have more than before, all other values held. Here a pair is weighed again before it is
+done, as there are so many elements around a node that hardly one pair would leave the others what they were worth.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    INSIDE,
+    MOST,
+    SIXTH_FLUX_X,
+    SIXTH_FLUX_Y,
+    SIXTH_FLUX_Z,
+    SOURCE_24TH,
+    TWELFTH_COEFFICIENT,
+)
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, gather_around
+from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy
+from kohonen_adapt.kernels.tetrahedron.geometry import (
+    FLAT,
+    allowed,
+    cubed_quality,
+    cubed_quality_at,
+    element_quality,
+)
+from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
+from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare_collapse, prepare_split, split
+from kohonen_adapt.kernels.tetrahedron.swap_by_energy import energy_of
+
+UNLIMITED = np.inf
+SHRUNK = 0.8  # of what a split gained when all were weighed: what has become less waits for the next time
+
+
+@inner_kernel
+def halves_parabola(position, trial, region, a, b, c, d, w):
+    """The functional of an element whose edge ab is split half-way, at the change w of the value there from the mean.
+
+    With gradient G, and S_i / D those of the functions of the corners, the half with a has G + 2 w S_b / D, the half
+    with b G + 2 w S_a / D. Returns (sum of magnitudes, value, by w, by ww).
+    """
+    value, data = trial.value, trial.data
+    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
+    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
+    vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
+    tx, ty, tz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
+    alpha, beta, gamma = value[b] - value[a], value[c] - value[a], value[d] - value[a]
+    px, py, pz = vy * tz - vz * ty, vz * tx - vx * tz, vx * ty - vy * tx
+    qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
+    rx, ry, rz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    six = ux * px + uy * py + uz * pz
+    nx, ny, nz = (
+        alpha * px + beta * qx + gamma * rx,
+        alpha * py + beta * qy + gamma * ry,
+        alpha * pz + beta * qz + gamma * rz,
+    )
+    ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # - S_a; p is S_b
+    step = 2.0 * w
+    one, by_one, by_ww_one = half_energy(trial, region, six, nx + step * px, ny + step * py, nz + step * pz, px, py, pz)
+    two, by_two, by_ww_two = half_energy(
+        trial, region, six, nx - step * ox, ny - step * oy, nz - step * oz, -ox, -oy, -oz
+    )
+    pull = data[region, SOURCE_24TH] * six
+    lift = data[region, SIXTH_FLUX_X] * (px - ox) + data[region, SIXTH_FLUX_Y] * (py - oy)
+    lift += data[region, SIXTH_FLUX_Z] * (pz - oz)
+    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
+    push, down = push + w * lift, pull * (value[a] + value[b] + value[c] + value[d] + w)
+    energy = one + two
+    return energy + abs(down) + abs(push), energy - down - push, by_one + by_two - pull - lift, by_ww_one + by_ww_two
+
+
+@inner_kernel
+def half_energy(trial, region, six, nx, ny, nz, sx, sy, sz):
+    """What is stored in half an element with the gradient n / D, and its derivatives by the value whose function has
+    the gradient 2 s / D.
+    """
+    square, along, across = nx * nx + ny * ny + nz * nz, nx * sx + ny * sy + nz * sz, sx * sx + sy * sy + sz * sz
+    law = trial.laws.number[region]
+    if law < 0:
+        twelfth = trial.data[region, TWELFTH_COEFFICIENT]
+        return 0.5 * twelfth * square / six, 2.0 * twelfth * along / six, 4.0 * twelfth * across / six
+    density, rate, bend = stored(trial.laws, law, square / (six * six))
+    by_ww = (4.0 * bend * along * along / (six * six) + 2.0 * rate * across) / (3.0 * six)
+    return six * density / 12.0, rate * along / (3.0 * six), by_ww
+
+
+@inner_kernel
+def split_parabola(mesh, trial, shell, count, a, b, w):
+    """The same of all elements with the edge ab; and whether one of them has a law."""
+    size = total = slope = stiffness = 0.0
+    bent, node = False, mesh.elements.node
+    for i in range(count):
+        e = np.int64(shell[i])
+        region = mesh.elements.region[e]
+        k, j = corner_of(node, e, a), corner_of(node, e, b)
+        c, d = other_corners(node, e, k, j)
+        more, value, by_w, by_ww = halves_parabola(mesh.position, trial, region, a, b, c, d, w)
+        size, total, slope, stiffness = size + more, total + value, slope + by_w, stiffness + by_ww
+        bent = bent or trial.laws.number[region] >= 0
+    return size, total, slope, stiffness, bent
+
+
+@inner_kernel
+def other_corners(node, e, k, j):
+    """The nodes of element e beside those of its corners k and j, such that the four are positive in this order."""
+    for i in range(3):
+        if OPPOSITE[k, i] == j:
+            return np.int64(node[e, OPPOSITE[k, (i + 1) % 3]]), np.int64(node[e, OPPOSITE[k, (i + 2) % 3]])
+    return NOWHERE, NOWHERE
+
+
+@inner_kernel
+def gain_of_split(mesh, trial, shell, count, a, b):
+    """What the best value of a new node half-way along ab takes off, 0 if that is rounding, and this value.
+
+    In nonlinear material it is the value after one step of Newton's method.
+    """
+    size, before, slope, stiffness, bent = split_parabola(mesh, trial, shell, count, a, b, 0.0)
+    gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
+    if bent:
+        gain = before - split_parabola(mesh, trial, shell, count, a, b, w)[1]
+    return gain if gain > ROUNDING * size else 0.0, 0.5 * (trial.value[a] + trial.value[b]) + w
+
+
+@inner_kernel
+def list_neighbours(mesh, v, count):
+    """List the neighbours of v in `cavity.made`, the elements around it standing in `cavity.old`; returns how many."""
+    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    cavity.counter[0] += 1
+    cavity.node_stamp[v] = cavity.counter[0]
+    for i in range(count):
+        for k in range(4):
+            w = node[cavity.old[i], k]
+            if cavity.node_stamp[w] != cavity.counter[0]:
+                cavity.node_stamp[w] = cavity.counter[0]
+                cavity.made[found] = w
+                found += 1
+    return found
+
+
+@inner_kernel
+def list_shell(mesh, count, w):
+    """List those of the elements in `cavity.old` that have node w in `cavity.around_other`; returns how many."""
+    found = 0
+    for i in range(count):
+        if corner_of(mesh.elements.node, mesh.cavity.old[i], w) >= 0:
+            mesh.cavity.around_other[found] = mesh.cavity.old[i]
+            found += 1
+    return found
+
+
+@inner_kernel
+def is_open(mesh, offers, count, a, b):
+    """Whether all patches at the edge ab, whose elements stand in `cavity.around_other`, are open."""
+    for i in range(count):
+        e = np.int64(mesh.cavity.around_other[i])
+        for k in range(4):
+            p = mesh.elements.patch[e, k]
+            if p >= 0 and not offers.open[p] and mesh.elements.node[e, k] not in (a, b):
+                return False
+    return True
+
+
+@inner_kernel
+def halves_allowed(mesh, count, a, b, floor):
+    """Whether the elements in `cavity.around_other` may be split half-way along their edge ab."""
+    position, node, before, after = mesh.position, mesh.elements.node, 2.0, 2.0
+    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
+    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    for i in range(count):
+        e = np.int64(mesh.cavity.around_other[i])
+        c, d = other_corners(node, e, corner_of(node, e, a), corner_of(node, e, b))
+        before = min(before, cubed_quality(position, a, b, c, d))
+        after = min(after, cubed_quality_at(position, x, y, z, b, c, d))
+        after = min(after, cubed_quality_at(position, x, y, z, a, d, c))
+    return allowed(after, before, floor)
+
+
+@kernel
+def weigh_splits(mesh, trial, offers, floor, first, last):
+    """Work out what splits of the edges gain that nodes `first` to `last` have to nodes of higher number, 0 where none
+    is allowed; each stands at the first element with that edge in the list of those around the node.
+    """
+    node, cavity = mesh.elements.node, mesh.cavity
+    for v in range(first, last):
+        if mesh.pool.anchor[v] < 0:
+            continue
+        count = gather_around(mesh, v, cavity.old)
+        for i in range(list_neighbours(mesh, v, count)):
+            w = np.int64(cavity.made[i])
+            if w < v or (trial.fixed[v] and trial.fixed[w] and (offers.lone[v] or offers.lone[w])):
+                continue  # given inside a region, or who knows why: who knows what between them
+            shell = list_shell(mesh, count, w)
+            gain, _ = gain_of_split(mesh, trial, cavity.around_other, shell, v, w)
+            if gain > 0.0 and is_open(mesh, offers, shell, v, w) and halves_allowed(mesh, shell, v, w, floor):
+                e = np.int64(cavity.around_other[0])
+                offers.gain[e, edge_between(node, e, v, w)] = gain
+
+
+@inner_kernel
+def edge_between(node, e, a, b):
+    """Which of the edges of element e joins two of its nodes."""
+    for edge in range(5):
+        v, w = node[e, EDGES[edge, 0]], node[e, EDGES[edge, 1]]
+        if (v == a and w == b) or (v == b and w == a):
+            return edge
+    return 5
+
+
+@inner_kernel
+def energy_around(mesh, trial, count):
+    """The functional of the elements in `cavity.old`, and the worst cubed quality of them."""
+    total, worst, node = 0.0, 2.0, mesh.elements.node
+    for i in range(count):
+        e = np.int64(mesh.cavity.old[i])
+        total += energy_of(mesh, trial, node, e, mesh.elements.region[e])[0]
+        worst = min(worst, element_quality(mesh.position, node, e))
+    return total, worst
+
+
+@inner_kernel
+def energy_merged(mesh, trial, v, w, count, least):
+    """The functional of what is left of the elements in `cavity.old`, around v, when that has gone into w; inf where
+    one were worse than `least`.
+    """
+    node, total = mesh.elements.node, 0.0
+    for i in range(count):
+        e = np.int64(mesh.cavity.old[i])
+        if corner_of(node, e, w) >= 0:
+            continue
+        k = corner_of(node, e, v)
+        a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
+        if not cubed_quality(mesh.position, w, a, b, c) >= least:
+            return np.inf
+        total += element_energy(mesh.position, trial, mesh.elements.region[e], w, a, b, c)[0]
+    return total
+
+
+@inner_kernel
+def cheapest_collapse(mesh, trial, v, most, floor):
+    """The least cost below `most` of a collapse of v that is allowed, and the neighbour that it goes into; inf and -1
+    if there is none.
+    """
+    freedom, least, into = mesh.freedom, most, np.int64(NOWHERE)
+    count = gather_around(mesh, v, mesh.cavity.old)
+    before, worst = energy_around(mesh, trial, count)
+    for i in range(list_neighbours(mesh, v, count)):
+        w = np.int64(mesh.cavity.made[i])
+        if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
+            continue
+        cost = energy_merged(mesh, trial, v, w, count, max(FLAT, min(floor, worst))) - before
+        # the checks take longer
+        if cost < least and prepare_collapse(mesh, v, w, floor, UNLIMITED)[0] > 0.0:
+            least, into = cost, w
+    return least if into >= 0 else np.inf, into
+
+
+@kernel
+def weigh_collapses(mesh, trial, offers, most, floor, first, last):
+    """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
+    for v in range(first, last):
+        offers.cost[v] = np.inf
+        if offers.removable[v]:
+            offers.cost[v] = cheapest_collapse(mesh, trial, v, most, floor)[0]
+
+
+@inner_kernel
+def next_collapse(mesh, trial, offers, nodes, at, a, b, most, floor):
+    """Find the first node from place `at` on whose collapse costs less than `most` and leaves the edge ab alone.
+
+    Returns the node, -1 if there is none, the neighbour that it goes into, and the cost. Those that can go no more are
+    marked.
+    """
+    for i in range(at, len(nodes)):
+        v = np.int64(nodes[i])
+        if not offers.cost[v] < most:
+            break
+        if not offers.removable[v]:
+            continue
+        cost, w = cheapest_collapse(mesh, trial, v, most, floor)
+        if w < 0:
+            offers.removable[v] = False
+            continue
+        _, count, _ = prepare_collapse(mesh, v, w, floor, UNLIMITED)
+        if not holds_edge(mesh, count, a, b):
+            return v, w, cost
+    return NOWHERE, NOWHERE, 0.0
+
+
+@kernel
+def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
+    """Split edges, the largest gain first, each for the cheapest collapse that is left, while that, `margin` times,
+    costs less.
+
+    `ends` (k, 2) are of edges in order of their `gains`, `nodes` in order of their costs. Rows of nodes are used again:
+    a new one is `fresh`, and edges of nodes that are gone have no element. Values of new nodes are put into the trial,
+    what is made into the queue. Returns how many pairs, and what they took off the functional.
+    """
+    pairs, lowered, at = 0, 0.0, 0
+    for i in range(len(ends)):
+        a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
+        if mesh.pool.height[1] < MOST:
+            break
+        if offers.fresh[a] or offers.fresh[b]:
+            continue
+        count = prepare_split(mesh, a, b, floor)
+        if count == 0:
+            continue
+        gain, _ = gain_of_split(mesh, trial, mesh.cavity.old, count, a, b)
+        if not gain > SHRUNK * gains[i]:
+            continue
+        while at < len(nodes) and not offers.removable[nodes[at]]:
+            at += 1
+        if at == len(nodes) or not margin * offers.cost[nodes[at]] < gains[i]:
+            break  # what follows gains less
+        v, w, cost = next_collapse(mesh, trial, offers, nodes, at, a, b, gain / margin, floor)
+        if v < 0:
+            continue
+        offers.removable[v] = False
+        _, old, new = prepare_collapse(mesh, v, w, floor, UNLIMITED)
+        collapse(mesh, v, old, new)
+        enter_made(mesh, queue, new)
+        count = prepare_split(mesh, a, b, floor)
+        gain, value = gain_of_split(mesh, trial, mesh.cavity.old, count, a, b)
+        p = split(mesh, a, b, count)
+        enter_made(mesh, queue, 2 * count)
+        trial.value[p], trial.fixed[p], offers.fresh[p] = value, False, True
+        pairs, lowered = pairs + 1, lowered + gain - cost
+    return pairs, lowered

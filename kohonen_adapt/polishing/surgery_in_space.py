@@ -1,0 +1,101 @@
+"""Swap elements of an open solid, and exchange its nodes, where that lowers a functional."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Trial
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.energy_recycle import exchange, weigh_collapses, weigh_splits
+from kohonen_adapt.kernels.tetrahedron.swap_by_energy import enter_changed, swap_downhill
+from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+
+__all__ = ["recycle_in_space", "swap_in_space"]
+
+LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
+FEW = 1_000  # nodes that are not worth another thread
+PART = 20_000  # nodes per compiled call
+PAIRS = 20_000  # edges per compiled call
+CHANGED = 0.05  # share of its volume or energy by which an element has changed that is to be looked at again
+MARGIN = 1.2  # times the cost of a collapse: less is not worth a split
+
+
+def swap_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, seen: Floats, floor: float) -> float:
+    """Swap until no swap lowers the functional of a function on the rows of nodes; returns what that took off.
+
+    `seen` (m, 2) has what elements were when they were looked at; those are looked at again that have changed since.
+    Edges on patches go where that changes no given value, and not the domain.
+    """
+    mesh, queue, lowered = opened.mesh, opened.queue, 0.0
+    free = (mesh.surfaces.shape == PLANE) & ~functional.held[: functional.patches]
+    enter_changed(mesh, trial, queue, seen, CHANGED)
+    while queue.state[1]:
+        lowered += swap_downhill(mesh, trial, queue, seen, free, floor**3, LOOKS)[1]
+    return lowered
+
+
+def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, floor: float) -> tuple[int, float]:
+    """Split edges and collapse others, in pairs, as long as a split gains more than its collapse costs.
+
+    Returns how many pairs, and what they took off the functional. What they make waits for its turn of being swapped.
+    """
+    mesh, offers = opened.mesh, offers_of(opened.mesh, functional, trial)
+    most = weighed(mesh, trial, offers, floor**3)
+    gain, node = offers.gain.ravel(), mesh.elements.node
+    edges = np.flatnonzero(gain > max(0.0, MARGIN * offers.cost.min(initial=0.0)))
+    edges = edges[np.argsort(-gain[edges], kind="stable")]
+    ends = node[edges[:, None] // 6, EDGES[edges % 6, :2]]
+    nodes = np.flatnonzero(offers.cost < most)
+    nodes = nodes[np.argsort(offers.cost[nodes], kind="stable")]
+    pairs, lowered = 0, 0.0
+    for i in range(0, len(edges), PAIRS):
+        part = ends[i : i + PAIRS], gain[edges[i : i + PAIRS]]
+        more, fall = exchange(mesh, trial, opened.queue, offers, *part, nodes, MARGIN, floor**3)
+        pairs, lowered = pairs + more, lowered + fall
+    return pairs, lowered
+
+
+def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
+    """Room for what splits and collapses are worth, with those ruled out that would change what is given.
+
+    Where values are given linearly a split would take nothing off.
+    """
+    patches, rows = slice(functional.patches), len(mesh.position)
+    removable = (functional.freedom(mesh.freedom, trial.fixed).number != HELD) & (mesh.pool.anchor >= 0)
+    lone = trial.fixed & ~on_patches(mesh, functional.given[patches])
+    is_open = ~(functional.held | functional.given)[patches]
+    gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
+    return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))
+
+
+def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
+    """Whether nodes are on some of the patches, (n,)."""
+    found, patch = np.zeros(len(mesh.position), dtype=np.bool_), mesh.elements.patch
+    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(some, False)[patch])
+    found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
+    return found
+
+
+def weighed(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: float) -> float:
+    """Work out all gains, and all costs below what the largest of them is worth, which is returned; threads share it.
+
+    Each depends on the mesh as it is now alone, so none of them on the number of threads.
+    """
+    cuts = even_cuts(len(mesh.position), FEW)
+    rows = len(mesh.position), len(mesh.elements.node)
+    own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
+
+    def weigh_edges(thread: int, first: int, last: int) -> None:
+        for v in range(first, last, PART):
+            weigh_splits(own[thread], trial, offers, floor, v, min(v + PART, last))
+
+    shared(weigh_edges, cuts)
+    most = float(offers.gain.max()) / MARGIN
+
+    def weigh_nodes(thread: int, first: int, last: int) -> None:
+        for v in range(first, last, PART):
+            weigh_collapses(own[thread], trial, offers, most, floor, v, min(v + PART, last))
+
+    shared(weigh_nodes, cuts)
+    return most
