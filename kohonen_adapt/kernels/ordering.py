@@ -25,6 +25,13 @@ def along_curve(points: Floats) -> NDArray[np.int64]:
     return np.argsort(keys, kind="stable")
 
 
+def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.int32]:
+    """The part that each of so many rows belongs to, (rows,): even stretches of the order, in sequence; 0 elsewhere."""
+    part = np.zeros(rows, dtype=np.int32)
+    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
+    return part
+
+
 @kernel
 def hilbert_keys(points, origin, size, keys):
     """Compute how far along Hilbert's curve through the square at `origin` of this size points lie, (n,) int64."""

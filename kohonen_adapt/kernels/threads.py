@@ -9,12 +9,16 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kohonen_adapt.kernels.compilation import number_of_threads
 
-__all__ = ["even_cuts", "number_of_threads", "shared"]
+__all__ = ["Nodes", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
 
+Nodes = NDArray[np.int32]
 Result = TypeVar("Result")
+
+NODES = 50_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 _pools: dict[int, ThreadPoolExecutor] = {}  # idle threads, the one thing that calls share; no result depends on them
 if hasattr(os, "register_at_fork"):
@@ -43,3 +47,26 @@ def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list
     finally:
         results = [other.result() for other in others]
     return [first, *results]
+
+
+def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, part: Nodes, deep: NDArray[np.bool_]) -> float:
+    """Call ``task(thread, nodes)`` for nodes in their order, part by part, and add up what it returns.
+
+    Threads take parts side by side; the nodes that are not `deep` in their part, so that they have neighbours in
+    another one, come last. What a task does to a node must depend on the neighbours alone: then nothing depends on the
+    number of threads. The parts are stretches of the order.
+    """
+    alone = deep[order]
+    inside, across = order[alone], order[~alone]
+    parts = int(part[order[-1]]) + 1
+    cuts = np.searchsorted(part[inside], np.arange(parts + 1))
+    gains = np.zeros(parts + 1)
+
+    def several(thread: int, first: int, last: int) -> None:
+        for i in range(first, last):
+            gains[i] = task(thread, inside[cuts[i] : cuts[i + 1]])
+
+    shared(several, even_cuts(parts, 1))
+    for first in range(0, len(across), NODES):
+        gains[parts] += task(0, across[first : first + NODES])
+    return float(gains.sum())

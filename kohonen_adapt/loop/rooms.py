@@ -2,17 +2,14 @@
 
 from typing import Any
 
-import numpy as np
-from skfem import Mesh, MeshTet
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step import Room
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import PLAN, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs
@@ -59,23 +56,6 @@ def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[F
     return functional, functional_value(mesh, ritz) + beyond
 
 
-def tetrahedra_taken_apart(mesh: MeshTet, rules: Rules, curved: bool | None) -> MovableSolid:
-    """A movable solid, whose edges are straight.
-
-    Raises
-    ------
-    ValueError
-        If bent ones are asked for, and a surface is curved; and whatever `MovableSolid.of` refuses.
-    """
-    movable = MovableSolid.of(mesh, rules)
-    if curved and np.any(movable.surfaces.shape != PLANE):
-        raise ValueError(
-            "curved of the problem must be False or None where surfaces of tetrahedra are curved, for their edges are "
-            "straight; got True."
-        )
-    return movable
-
-
 def loops_for_tetrahedra(problem: Problem, settings: Settings) -> tuple[str, ...]:
     """What `moved_tetrahedra` calls."""
     return *loops_in_space(settings.rules.topology, settings.schedule), "space locating"
@@ -112,7 +92,7 @@ ROOMS = {
         descend_and_recycle, report_curves, 3, PLAN,
     ),
     TETRAHEDRON.dim: Room(
-        TETRAHEDRON.dim, tetrahedra_taken_apart, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra, carried,
+        TETRAHEDRON.dim, MovableSolid.of, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra, carried,
         descend_and_recycle, report_surfaces, 1, (SWEEPS,),
     ),
 }  # fmt: skip

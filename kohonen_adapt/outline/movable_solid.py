@@ -17,6 +17,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     ON_PATCH,
     ON_RIDGE,
+    PLANE,
     Constraints,
     Freedom,
     Surfaces,
@@ -68,8 +69,11 @@ class MovableSolid:
     flips: bool
 
     @classmethod
-    def of(cls, mesh: MeshTet, rules: Rules) -> "MovableSolid":
-        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name."""
+    def of(cls, mesh: MeshTet, rules: Rules, curved: bool | None = None) -> "MovableSolid":
+        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name.
+
+        Edges are straight: `curved` ones are refused where a surface is.
+        """
         check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
         pinned = pinned_nodes(mesh, rules.pinned)
@@ -78,6 +82,11 @@ class MovableSolid:
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
+        if curved and np.any(patches.shape != PLANE):
+            raise ValueError(
+                "curved of the problem must be False or None where surfaces of tetrahedra are curved, for their edges "
+                "are straight; got True."
+            )
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
         floor = floor_of(rules, 3)

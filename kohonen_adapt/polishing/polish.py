@@ -1,21 +1,26 @@
 """Polish: move nodes to where the energy of the mesh's own solution is lower, which is where its error is lower."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of, check_kind
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, holding
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.polish_in_space import descend_in_space, loops_in_space
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
 from kohonen_adapt.problem.protocol import NotOffered, Problem, is_curved, nodes_held, offered, offers, ritz_of
 
@@ -28,7 +33,7 @@ SETTLED = 0.01  # share of the nodes: a call that makes fewer is the last of its
 
 
 def polish(
-    mesh: MeshTri,
+    mesh: Mesh,
     problem: Problem,
     *,
     sweeps: int = SWEEPS,
@@ -40,27 +45,28 @@ def polish(
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
     surfaces: Mapping[str, Surface] | None = None,
-) -> MeshTri:
+) -> Mesh:
     """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.
 
     For ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, or with the energies of nonlinear laws,
     the discrete solution lies above the exact minimum by half the square of its error in the energy norm. A sweep moves
     every node in turn, by Newton's method with what changes with it (its value; of order 2 and 3 also those of its
     sides) eliminated, to where the functional of the elements around it is lower, and flips every edge whose flip
-    lowers it. What a sweep leaves is a function on the new mesh with a lower functional, so the solution on that mesh
-    has a lower one still: the error has not grown.
+    lowers it; of tetrahedra, swaps elements where that does. What a sweep leaves is a function on the new mesh with a
+    lower functional, so the solution on that mesh has a lower one still: the error has not grown.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri` or `skfem.MeshTri2`; it is not modified. It is solved on once.
+        A `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`; it is not modified. It is solved on once.
     problem
-        Anything with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1 to 3.
+        Anything with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1 to 3,
+        on tetrahedra 1.
     sweeps
         How often every node may move.
     topology
-        ``"flip"``: edges flip where that lowers the functional, and the result need not be Delaunay; ``"fixed"`` keeps
-        ``mesh.t``.
+        ``"flip"``: edges flip, and tetrahedra are swapped, where that lowers the functional, and the result need not be
+        Delaunay; ``"fixed"`` keeps ``mesh.t``.
     min_quality, pinned, curves, periodic, layers, surfaces
         What nodes may do: see `Rules`. Nodes slide on arcs and splines with chords for facets as the notes say.
     seed
@@ -68,15 +74,15 @@ def polish(
 
     Returns
     -------
-    MeshTri
+    Mesh
         With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. A
         `MeshTri2` where that was given, or the problem is `curved`, and an outline is.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, an argument is out of range, the problem has no ``ritz``, or its
-        constants change inside a region of the mesh.
+        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTet`, an argument is out of range, the problem has no
+        ``ritz``, or one that is for the plane only, or its constants change inside a region of the mesh.
 
     Notes
     -----
@@ -86,7 +92,8 @@ def polish(
     Other nodes on curves, and those whose given values are not linear along their piece of outline, stay where they
     are: elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing
     about the error. Energies of nonlinear material are looked up in
-    tables, which makes that true to 1e-10 of the functional.
+    tables, which makes that true to 1e-10 of the functional. Nodes of tetrahedra stay on curved surfaces, and where
+    given values are not linear on their face or along their edge of the body.
 
     The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).
@@ -105,15 +112,16 @@ def polish(
     """
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    movable = MovableMesh.of(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
+    check_kind(mesh, bent=True, space=True)
+    room = ROOMS[cell_of(mesh).dim]
+    movable = room.taken_apart(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()
-    expect(*loops_of(problem))
+    expect(*room.loops(problem))
     try:
-        ritz = ritz_of(problem, mesh, problem.solve(mesh))
+        functional = room.stated(ritz_of(problem, mesh, problem.solve(mesh)), movable, mesh)
     except NotOffered as reason:
         raise without_functional(reason) from None
-    functional = Functional.of(ritz, movable, mesh)
-    descend(movable, functional, functional.solution.copy(), sweeps)
+    room.descended(movable, functional, functional.solution.copy(), sweeps)
     return movable.mesh()
 
 
@@ -194,3 +202,18 @@ def recycle_downhill(
         return left, done, min(lowered, fallen)
     movable.restore(state)
     return trial, recycled, 0.0
+
+
+class Room(NamedTuple):
+    """What a polish of one kind of elements is made of."""
+
+    taken_apart: Callable[..., Any]  # a mesh
+    loops: Callable[[Problem], tuple[str, ...]]
+    stated: Callable[..., Any]  # a functional, on what was taken apart
+    descended: Callable[..., float]
+
+
+ROOMS = {
+    TRIANGLE.dim: Room(MovableMesh.of, loops_of, Functional.of, descend),
+    TETRAHEDRON.dim: Room(MovableSolid.of, loops_in_space, SolidFunctional.of, descend_in_space),
+}

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
 from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes
-from kohonen_adapt.kernels.ordering import along_curve, mark_deep
-from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.ordering import along_curve, mark_deep, parts_along
+from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
 from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainful
@@ -64,11 +64,13 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
-    part = parts_along(order, PART // UNKNOWNS[functional.ritz.order - 1])
+    parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
+    part, deep = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
     if eager:
         gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
-        gain += descend_in_parts(movable, downhill, order, part)
+        mark_deep(movable.triangulation.star, part, 1, deep, np.empty_like(order))
+        gain += shared_in_parts(downhill.descend_nodes, order, part, deep)
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
         bend = movable.bent_sides() if movable.curved else None
@@ -157,38 +159,6 @@ def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction
     if trial.modes is None:
         return _Linear(movable, functional, trial, constraints)
     return Higher(movable, functional, trial, trial.modes, constraints)
-
-
-def parts_along(order: NDArray[np.int32], nodes: int) -> NDArray[np.int32]:
-    """The part of the mesh that each node belongs to, (n,): stretches of the order of so many nodes, in sequence."""
-    part, parts = np.empty_like(order), max(1, len(order) // nodes)
-    part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
-    return part
-
-
-def descend_in_parts(
-    movable: MovableMesh, downhill: Downhill, order: NDArray[np.int32], part: NDArray[np.int32]
-) -> float:
-    """One sweep over the nodes: threads take parts of the mesh side by side, and what lies at their cuts comes last.
-
-    A move depends on the neighbours alone; where these are all of a node's own part, no other thread has a say. So what
-    comes out does not depend on the number of threads.
-    """
-    star, parts = movable.triangulation.star, int(part[order[-1]]) + 1
-    deep = np.empty(len(order), dtype=np.bool_)
-    mark_deep(star, part, 1, deep, np.empty_like(order))
-    alone = deep[order]
-    inside, across = order[alone], order[~alone]
-    cuts = np.searchsorted(part[inside], np.arange(parts + 1))
-    gains = np.zeros(parts + 1)
-
-    def task(thread: int, first: int, last: int) -> None:
-        for i in range(first, last):
-            gains[i] = downhill.descend_nodes(thread, inside[cuts[i] : cuts[i + 1]])
-
-    shared(task, even_cuts(parts, 1))
-    gains[parts] = downhill.descend_nodes(0, across)
-    return float(gains.sum())
 
 
 def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:

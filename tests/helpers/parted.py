@@ -11,6 +11,7 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.orders import problem
 from helpers.meshes import BOTH, cell, inset, peak, ring
+from helpers.solids import box
 
 
 class Own:
@@ -24,7 +25,7 @@ class Load:
     """-div grad u = 1, zero on the boundary."""
 
     def solve(self, mesh):
-        basis = skfem.Basis(mesh, skfem.ElementTriP1())
+        basis = skfem.Basis(mesh, skfem.ElementTriP1() if mesh.dim() == 2 else skfem.ElementTetP1())
         return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
 
     def indicators(self, mesh, solution):
@@ -60,6 +61,10 @@ def polished():
     return ka.polish(grid(), Load(), sweeps=3)
 
 
+def polished_in_space():
+    return ka.polish(box(13), Load(), sweeps=3)
+
+
 def recycled_by_energy():
     result = ka.adapt(grid(), Load(), passes=1, schedule=ka.Schedule(()))
     assert result.history[1].splits > 0
@@ -74,7 +79,7 @@ def of_order_3():
     return ka.adapt(l_shaped_mesh(24), problem("F", 3), passes=1).mesh
 
 
-RESULTS = (relocated, on_curves, paired, polished, recycled_by_energy, of_order_2, of_order_3)
+RESULTS = (relocated, on_curves, paired, polished, polished_in_space, recycled_by_energy, of_order_2, of_order_3)
 
 
 def texts():

@@ -24,7 +24,6 @@ class Given:
 
 CALLS = {
     "adapt, of a field": lambda: ka.adapt(NAMED, FIELD),
-    "polish": lambda: ka.polish(NAMED, Given()),
     "solve": lambda: FIELD.solve(NAMED),
     "merge": lambda: ka.merge(NAMED, NAMED.translated((1.0, 0.0, 0.0))),
     "turned": lambda: ka.turned(NAMED, "core", 1.0),

@@ -1,0 +1,107 @@
+"""Sweep nodes and elements of a movable solid downhill from a function."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kohonen_adapt.arrays import padded
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.ordering import along_curve, parts_along
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
+from kohonen_adapt.kernels.tetrahedron.descend import descend_nodes
+from kohonen_adapt.kernels.tetrahedron.stars import mark_deep
+from kohonen_adapt.kernels.threads import Nodes, shared_in_parts
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.problem.protocol import Problem
+
+__all__ = ["descend_in_space", "loops_in_space"]
+
+STRIPS = 0.25  # share of the nodes that may be so near the cuts between parts that they have to wait
+LEAST = 1_000  # nodes in a part: fewer are not worth a thread
+
+
+def descend_in_space(
+    movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int, eager: bool = False
+) -> float:
+    """Sweep nodes and elements of a solid downhill from a function, which changes with them.
+
+    Elements come after nodes in every sweep; an `eager` one begins with them. Returns what that took off the
+    functional. Nodes keep their numbers.
+    """
+    descent = Descent.of(movable, functional, trial)
+    gain = descent.descend(sweeps, eager)
+    descent.opened.hand_back(movable)
+    trial.values[:] = descent.trial.value[: len(trial.values)]
+    return gain
+
+
+def loops_in_space(problem: Problem) -> tuple[str, ...]:
+    """The chapters of compiled loops that sweeps of tetrahedra need."""
+    return "space ground", "space moves", "space polish"
+
+
+@dataclass(frozen=True)
+class Descent:
+    """A movable solid, opened, and a function on the rows of its nodes, of which loops lower the functional.
+
+    Attributes
+    ----------
+    opened
+        The arrays that change.
+    functional
+        What is lowered.
+    trial
+        The function and its functional, as loops take them.
+    floor
+        The quality that no change may leave anything below, unless it was there before.
+    """
+
+    opened: OpenSolid
+    functional: SolidFunctional
+    trial: Trial
+    floor: float
+
+    @classmethod
+    def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
+        """Open a solid, which changes when the rows are handed back only."""
+        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
+        rows = len(opened.mesh.position)
+        own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False))
+        return cls(opened, functional, own, movable.floor)
+
+    def descend(self, sweeps: int, eager: bool) -> float:
+        """Sweep so often; returns what that took off the functional."""
+        freedom, gain = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed), 0.0
+        nodes = self.opened.nodes()
+        order = nodes[along_curve(self.opened.mesh.position[nodes])].astype(np.int32)
+        for _ in range(sweeps):
+            gain += self.sweep(freedom, order)
+        return gain
+
+    def sweep(self, freedom: Freedom, order: Nodes) -> float:
+        """Move nodes in this order, the parts of the mesh side by side, and then what is at their cuts."""
+        mesh, star = self.opened.mesh, self.opened.star()
+        part = parts_along(order, len(mesh.position), parts_for(len(order)))
+        deep = np.empty(len(part), dtype=np.bool_)
+        mark_deep(star, part, 1, deep, np.empty_like(part))
+        constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
+        neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+
+        def task(thread: int, nodes: Nodes) -> float:
+            return float(descend_nodes(neurons, self.trial, nodes, self.floor**3))
+
+        return shared_in_parts(task, order, part, deep)
+
+
+def parts_for(nodes: int) -> int:
+    """The largest power of two of parts, p, beside whose cuts, 6 (p^(1/3) - 1) n^(2/3) nodes, no more are than allowed.
+
+    So many lie beside the planes that cut a cube of n nodes into p cubes.
+    """
+    parts = 1
+    while 2 * parts * LEAST <= nodes and 6.0 * ((2 * parts) ** (1 / 3) - 1.0) <= STRIPS * nodes ** (1 / 3):
+        parts *= 2
+    return parts

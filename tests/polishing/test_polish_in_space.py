@@ -1,0 +1,141 @@
+"""`polish` of tetrahedra: the error never grows, shapes and names stay, and so do given values."""
+
+import numpy as np
+import pytest
+from helpers.diffusion_solids import Diffusion
+from helpers.poisson_solids import fichera
+from helpers.solids import ball, boundary_facts, box, volumes
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from kohonen_adapt import Ritz, Rules
+from kohonen_adapt.kernels.ordering import along_curve, parts_along
+from kohonen_adapt.kernels.threads import shared_in_parts
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.polish_in_space import descend_in_space, parts_for
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
+
+FLOOR = 0.2
+
+
+def cube(cells=(4, 3, 3), seed=None):
+    """The unit cube in two halves, its sides named, its nodes inside moved at random."""
+    mesh = box(*cells)
+    if seed is not None:
+        rng, p = np.random.default_rng(seed), mesh.p.copy()
+        shift = 0.15 * rng.uniform(-1, 1, p.shape) / np.array(cells)[:, None]
+        p += np.where((p > 0) & (p < 1) & (p != 0.5), shift, 0.0)
+        mesh = MeshTet(p, mesh.t)
+    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
+    return mesh.with_boundaries(sides).with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
+
+
+def least(mesh, problem):
+    """The functional of the solution."""
+    return functional_value(mesh, problem.ritz(mesh, problem.solve(mesh)))
+
+
+@pytest.mark.parametrize("tens", range(10))
+def test_after_the_next_solve_the_functional_has_not_risen(tens):
+    for seed in range(10 * tens, 10 * tens + 10):
+        mesh, problem = cube(seed=seed), Diffusion.random(seed)
+        ritz = problem.ritz(mesh, problem.solve(mesh))
+        movable = MovableSolid.of(mesh, Rules())
+        functional = SolidFunctional.of(ritz, movable, mesh)
+        trial, before = functional.solution.copy(), functional_value(mesh, ritz)
+        gain = descend_in_space(movable, functional, trial, 3)
+        told = functional.value(movable.tetrahedralization, trial)
+        size = np.abs(ritz.values).max() * np.abs(before) + 1.0
+        near = (1e-8 if any(problem.laws) else 1e-12) * size
+        after = movable.mesh()
+        assert functional.comparable and gain >= 0.0
+        assert told == pytest.approx(before - gain, abs=near)
+        fixed = problem.ends(after)[1]
+        np.testing.assert_array_equal(fixed, trial.fixed)
+        np.testing.assert_allclose(trial.values[fixed], problem.ends(after)[0][fixed], atol=1e-12)
+        assert least(after, problem) <= told + near
+
+
+def test_polish_lowers_the_error_and_keeps_shapes_and_names():
+    mesh = fichera(3).with_subdomains({"low": lambda x: x[2] < 0.0})
+    problem = Diffusion([1.0, 1.0], [1.0, 1.0], np.zeros((3, 2)), {"rim": lambda x: 0.0 * x[0]})
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    p, t = mesh.p.copy(), mesh.t.copy()
+    after = ka.polish(mesh, problem)
+    np.testing.assert_array_equal(mesh.p, p)
+    np.testing.assert_array_equal(mesh.t, t)
+    exact = -0.19897165
+    errors = [np.sqrt(2.0 * (least(each, problem) - exact)) for each in (mesh, after)]
+    assert errors[1] < 0.85 * errors[0]
+    assert ka.quality(after).min() >= FLOOR - 1e-12
+    assert np.abs(volumes(after)).sum() == pytest.approx(7.0, rel=1e-12)
+    low = after.subdomains["low"]
+    assert np.abs(volumes(after))[low].sum() == pytest.approx(4.0, rel=1e-12)
+    assert boundary_facts(after).keys() == boundary_facts(mesh).keys()
+    corner = after.p[:, after.facets[:, after.boundaries["corner"]]]
+    assert np.all(corner > -1e-12)
+    fixed = ka.polish(mesh, problem, topology="fixed")
+    np.testing.assert_array_equal(fixed.t, mesh.t)
+    assert least(fixed, problem) < least(mesh, problem)
+
+
+def test_nodes_with_linear_given_values_slide_and_others_stay():
+    mesh = cube((4, 4, 4))
+    linear = Diffusion([1.0, 5.0], [3.0, -2.0], np.zeros((3, 2)), {"side0": lambda x: x[1] - 2.0 * x[2]})
+    curved = Diffusion([1.0, 5.0], [3.0, -2.0], np.zeros((3, 2)), {"side0": lambda x: x[1] * x[2]})
+    on = mesh.p[0] == 0.0
+    moved = [np.any(ka.polish(mesh, each, topology="fixed").p != mesh.p, axis=0) for each in (linear, curved)]
+    assert moved[0][on].sum() >= 9 and not moved[1][on].any() and moved[1].any()
+
+
+def test_nodes_stay_on_curved_surfaces():
+    mesh = ball(6)
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    problem = Diffusion([1.0], [1.0], np.zeros((3, 1)), {"rim": lambda x: 0.0 * x[0]})
+    after, rim = ka.polish(mesh, problem, topology="fixed"), mesh.boundary_nodes()
+    np.testing.assert_array_equal(after.p[:, rim], mesh.p[:, rim])
+    assert np.any(after.p != mesh.p) and least(after, problem) < least(mesh, problem)
+
+
+class Stated(Diffusion):
+    """A functional that is stated in another way."""
+
+    def __init__(self, **stated):
+        super().__init__([1.0, 1.0], [1.0, 1.0], np.zeros((3, 2)), {"side0": lambda x: 0.0 * x[0]})
+        self.stated = stated
+
+    def ritz(self, mesh, solution):
+        return Ritz(solution, self.ends(mesh)[1], 1.0, **self.stated)
+
+
+def test_what_polish_refuses_on_tetrahedra():
+    mesh, problem = cube(), Stated()
+    with pytest.raises(ValueError, match=r"which offers none: its Ritz has Robin .*, and that is for the plane only\."):
+        ka.polish(mesh, Stated(robin={"side1": (1.0, 0.0)}))
+    with pytest.raises(ValueError, match=r"flux of Ritz must have 3 components on a mesh of 3 dimensions; got 2\."):
+        ka.polish(mesh, Stated(flux=np.ones(2)))
+    with pytest.raises(ValueError, match=r"polish keeps every node"):
+        ka.polish(mesh, problem, topology="recycle")
+    problem.curved, problem.order = True, 2
+    with pytest.raises(ValueError, match=r"curved of the problem must be False or None where surfaces"):
+        ka.polish(ball(3).with_boundaries({"side0": lambda x: x[0] < 9.0}), problem)
+
+
+def test_parts_are_taken_side_by_side_and_what_is_at_their_cuts_comes_last():
+    nodes = box(12)
+    order = along_curve(nodes.p.T).astype(np.int32)
+    part = parts_along(order, nodes.nvertices, parts_for(nodes.nvertices))
+    assert part.max() > 0 and np.all(np.diff(part[order]) >= 0)
+    deep = np.ones(nodes.nvertices, dtype=bool)
+    deep[::7] = False
+    seen = []
+
+    def task(thread, rows):
+        seen.append(rows)
+        return float(len(rows))
+
+    assert shared_in_parts(task, order, part, deep) == nodes.nvertices
+    assert sorted(np.concatenate(seen)) == list(range(nodes.nvertices))
+    assert all(len(set(part[rows])) == 1 for rows in seen if deep[rows[:1]].all())
+    assert not deep[seen[-1]].any()
