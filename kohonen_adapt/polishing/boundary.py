@@ -56,15 +56,15 @@ class BoundaryTerms:
             found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
         return found
 
-    def value(self, chain: Ints, corners: Floats, coefficients: Floats) -> float:
+    def value(self, chain: Ints, corners: Floats, coefficients: Floats, bend: Floats | None = None) -> float:
         """What the conditions add for a function of these coefficients, (m, b), on elements with corners (m, 3, 2).
 
-        Their sides are on these chains, (m, 3).
+        Their sides are on these chains, (m, 3), and bent so much, (m, 3, 2).
         """
         total = 0.0
         for name, chains in self.chains.items():
             sides, terms = sides_on(chain, chains), self.ritz.robin[name]
-            total += added_on_sides(corners, coefficients, sides, terms, self.ritz.axisymmetric)
+            total += added_on_sides(corners, coefficients, sides, terms, self.ritz.axisymmetric, bend)
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
@@ -103,7 +103,7 @@ class BoundaryTerms:
     def _total(self, near: "Near") -> float:
         """The functional of some elements, with what conditions add at them."""
         own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.bend)
-        return own + self.value(near.chain, near.corners, near.coefficients)
+        return own + self.value(near.chain, near.corners, near.coefficients, near.bend)
 
     def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
         """The second derivatives of the functional by the unknowns, secant where it is nonlinear, and the first."""
@@ -111,7 +111,8 @@ class BoundaryTerms:
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)
             ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
-            matrix, load = facet_terms(ends, self.ritz.order, self.ritz.robin[name], self.ritz.axisymmetric)
+            terms, off = self.ritz.robin[name], near.bend[e, k]
+            matrix, load = facet_terms(ends, self.ritz.order, terms, self.ritz.axisymmetric, off)
             own = e[:, None], trace_columns(k, self.ritz.order)
             parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
         total, right = coo_array((count, count)), np.zeros(count)

@@ -184,7 +184,7 @@ class Functional:
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
         total = value_on(corners, coefficients, number, self.ritz, bend)
-        total += self.boundary.value(triangulation.elements.chain, corners, coefficients)
+        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, bend)
         total += self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return total

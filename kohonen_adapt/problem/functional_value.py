@@ -53,9 +53,11 @@ def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
     kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
     modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
     corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    total = value_on(corners, coefficients, number, ritz, displacements(mesh) if is_second_order(mesh) else None)
+    bend = displacements(mesh) if is_second_order(mesh) else None
+    total = value_on(corners, coefficients, number, ritz, bend)
     for name, terms in ritz.robin.items():
-        total += added_on_sides(corners, coefficients, sides_of_boundary(mesh, name), terms, ritz.axisymmetric)
+        sides = sides_of_boundary(mesh, name)
+        total += added_on_sides(corners, coefficients, sides, terms, ritz.axisymmetric, bend)
     return total
 
 

@@ -18,8 +18,7 @@ __all__ = ["Load", "Robin", "added_on_sides", "checked_conditions", "facet_terms
 Load = float | Callable[[Floats], ArrayLike]
 Robin = Mapping[str, tuple[float, Load]]
 
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for products of functions of order 3
-AROUND = np.polynomial.legendre.leggauss(6)  # over 1 / x
+AT, WEIGHTS = (0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True))
 
 
 def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
@@ -60,34 +59,39 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
 
 
 def facet_terms(
-    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False
+    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False, off: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """A and b of ``c . A c / 2 - b . c``, that a condition adds for the coefficients c of a function on every facet.
 
-    They are (f, k, k) and (f, k), in the order of `traces_at`, for facets between ends (f, 2, 2); the load is
-    interpolated at the places of the unknowns. Around an axis both are integrated over 1 / x.
+    They are (f, k, k) and (f, k), in the order of `traces_at`, for facets between ends (f, 2, 2) with middles off the
+    chord by `off` (f, 2); the load is interpolated at the places of the unknowns. Around an axis both are integrated
+    over 1 / x.
     """
-    (coefficient, load), start, way = terms, ends[:, 0], ends[:, 1] - ends[:, 0]
-    length = np.hypot(*way.T)
+    coefficient, load = terms
+    off = np.zeros_like(ends[:, 0]) if off is None else off
     share = np.append([0.0, 1.0], np.arange(1, order) / order)
-    x = (start[:, None] + share[:, None] * way[:, None]).reshape(-1, 2).T
-    given = load_at(x, load).reshape(-1, order + 1)
+    given = load_at(_along(ends, off, share).reshape(-1, 2).T, load).reshape(-1, order + 1)
+    mass = _masses(ends, order, off, axisymmetric)
     if axisymmetric:
-        factor, mass = factors(ends, share), masses_around_axis(ends, order)
-        loads = np.linalg.solve(traces_at(share, order), (given / np.where(factor > 0.0, factor, 1.0)).T)
-        return coefficient * length[:, None, None] * mass, length[:, None] * np.einsum("fij,jf->fi", mass, loads)
-    here = traces_at(0.5 * (POINTS + 1.0), order)
-    mass = 0.5 * (here.T * WEIGHTS) @ here
+        factor = factors(ends, share)
+        given = given / np.where(factor > 0.0, factor, 1.0)
     loads = np.linalg.solve(traces_at(share, order), given.T)
-    return coefficient * length[:, None, None] * mass, length[:, None] * (mass @ loads).T
+    return coefficient * mass, np.einsum("fij,jf->fi", mass, loads)
 
 
-def masses_around_axis(ends: Floats, order: int) -> Floats:
-    """Integrals over 1 / x of products of the functions on facets between ends (f, 2, 2), per length, (f, k, k)."""
-    at, weights = 0.5 * (AROUND[0] + 1.0), 0.5 * AROUND[1]
-    here = traces_at(at, order) * factors(ends, at)[:, :, None]
-    x = ends[:, :1, 0] + at * (ends[:, 1:, 0] - ends[:, :1, 0])
-    return np.einsum("fqi,fqj,fq->fij", here, here, weights / x)
+def _along(ends: Floats, off: Floats, share: Floats) -> Floats:
+    """Points at shares (n,) of the way along facets, (f, n, 2)."""
+    chord = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
+    return chord + 4.0 * (share * (1.0 - share))[:, None] * off[:, None]
+
+
+def _masses(ends: Floats, order: int, off: Floats, axisymmetric: bool) -> Floats:
+    """Integrals of products of the functions on facets, around an axis over 1 / x, (f, k, k)."""
+    here, way = traces_at(AT, order), ends[:, 1] - ends[:, 0]
+    measure = WEIGHTS * np.hypot(*(way[:, None] + 4.0 * (1.0 - 2.0 * AT)[:, None] * off[:, None]).transpose(2, 0, 1))
+    if axisymmetric:
+        measure = measure * factors(ends, AT) ** 2 / _along(ends, off, AT)[:, :, 0]
+    return np.einsum("qi,qj,fq->fij", here, here, measure)
 
 
 def factors(ends: Floats, share: Floats) -> Floats:
@@ -97,15 +101,21 @@ def factors(ends: Floats, share: Floats) -> Floats:
 
 
 def added_on_sides(
-    corners: Floats, coefficients: Floats, sides: tuple[Ints, Ints], terms: tuple[float, Load], axisymmetric: bool
+    corners: Floats,
+    coefficients: Floats,
+    sides: tuple[Ints, Ints],
+    terms: tuple[float, Load],
+    axisymmetric: bool,
+    bend: Floats | None,
 ) -> float:
     """What a condition adds on the sides (e, k) opposite to corners k of elements e, (f,) each.
 
-    For a function of these coefficients, (m, functions), on elements with corners (m, 3, 2).
+    For a function of these coefficients, (m, functions), on elements with corners (m, 3, 2), whose sides are bent so
+    much, (m, 3, 2).
     """
     (e, k), order = sides, (3, 6, 10).index(coefficients.shape[1]) + 1
     ends = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1)
-    matrix, load = facet_terms(ends, order, terms, axisymmetric)
+    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if bend is None else bend[e, k])
     trace = coefficients[e[:, None], trace_columns(k, order)]
     return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
 
