@@ -1,4 +1,4 @@
-"""Solve magnetostatics in the plane or around an axis, by the vector potential on a triangular mesh."""
+"""Solve magnetostatics: in the plane or around an axis by the vector potential, in space by the scalar one."""
 
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
@@ -9,6 +9,8 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.magnetostatics.solution import CubicField, NotConverged, QuadraticField
 
 __all__ = [
@@ -21,11 +23,13 @@ __all__ = [
     "Froehlich",
     "Goal",
     "Law",
+    "MagneticScalarPotential",
     "Magnetostatics",
     "Material",
     "NewtonStep",
     "NotConverged",
     "QuadraticField",
+    "SolidField",
     "StoredEnergy",
     "Table",
     "Torque",

@@ -10,14 +10,16 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
-from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Arc
 from kohonen_adapt.outline.rules import checked_pair
 
-__all__ = ["Arguments"]
+__all__ = ["Arguments", "check_plane_mesh"]
 
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
@@ -113,11 +115,7 @@ class Arguments:
         if self.estimator not in ESTIMATORS:
             names = ", ".join(repr(name) for name in ESTIMATORS)
             raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
-        if not isinstance(self.materials, Mapping):
-            raise ValueError(f"materials must map subdomain names to Materials; got {self.materials!r}.")
-        for name, material in self.materials.items():
-            if not isinstance(material, Material):
-                raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
+        check_materials(self.materials, 2)
 
     def _check_fixed(self) -> None:
         elsewhere = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
@@ -197,6 +195,16 @@ class Arguments:
             )
         if self.estimator != "residual":
             raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
+
+
+def check_plane_mesh(mesh: Any, bent: bool) -> None:
+    """Refuse what is no valid mesh of the plane; of tetrahedra with what they are for."""
+    try:
+        check_mesh(mesh, bent=bent)
+    except ValueError as error:
+        if type(mesh) is TETRAHEDRON.mesh:
+            raise ValueError(f"{error} Tetrahedra are for MagneticScalarPotential.") from None
+        raise
 
 
 def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
@@ -18,7 +18,6 @@ from kohonen_adapt.magnetostatics.goal_functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
-from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.outputs import Output
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
@@ -166,7 +165,7 @@ class Magnetostatics(Arguments):
         self._energy_on(mesh)
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
-        check_mesh(mesh, bent=self.order > 1)
+        check_plane_mesh(mesh, bent=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         elements, given = elements_on(mesh, self.order, symmetry), coefficients(mesh, self.materials, self.ampere_turns)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))

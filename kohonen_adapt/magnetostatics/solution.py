@@ -17,6 +17,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 
@@ -83,12 +84,12 @@ class NotConverged(np.linalg.LinAlgError):
     Attributes
     ----------
     field
-        The last iterate as a `Field`.
+        The last iterate as a `Field`, in space a `SolidField`.
     steps
         All steps, a tuple of `NewtonStep`.
     """
 
-    def __init__(self, field: Field) -> None:
+    def __init__(self, field: Field | SolidField) -> None:
         self.field, self.steps = field, field.newton
         last = ", ".join(f"{step.residual:.1e}" for step in self.steps[-3:])
         super().__init__(
@@ -143,8 +144,7 @@ def carried(x: Floats, old: Field) -> Floats:
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
     """State the functional of a field: one number per material, and a function where magnets turn."""
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
-    used, first, place = np.unique(given.number, return_index=True, return_inverse=True)
-    present = {name: material for k, (name, material) in enumerate(materials.items()) if k in used}
+    present, first, place = given.present(materials)
     turns = any(material.turns for material in present.values())
     symmetry, turn = field.symmetry, field.symmetry.turn
     flux: Flux = _flux_of(present, symmetry) if turns else symmetry.flux(given.coercivity[:, first])

@@ -138,8 +138,10 @@ def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Float
 
 
 def inner_points(corners: Floats) -> Floats:
-    """Half-way from the middle of every element to its corners, (2, 3, m), for corners (2, 3, m).
+    """Points on the way from the middle of every element to its corners, (d, d + 1, m), for corners (d, d + 1, m).
 
-    The mean over the three is that over the element for polynomials of degree 2 (Strang and Fix, 1973).
+    Half-way in the plane, at 1 / sqrt(5) of it in space: the mean over them is that over the element for polynomials of
+    degree 2 (Strang and Fix, 1973; Hammer, Marlowe and Stroud, 1956).
     """
-    return 0.5 * (corners + corners.mean(axis=1, keepdims=True))
+    share = (len(corners) + 2.0) ** -0.5
+    return share * corners + (1.0 - share) * corners.mean(axis=1, keepdims=True)

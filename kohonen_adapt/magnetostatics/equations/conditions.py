@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.equations.elements import Placed
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -179,7 +180,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: Elements, given: Boundaries) -> tuple[Mask, Floats]:
+def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
     """Which unknowns have a given potential, (nunknowns,) bool, and the values there, (nunknowns,), zero elsewhere.
 
     A boundary hands its value to all unknowns of its facets; where several meet, the last in the mapping counts.
@@ -194,7 +195,7 @@ def fixed_values(elements: Elements, given: Boundaries) -> tuple[Mask, Floats]:
     return fixed, values
 
 
-def _on_boundary(elements: Elements, name: str) -> Ints:
+def _on_boundary(elements: Placed, name: str) -> Ints:
     """The unknowns of a boundary."""
     try:
         facets = named(elements.corners.boundaries, name, "boundary")

@@ -1,16 +1,27 @@
 """Integrate linear functions over the elements of a mesh: unknowns, their places, gradients and weights."""
 
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
-__all__ = ["Linear", "Polynomials"]
+__all__ = ["Linear", "Placed", "Polynomials"]
+
+
+class Placed(Protocol):
+    """Elements that know the places of their unknowns and which are on facets, in the plane and in space."""
+
+    @property
+    def corners(self) -> Mesh: ...
+    @property
+    def places(self) -> Floats: ...
+    def on_facets(self, facets: Ints) -> Ints: ...
 
 
 class Polynomials:

@@ -3,7 +3,7 @@
 import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 
-__all__ = ["TOLERANCE", "EnergyFunctional", "Newton", "NewtonStep", "Scalar", "scalar_problem"]
+__all__ = ["TOLERANCE", "Convex", "EnergyFunctional", "Newton", "NewtonStep", "Scalar", "scalar_problem"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # share of the descent that the slope promises, which a step must bring (Armijo)
@@ -40,6 +40,18 @@ def scalar_problem(elements: Elements, symmetry: Symmetry, given: Coefficients) 
         -symmetry.flux(-given.coercivity),
         symmetry.source(given.current_density),
     )
+
+
+class Convex(Protocol):
+    """A functional that Newton's method minimises, as an `EnergyFunctional`."""
+
+    @property
+    def conditions(self) -> Conditions: ...
+    def at_rest(self) -> Self: ...
+    def value(self, u: Floats) -> tuple[float, float]: ...
+    def residual(self, u: Floats) -> tuple[Floats, float]: ...
+    def linear_residual(self, u: Floats) -> Floats: ...
+    def hessian(self, u: Floats) -> csc_array: ...
 
 
 @dataclass(frozen=True)
@@ -126,7 +138,7 @@ class NewtonStep:
     damping
         Share of the whole step that was taken; 1 unless the functional would have risen.
     functional
-        ``int (int H . dB) - J A`` after it, in J/m (axisymmetric: J).
+        ``int (int H . dB) - J A`` after it, in J/m (axisymmetric: J); in space the co-energy ``int (int B . dH)`` in J.
     """
 
     residual: float
@@ -147,7 +159,7 @@ class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
-    def whole_step(self, energy: EnergyFunctional, u: Floats, pull: Floats) -> Floats:
+    def whole_step(self, energy: Convex, u: Floats, pull: Floats) -> Floats:
         """The whole step from u, of gradient `pull`: to the minimum of a quadratic functional, or LinAlgError."""
         whole, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
@@ -160,12 +172,12 @@ class Newton:
             )
         return whole
 
-    def linear(self, energy: EnergyFunctional) -> Floats:
+    def linear(self, energy: Convex) -> Floats:
         """Values at all unknowns of the solution where nu is that at B = 0, as it is of linear material."""
         given, plain = energy.conditions.values, energy.at_rest()
         return given + self.whole_step(plain, given, plain.linear_residual(given))
 
-    def descend(self, energy: EnergyFunctional, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
         """Go down from values that keep the conditions; the last values, and all steps, converged or not.
 
         Newton's steps, halved until they lower the functional as their slope promises, up to rounding. The whole step
@@ -199,7 +211,7 @@ class Newton:
         return u, tuple(steps)
 
 
-def _damping(energy: EnergyFunctional, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
+def _damping(energy: Convex, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
     """The first of 1, 1/2, 1/4 ... that lowers the functional, and its value there."""
     before, rounding = energy.value(u)
     damping = 1.0

@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.magnetostatics.materials.laws import Law, flux_density_of, reluctivities
+from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "Piece", "coefficients", "coercivity_at", "material_of_elements"]
+__all__ = ["Coefficients", "Piece", "coefficients", "coercivity_at", "magnitude", "material_of_elements"]
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,12 @@ class Turning:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The materials of a mesh, element by element."""
+    """The materials of a mesh in d dimensions, element by element."""
 
     number: Ints  # (nelements,): place of the element's material in the mapping of materials
     reluctivity: Floats  # (nelements,) in m/H; of nonlinear material that at B = 0
-    remanence: Floats  # (2, nelements) in T
-    coercivity: Floats  # (2, nelements) in A/m: what of H does not depend on B, with its sign changed
+    remanence: Floats  # (d, nelements) in T
+    coercivity: Floats  # (d, nelements) in A/m: what of H does not depend on B, with its sign changed
     current_density: Floats  # (nelements,) in A/m^2
     pieces: tuple[Piece, ...] = ()  # the nonlinear materials
     turning: tuple[Turning, ...] = ()  # magnets of which remanence and coercivity are the means
@@ -52,7 +53,7 @@ class Coefficients:
         return np.stack((-self.coercivity[1], self.coercivity[0]))
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
-        """The same point by point, for points x (2, n) of these elements, (n,): magnets that turn as they are there."""
+        """The same point by point, for points x (d, n) of these elements, (n,): magnets that turn as they are there."""
         names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
         pieces = tuple(replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.pieces)
@@ -71,31 +72,36 @@ class Coefficients:
         return np.flatnonzero(inside[element])
 
     def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
-        """The same for all quadrature points, x (2, npoints) in these elements: itself if there is one in each."""
+        """The same for all quadrature points, x (d, npoints) in these elements: itself if there is one in each."""
         return self if element.size == self.number.size else self.at_points(element, x)
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
-        """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (2, nelements), in m/H."""
+        """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (d, nelements), in m/H."""
         if not self.pieces:
             return self.reluctivity, self.reluctivity
         secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
         for piece in self.pieces:
             rows = piece.elements
-            secant[rows], differential[rows] = reluctivities(piece.law, np.hypot(*flux_density[:, rows]))
+            secant[rows], differential[rows] = reluctivities(piece.law, magnitude(flux_density[:, rows]))
         return secant, differential
 
     def field_strength(self, flux_density: Floats) -> Floats:
-        """``H = nu(|B|) B - Hc``, (2, nelements) in A/m."""
+        """``H = nu(|B|) B - Hc``, (d, nelements) in A/m."""
         strength = self.reluctivity * (flux_density - self.remanence)
         for piece in self.pieces:
             rows = piece.elements
-            secant, _ = reluctivities(piece.law, np.hypot(*flux_density[:, rows]))
+            secant, _ = reluctivities(piece.law, magnitude(flux_density[:, rows]))
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
         return strength
 
     def largest_terms(self, flux_density: Floats) -> Floats:
         """``nu |B| + |Hc|``, whose difference the field strength may be, (nelements,) in A/m."""
-        return self.reluctivities(flux_density)[0] * np.hypot(*flux_density) + np.hypot(*self.coercivity)
+        return self.reluctivities(flux_density)[0] * magnitude(flux_density) + magnitude(self.coercivity)
+
+    def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
+        """The materials that elements have, the first element of each, and the place of each element's among them."""
+        used, first, place = np.unique(self.number, return_index=True, return_inverse=True)
+        return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, place
 
     def stored(self, b: Floats) -> Floats:
         """``int H dB`` from 0 to b >= 0 without the magnets, (k, nelements) in J/m^3."""
@@ -109,9 +115,17 @@ class Coefficients:
         density = 0.5 * h**2 / self.reluctivity
         for piece in self.pieces:
             strength = h[:, piece.elements].ravel()
-            b = flux_density_of(piece.law, strength)
-            density[:, piece.elements] = (strength * b - piece.law.energy(b)).reshape(len(h), -1)
+            density[:, piece.elements] = Inverse(piece.law).energy(strength).reshape(len(h), -1)
         return density
+
+    def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
+        """Secant |B| / |H + Hc| and differential d|B| / d|H + Hc| at a field strength (d, nelements), in H/m."""
+        secant, differential = 1.0 / self.reluctivity, 1.0 / self.reluctivity
+        for piece in self.pieces:
+            rows = piece.elements
+            size = magnitude(strength[:, rows] + self.coercivity[:, rows])
+            secant[rows], differential[rows] = Inverse(piece.law).permeabilities(size)
+        return secant, differential
 
     def energy_density(self, flux_density: Floats) -> Floats:
         """``int H . dB`` from the remanent state, (nelements,) in J/m^3; >= 0."""
@@ -119,13 +133,13 @@ class Coefficients:
         density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
         for piece in self.pieces:
             rows = piece.elements
-            now, rest = (piece.law.energy(np.hypot(*b[:, rows])) for b in (flux_density, self.remanence))
+            now, rest = (piece.law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
             density[rows] = now - rest - np.sum(self.coercivity[:, rows] * change[:, rows], axis=0)
         return density
 
 
 def coefficients(
-    mesh: MeshTri, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
+    mesh: Mesh, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
 ) -> Coefficients:
     """Per element, those of its one material; subdomains that are not among the materials have no say."""
     number, filled = material_of_elements(mesh, materials), list(materials.values())
@@ -133,8 +147,7 @@ def coefficients(
     current_density = np.array([material.current_density for material in filled])[number]
     for name, total in (ampere_turns or {}).items():
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
-    constant = [(0.0, 0.0) if callable(material.remanence) else material.remanence for material in filled]
-    remanence = np.array(constant).T[:, number]
+    remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in filled]).T[:, number]
     coercivity, pieces, turning = reluctivity * remanence, list[Piece](), list[Turning]()
     for index, (name, material) in enumerate(materials.items()):
         if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
@@ -147,8 +160,19 @@ def coefficients(
     return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces), tuple(turning))
 
 
+def magnitude(vectors: Floats) -> Floats:
+    """Lengths of vectors (d, ...)."""
+    return reduce(np.hypot, vectors)
+
+
+def _constant_remanence(material: Material, dimension: int) -> Floats:
+    """The remanence in T of what is magnetised alike everywhere, (d,); zero of all else."""
+    given = material.remanence
+    return np.zeros(dimension) if callable(given) or not any(given) else np.array(given)
+
+
 def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) -> Floats:
-    """Coercivity at points x (2, n), of the materials at these places in the mapping (n,), (2, n)."""
+    """Coercivity at points x (d, n), of the materials at these places in the mapping (n,), (d, n)."""
     coercivity = np.zeros_like(x)
     for index, (name, material) in enumerate(materials.items()):
         rows = number == index
@@ -156,15 +180,15 @@ def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) ->
     return coercivity
 
 
-def _magnet(mesh: MeshTri, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
-    """Remanence and coercivity of these elements, (2, k) each, whichever of the two was given.
+def _magnet(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
+    """Remanence and coercivity of these elements, (d, k) each, whichever of the two was given.
 
     Of a magnet that turns the mean coercivity counts, for that is what the equations ask of an element of order 1, and
     its middle is off that by as much as the solution is by itself.
     """
     if material.turns:
         x = inner_points(mesh.p[:, mesh.t[:, rows]])
-        coercivity = np.mean([_at(material, x[:, k], name) for k in range(3)], axis=0)
+        coercivity = np.mean([_at(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
         return _converted(material, coercivity, "coercivity"), coercivity
     kind, given = _given(material)
     vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[0, rows]])
@@ -180,15 +204,15 @@ def _given(material: Material) -> tuple[str, Vector]:
 
 
 def _at(material: Material, x: Floats, name: str) -> Floats:
-    """Coercivity of one material at points (2, n)."""
+    """Coercivity of one material at points (d, n)."""
     kind, given = _given(material)
     vector = _evaluated(f"{kind} of {name!r}", given, x)
     return _converted(material, vector, kind) if kind == "remanence" else vector
 
 
 def _converted(material: Material, vector: Floats, kind: str) -> Floats:
-    """The coercivity of a remanence (2, n), or the remanence of a coercivity."""
-    size = np.hypot(*vector)
+    """The coercivity of a remanence (d, n), or the remanence of a coercivity."""
+    size = magnitude(vector)
     if material.bh is None:
         other = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
     else:
@@ -198,17 +222,18 @@ def _converted(material: Material, vector: Floats, kind: str) -> Floats:
 
 def _evaluated(name: str, given: Vector, x: Floats) -> Floats:
     if not callable(given):
-        return np.tile(np.reshape(given, (2, 1)), x.shape[1])
+        vector = np.array(given if any(given) else np.zeros(len(x)))
+        return np.tile(vector[:, None], x.shape[1])
     vector = np.asarray(given(x), dtype=float)
     if vector.shape != x.shape:
-        raise ValueError(f"{name} must have shape (2, n) = {x.shape}; got {vector.shape}.")
+        raise ValueError(f"{name} must have shape ({len(x)}, n) = {x.shape}; got {vector.shape}.")
     bad = np.count_nonzero(~np.isfinite(vector).all(axis=0))
     if bad:
         raise ValueError(f"{name} must be finite; it is not in {bad} of its {x.shape[1]} elements.")
     return vector
 
 
-def _area_of(mesh: MeshTri, name: str) -> float:
+def _area_of(mesh: Mesh, name: str) -> float:
     total = float(np.sum(area(mesh)[mesh.subdomains[name]]))
     if total <= 0.0:
         raise ValueError(
@@ -217,7 +242,7 @@ def _area_of(mesh: MeshTri, name: str) -> float:
     return total
 
 
-def material_of_elements(mesh: MeshTri, materials: Mapping[str, Material]) -> NDArray[np.int64]:
+def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:
     """Place in the mapping of the one material of every element, (nelements,)."""
     number = np.full(mesh.t.shape[1], -1)
     for index, name in enumerate(materials):

@@ -1,6 +1,6 @@
 """Describe a magnetic material: its permeability or curve, its magnetisation, its current density."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -12,9 +12,9 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
-__all__ = ["Material", "Vector", "halbach", "radial"]
+__all__ = ["Material", "Vector", "check_materials", "halbach", "radial"]
 
-Vector = tuple[float, float] | Callable[[Floats], ArrayLike]
+Vector = tuple[float, ...] | Callable[[Floats], ArrayLike]
 
 
 @dataclass(frozen=True)
@@ -28,21 +28,22 @@ class Material:
     permeability
         Relative to vacuum, > 0. Of a magnet: the recoil permeability.
     remanence
-        Remanent flux density Br (x, y) in T, or a callable of x (2, n) in metres that gives (2, n), smooth in each
-        region of the mesh: elements have its mean, from three points inside. See `radial` and `halbach`.
+        Remanent flux density Br (x, y) in T, in space (x, y, z), or a callable of x (d, n) in metres that gives (d, n),
+        smooth in each region of the mesh: elements have its mean, from d + 1 points inside. See `radial` and `halbach`.
     current_density
-        In A/m^2, positive out of the page (axisymmetric: along phi).
+        In A/m^2, positive out of the page (axisymmetric: along phi). Not in space.
     bh
         The magnetisation curve in place of the permeability: (n, 2) with columns B in T and H in A/m (see `Table`), or
         a law (`Brauer`, `Froehlich`, `Arctan`, or an object with the methods of `Law`).
     coercivity
-        Hc (x, y) in A/m in place of the remanence, or a callable like that.
+        Hc (x, y) or (x, y, z) in A/m in place of the remanence, or a callable like that.
 
     Raises
     ------
     ValueError
-        For a permeability that is not positive, a vector without two components, and anything not finite; for a curve
-        with a permeability besides, and a coercivity with a remanence besides; for curves that `Table` refuses.
+        For a permeability that is not positive, a vector of other than two or three components, and anything not
+        finite; for a curve with a permeability besides, and a coercivity with a remanence besides; for curves that
+        `Table` refuses.
 
     Examples
     --------
@@ -105,10 +106,24 @@ def _number(name: str, given: Any) -> float:
 def _vector(name: str, given: Any) -> Vector:
     if callable(given):
         return given
-    if np.shape(given) != (2,):
-        raise ValueError(f"{name} must have two components (x, y); got {given!r}.")
-    x, y = given
-    return _number(name, x), _number(name, y)
+    if np.shape(given) not in {(2,), (3,)}:
+        raise ValueError(f"{name} must have two components (x, y); got {given!r}. In space it has three.")
+    vector = tuple(_number(name, part) for part in given)
+    return vector if any(vector) else (0.0, 0.0)
+
+
+def check_materials(materials: Any, dimension: int) -> None:
+    """Refuse what maps no names to materials, and magnets that have more or fewer components than the mesh."""
+    if not isinstance(materials, Mapping):
+        raise ValueError(f"materials must map subdomain names to Materials; got {materials!r}.")
+    wanted = {2: "two components (x, y) in the plane", 3: "three components (x, y, z) in space"}[dimension]
+    for name, material in materials.items():
+        if not isinstance(material, Material):
+            raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
+        for kind in ("remanence", "coercivity"):
+            given = getattr(material, kind)
+            if given is not None and not callable(given) and any(given) and len(given) != dimension:
+                raise ValueError(f"{kind} of {name!r} must have {wanted}; got {given!r}.")
 
 
 def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:

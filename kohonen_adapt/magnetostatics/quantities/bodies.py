@@ -1,17 +1,16 @@
 """Find the elements of a body, and surround it by a shell of air: a weight falls from 1 on it to 0 on the rest."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.system import Solver
+from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 from kohonen_adapt.mesh.measures import area, hat_gradients
 from kohonen_adapt.mesh.names import named, named_sets
 from kohonen_adapt.outline.curves import Arc
@@ -19,6 +18,7 @@ from kohonen_adapt.outline.curves import Arc
 __all__ = [
     "Cut",
     "Names",
+    "Surroundings",
     "air_elements",
     "bores",
     "elements_in",
@@ -36,7 +36,22 @@ ROUND = 1e-3  # of the length of a facet: how much its ends may differ in radius
 Names = str | Sequence[str]
 
 
-def elements_in(mesh: MeshTri, names: Names) -> Mask:
+class Surroundings(Protocol):
+    """What of a field tells where there is air around a body, in the plane and in space."""
+
+    @property
+    def mesh(self) -> Mesh: ...
+    @property
+    def elements(self) -> Any: ...
+    @property
+    def reluctivity(self) -> Floats: ...
+    @property
+    def current_density(self) -> Floats: ...
+    @property
+    def remanence(self) -> Floats: ...
+
+
+def elements_in(mesh: Mesh, names: Names) -> Mask:
     """Which elements are in one of these subdomains, (nelements,)."""
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
     for name in _name_list(names):
@@ -46,13 +61,13 @@ def elements_in(mesh: MeshTri, names: Names) -> Mask:
     return inside
 
 
-def air_elements(field: LocalField) -> Mask:
+def air_elements(field: Surroundings) -> Mask:
     """Which elements have permeability 1, no current and no remanence, (nelements,)."""
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
-def isolated_body(field: LocalField, names: Names) -> Mask:
+def isolated_body(field: Surroundings, names: Names) -> Mask:
     """Which elements are in the body, (nelements,); refuse one where an element that shares a node with it from outside
     is not air, or there is none at all.
     """
@@ -83,7 +98,7 @@ def _said(names: Names) -> str:
     return " + ".join(repr(name) for name in _name_list(names))
 
 
-def _names_at(mesh: MeshTri, element: int) -> str:
+def _names_at(mesh: Mesh, element: int) -> str:
     return " + ".join(repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if element in rows)
 
 
@@ -222,8 +237,8 @@ def _by_radius(facets: Ints, radial: Floats) -> Ints:
 # two magnets on a regular grid, 5265 nodes: error of force 1.2 / 3.1 / 1.1 %, of order 1.5 for Laplace's, 2 for this
 
 
-def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
-    """Gradient of the weight at the quadrature points, (2, npoints) in 1/m; zero but in the air around the body.
+def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
+    """Gradient of the weight at the quadrature points, (d, npoints) in 1/m; zero but in the air around the body.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
     1 on the body, and 0 on all that is not air and on the outer boundary but for the cut. Any weight that is 1 on the
@@ -240,7 +255,7 @@ def weight_gradient(field: LocalField, inside: Mask, cut: Cut) -> Floats:
     return np.where(air[field.elements.element], slope, 0.0)
 
 
-def _free_nodes(mesh: MeshTri, air: Mask, cut: Cut) -> Mask:
+def _free_nodes(mesh: Mesh, air: Mask, cut: Cut) -> Mask:
     """Nodes that have air all around, on the cut too."""
     free = np.ones(mesh.p.shape[1], dtype=bool)
     free[mesh.t[:, ~air]] = False
@@ -248,7 +263,7 @@ def _free_nodes(mesh: MeshTri, air: Mask, cut: Cut) -> Mask:
     return free
 
 
-def _laplace(mesh: MeshTri, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
+def _laplace(mesh: Mesh, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
     """The solution, (nnodes,): as given at the nodes held, solved for at the others; twins have the same."""
     hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
     corner = twin[mesh.t[:, air]]
@@ -257,5 +272,6 @@ def _laplace(mesh: MeshTri, air: Mask, twin: Ints, values: Floats, held: Mask) -
     matrix = coo_array((products.ravel(), (row, column)), shape=(values.size, values.size)).tocsr()
     solution, unknown = values.copy(), np.unique(twin[~held[twin]])
     if unknown.size:
-        solution[unknown] = Solver().solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
+        solver = IN_SPACE if len(mesh.p) == 3 else Solver()
+        solution[unknown] = solver.solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
     return solution[twin]

@@ -1,0 +1,239 @@
+"""Drive a scalar potential by the field of currents: at surfaces, and not in iron, where a potential stands for it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+from skfem import MeshTet
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.equations.tetrahedra import ENDS, Tetrahedra
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.names import named_sets
+
+__all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at"]
+
+AppliedField = Callable[[Floats], ArrayLike]
+
+# Relative: what is more permeable is iron, where a reduced potential would cancel nearly all of the applied field.
+PERMEABLE = 2.0
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: 3e-5 at half its length from a wire
+LINKED = 0.01  # of the range of the potential in a piece of iron: circulation that closed paths may have by that
+FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last against the way around
+DEGREE = 4  # of polynomials that are integrated exactly over a facet
+SAME = 1e-9  # of the permeability of vacuum
+NO_CURRENT = 0.002  # of the integral of |Hs| around a face: likewise
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What of the field strength is not ``-grad u``: ``H = T - grad u``.
+
+    T is the applied field Hs; in iron none, for there u is the total potential, ``phi + chi`` with ``Hs = -grad chi``.
+    Elements that touch iron have ``T = Hs + grad chi`` of the function chi that falls to 0 at the next nodes, so that
+    ``u - chi`` is the reduced potential phi everywhere.
+
+    As ``mu0 Hs`` has no divergence, ``int mu0 Hs . grad v`` over what is as permeable as vacuum is an integral over its
+    surface: no wire in it is met by a quadrature point.
+    """
+
+    elements: Tetrahedra
+    function: AppliedField | None
+    iron: Mask  # (nelements,)
+    vacuum: Mask  # (nelements,): of its permeability
+    potential: Floats  # chi at the nodes, (nnodes,) in A; 0 away from iron
+    load: Floats  # that surface integral for every hat function v, (nnodes,) in Wb
+
+    @cached_property
+    def _offset(self) -> Floats:
+        return self.elements.gradient(self.potential)
+
+    def at(self, x: Floats, element: Ints) -> Floats:
+        """T at points x (3, n) of these elements, (3, n) in A/m."""
+        if self.function is None:
+            return np.zeros_like(x)
+        outside = np.flatnonzero(~self.iron[element])
+        values = np.zeros_like(x)
+        values[:, outside] = field_at(self.function, x[:, outside]) + self._offset[:, element[outside]]
+        return values
+
+    @cached_property
+    def at_points(self) -> Floats:
+        """T at the quadrature points, (3, npoints) in A/m."""
+        return self.at(self.elements.points, self.elements.element)
+
+    @cached_property
+    def current_density(self) -> Floats:
+        """The size of ``curl Hs`` in every element, (nelements,) in A/m^2: the largest by its faces."""
+        mesh, found = self.elements.mesh, np.zeros(self.iron.size)
+        if self.function is None:
+            return found
+        one, other = _edges(mesh.t)
+        key, corners = one * mesh.p.shape[1] + other, np.sort(mesh.facets, axis=0).astype(np.int64)
+        along, whole = _circulation(mesh.p[:, one], mesh.p[:, other], self.function)
+        sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
+        around = np.abs(along[sides[0]] + along[sides[1]] - along[sides[2]])
+        around[around <= NO_CURRENT * whole[sides].sum(axis=0)] = 0.0
+        size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
+        return np.max((around / size)[mesh.t2f], axis=0)
+
+    @cached_property
+    def inside(self) -> Floats:
+        """What of T the `load` leaves to volumes, the mean of every element, (3, nelements) in A/m."""
+        rows = np.flatnonzero(~(self.iron | self.vacuum))
+        mean = np.where(self.iron, 0.0, self._offset)
+        if rows.size and self.function is not None:
+            x = inner_points(self.elements.mesh.p[:, self.elements.mesh.t[:, rows]])
+            mean[:, rows] += field_at(self.function, x.reshape(3, -1)).reshape(x.shape).mean(axis=1)
+        return mean
+
+
+def checked_field(given: Any) -> AppliedField | None:
+    """The applied field as a function of x (3, n): of a function, a vector, an object with getH, or several of them."""
+    if given is None or callable(given):
+        return given
+    if callable(getattr(given, "getH", None)):
+        return lambda x: np.reshape(given.getH(x.T), x.T.shape).T
+    if isinstance(given, list | tuple) and given and all(callable(getattr(part, "getH", None)) for part in given):
+        parts = [checked_field(part) for part in given]
+        return lambda x: sum(np.asarray(part(x)) for part in parts if part is not None)
+    if np.shape(given) == (3,) and np.asarray(given).dtype.kind in "iuf" and np.all(np.isfinite(given)):
+        vector = np.array(given, dtype=float)
+        return lambda x: np.tile(vector[:, None], x.shape[1])
+    raise ValueError(
+        "applied_field must be a function of x (3, n) in m that returns the field strength of the currents, (3, n) in "
+        f"A/m, three finite numbers, magpylib's objects, or None; got {given!r}."
+    )
+
+
+def field_at(function: AppliedField, x: Floats) -> Floats:
+    """The applied field at points (3, n), checked; of no points nobody is asked."""
+    if not x.size:
+        return np.zeros_like(x)
+    values = np.asarray(function(x), dtype=float)
+    if values.shape != x.shape:
+        raise ValueError(f"applied_field must return the shape of x, (3, n) = {x.shape}; got {values.shape}.")
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
+    if bad.size:
+        raise ValueError(
+            f"applied_field must be finite; it is not at {bad.size} points, first {tuple(x[:, bad[0]].tolist())}. "
+            "A node or the middle of an element is on a wire: give the wire a cross-section, or mesh beside it."
+        )
+    return values
+
+
+def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
+    """What drives the problem on a mesh; refused where closed paths in iron link currents.
+
+    Through facets that are `closed` by symmetry goes no flux.
+    """
+    elements, none = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
+    iron = given.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
+    for piece in given.pieces:
+        iron[piece.elements] = True
+    vacuum = np.abs(given.reluctivity * VACUUM_PERMEABILITY - 1.0) < SAME
+    vacuum &= ~iron
+    if function is None:
+        return Drive(elements, None, np.zeros_like(iron), vacuum, none, none)
+    load = _flux_out(mesh, vacuum, function, closed)
+    return Drive(elements, function, iron, vacuum, total_potential(mesh, iron, function), load)
+
+
+def _flux_out(mesh: MeshTet, inside: Mask, function: AppliedField, closed: Ints) -> Floats:
+    """``int mu0 Hs . n v`` over the surface of some elements for every hat function v, (nnodes,) in Wb."""
+    number_facets(mesh)
+    one, other = mesh.f2t
+    own, beyond = inside[one], inside[other] & (other >= 0)
+    surface = np.setdiff1d(np.flatnonzero(own != beyond), closed)
+    out = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
+    corners = mesh.p[:, mesh.facets[:, surface]]
+    away = corners[:, 0] - mesh.p[:, mesh.t[:, one[surface]]].mean(axis=1)
+    out *= np.sign(np.sum(out * away, axis=0)) * np.where(own[surface], 1.0, -1.0)
+    load, (places, weights) = np.zeros(mesh.p.shape[1]), get_quadrature(RefTri, DEGREE)
+    for (s, t), weight in zip(places.T, weights, strict=True):
+        share = np.array([1.0 - s - t, s, t])
+        through = np.sum(out * field_at(function, np.einsum("i,cin->cn", share, corners)), axis=0)
+        terms = 2.0 * weight * VACUUM_PERMEABILITY * share[:, None] * through
+        load += np.bincount(mesh.facets[:, surface].ravel(), terms.ravel(), load.size)
+    return load
+
+
+def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats:
+    """chi with ``Hs = -grad chi`` in iron, 0 at the first node of each of its pieces and away from iron, (nnodes,).
+
+    By the circulation of Hs along edges: chi falls by it from node to node of a tree that spans the iron. The edges
+    that are not in the tree close paths; where Hs has a circulation along one of them, that path links a current.
+    """
+    one, other = _edges(mesh.t[:, iron])
+    chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
+    if not one.size:
+        return chi
+    along, _ = _circulation(mesh.p[:, one], mesh.p[:, other], function)
+    graph = coo_array((np.ones(one.size, dtype=np.int8), (one, other)), shape=(nnodes, nnodes)).tocsr()
+    _, piece = connected_components(graph, directed=False)
+    key = one * nnodes + other
+    for first in np.unique(piece[one], return_index=True)[1]:
+        order, before = breadth_first_order(graph, one[first], directed=False)
+        start, end = before[order[1:]].astype(np.int64), order[1:].astype(np.int64)
+        row = np.searchsorted(key, np.minimum(start, end) * nnodes + np.maximum(start, end))
+        drop = np.where(start < end, along[row], -along[row])
+        for node, last, fall in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
+            chi[node] = chi[last] - fall
+    _check_unlinked(mesh, iron, piece, one, along - (chi[one] - chi[other]), chi)
+    return chi
+
+
+def _edges(t: Ints) -> tuple[Ints, Ints]:
+    """The edges of elements, once each, from the lower node to the higher, in order."""
+    ends = np.sort(t[ENDS].reshape(2, -1), axis=0).astype(np.int64)
+    count = int(ends.max(initial=0)) + 1
+    key = np.unique(ends[0] * count + ends[1])
+    return key // count, key % count
+
+
+def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
+    """``int Hs . dl`` and ``int |Hs| dl`` from points to points (3, n), (n,) in A each."""
+    total, whole, way = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
+    for place, weight in zip(POINTS, WEIGHTS, strict=True):
+        values = field_at(function, start + 0.5 * (1.0 + place) * way)
+        total += 0.5 * weight * np.sum(values * way, axis=0)
+        whole += 0.5 * weight * magnitude(values) * magnitude(way)
+    return total, whole
+
+
+def _check_unlinked(mesh: MeshTet, iron: Mask, piece: Ints, one: Ints, left: Floats, chi: Floats) -> None:
+    """Refuse what closed paths have left of the circulation, (nedges,), where it is more than rounding."""
+    number = piece[one]
+    highest, lowest = np.full(piece.max() + 1, -np.inf), np.full(piece.max() + 1, np.inf)
+    np.maximum.at(highest, piece, chi)
+    np.minimum.at(lowest, piece, chi)
+    linked = np.flatnonzero(np.abs(left) > LINKED * (highest - lowest)[number])
+    if not linked.size:
+        return
+    worst = linked[np.argmax(np.abs(left[linked]))]
+    here = np.flatnonzero(iron & (piece[mesh.t[0]] == number[worst]))
+    names = _names_of(mesh, here)
+    raise ValueError(
+        f"iron links a current: along a closed path in {names} the applied_field has a circulation of "
+        f"{abs(left[worst]):.4g} A. There is no total potential there, and a reduced one would cancel. Leave a gap in "
+        "the ring, cut it by a plane of symmetry that the flux crosses (symmetry={...: 'normal'}), and keep currents "
+        "out of iron; a closed ring in one plane or around an axis is a case for Magnetostatics."
+    )
+
+
+def _names_of(mesh: MeshTet, elements: Ints) -> str:
+    found: Sequence[str] = [
+        repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if np.isin(elements, rows).any()
+    ]
+    return " + ".join(found)

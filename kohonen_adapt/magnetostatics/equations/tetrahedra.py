@@ -1,0 +1,152 @@
+"""Integrate P1 functions over the tetrahedra of a mesh, and state the co-energy that a scalar potential makes."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points
+
+__all__ = ["CoenergyFunctional", "Tetrahedra"]
+
+ENDS = np.transpose(TETRAHEDRON.edges)
+
+
+class Tetrahedra:
+    """P1 on tetrahedra: the unknowns are the values at the nodes, gradients are constant in every element.
+
+    What is at quadrature points has them in its last axis: one in every element, or four where a field varies inside.
+    """
+
+    def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
+        self.mesh = self.corners = mesh
+        self.unknowns, self.places = mesh.t, mesh.p
+        count = mesh.t.shape[1]
+        corners = mesh.p[:, mesh.t]
+        inside = inner_points(corners) if varies else corners.mean(axis=1, keepdims=True)
+        self.points: Floats = inside.reshape(3, -1)  # (3, npoints)
+        self.element = np.tile(np.arange(count), inside.shape[1])  # (npoints,)
+
+    @cached_property
+    def hats(self) -> Floats:
+        """Gradients of the hat functions, (3, 4, nelements)."""
+        return hat_gradients(self.mesh)
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """Of the elements, (nelements,)."""
+        return area(self.mesh)
+
+    @property
+    def weights(self) -> Floats:
+        """What the quadrature points stand for, (npoints,)."""
+        return (self.volumes * (self.volumes.size / self.element.size))[self.element]
+
+    def mean(self, values: Floats) -> Floats:
+        """The mean over every element, (..., nelements), of what is at the quadrature points."""
+        return values.reshape(*values.shape[:-1], -1, self.volumes.size).mean(axis=-2)
+
+    def on_facets(self, facets: Ints) -> Ints:
+        """Numbers of the unknowns of facets, (3, nfacets)."""
+        return self.mesh.facets[:, facets]
+
+    def gradient(self, u: Floats) -> Floats:
+        """Gradient in every element, (3, nelements)."""
+        return gradient(self.mesh, u, self.hats)
+
+    def slope_of_corners(self, values: Floats) -> Floats:
+        """Gradient at the quadrature points, (3, npoints), of the function with these values at the nodes."""
+        return self.gradient(values)[:, self.element]
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        """``int flux . grad phi`` of every unknown, (nnodes,), for a flux (3, nelements)."""
+        return self._added(np.einsum("ck,cik->ik", flux * self.volumes, self.hats))
+
+    def against_slopes(self, size: Floats) -> Floats:
+        """``int size |grad phi|`` of every unknown, (nnodes,), for a size (nelements,)."""
+        return self._added(size * self.volumes * magnitude(self.hats))
+
+    def _added(self, terms: Floats) -> Floats:
+        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
+
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
+        """Matrix of ``int mu grad phi . grad phi`` of the free unknowns, for a coefficient (nelements,).
+
+        Where the coefficient along a direction is another, `along` is that coefficient and the direction, unit vectors
+        (3, nelements).
+        """
+        (one, other), across = ENDS, self.volumes * across
+        own = across * np.einsum("cik,cik->ik", self.hats, self.hats)
+        between = across * np.einsum("cik,cik->ik", self.hats[:, one], self.hats[:, other])
+        if along is not None:
+            more, slope = self.volumes * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
+            own, between = own + more * slope**2, between + more * slope[one] * slope[other]
+        number = np.full(self.places.shape[1], -1, dtype=np.int32)
+        number[free] = np.arange(free.size)
+        start, end = number[self.unknowns[one]], number[self.unknowns[other]]
+        inner = (start >= 0) & (end >= 0)
+        off, start, end, diagonal = between[inner], start[inner], end[inner], number[free]
+        values = np.concatenate((off, off, self._added(own)[free]))
+        places = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
+        return coo_array((values, places), shape=(free.size, free.size)).tocsc()
+
+
+@dataclass(frozen=True)
+class CoenergyFunctional:
+    """``Pi(u) = int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``, of functions that keep the conditions.
+
+    Convex as B rises with H, and its gradient is ``-int B . grad v``: at the minimum div B = 0.
+    """
+
+    elements: Tetrahedra
+    given: Coefficients
+    conditions: Conditions
+    drive: Floats  # T, but for what the load stands for: the mean of every element, (3, nelements) in A/m
+    load: Floats  # (nnodes,) in Wb
+
+    def at_rest(self) -> Self:
+        """The same with the permeability at H = 0 everywhere: quadratic in u."""
+        return replace(self, given=replace(self.given, pieces=()))
+
+    def value(self, u: Floats) -> tuple[float, float]:
+        """The functional, and the size of its rounding error."""
+        driven = magnitude(self._strength(u) + self.given.coercivity)
+        stored = float(np.sum(self.elements.volumes * self.given.costored(driven[None])))
+        spent = self.load * u
+        return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
+
+    def residual(self, u: Floats) -> tuple[Floats, float]:
+        """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
+        strength, coercivity = self._strength(u), self.given.coercivity
+        secant, _ = self.given.permeabilities(strength)
+        total = self.elements.against_gradients(-secant * (strength + coercivity)) - self.load
+        largest = magnitude(self.drive) + magnitude(strength - self.drive) + magnitude(coercivity)
+        size = self.elements.against_slopes(secant * largest) + np.abs(self.load)
+        return total[self.conditions.free], float(np.linalg.norm(size))
+
+    def linear_residual(self, u: Floats) -> Floats:
+        """Gradient at the free unknowns of linear material."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            flux = (self._strength(u) + self.given.coercivity) / self.given.reluctivity
+            return -(self.elements.against_gradients(flux) + self.load)[self.conditions.free]
+
+    def hessian(self, u: Floats) -> csc_array:
+        """Second derivatives at the free unknowns: ``dB/dH`` along H + Hc and ``B/H`` across it."""
+        free = self.conditions.free
+        if not self.given.pieces:
+            return self.elements.stiffness(1.0 / self.given.reluctivity, free)
+        strength = self._strength(u)
+        secant, differential = self.given.permeabilities(strength)
+        driven = strength + self.given.coercivity
+        size = magnitude(driven)
+        return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
+
+    def _strength(self, u: Floats) -> Floats:
+        return self.drive - self.elements.gradient(u)

@@ -1,0 +1,168 @@
+"""Currents in space as an applied field: a loop above a ball, rings that link a coil, and what no mesh may do to it."""
+
+import numpy as np
+import pytest
+from helpers.magnets_in_space import MU0, LoopAndBall, blocks, nested_balls
+from scipy.spatial.transform import Rotation
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
+
+magpylib = pytest.importorskip("magpylib", reason="magpylib knows the field of a loop; it is in the test extra")
+
+AIR = Material()
+RADIUS, HEIGHT, CURRENT = 1.5, 1.0, 100.0
+QUARTER_TURN = Rotation.from_euler("x", 90, degrees=True)
+
+
+def loop(position=(0.0, 0.0, HEIGHT), radius=RADIUS, **arguments):
+    return magpylib.current.Circle(diameter=2.0 * radius, current=CURRENT, position=position, **arguments)
+
+
+def energy_of(field, rows, difference):
+    """``int |difference|^2`` over some elements."""
+    return np.sum(field.elements.volumes[rows] * np.sum(difference**2, axis=0))
+
+
+def slope_of(function, x, step=1e-5):
+    ways = step * np.eye(3)[:, :, None]
+    return np.stack([(function(x + ways[k]) - function(x - ways[k])) / (2.0 * step) for k in range(3)])
+
+
+@pytest.fixture(scope="module")
+def solved():
+    exact = LoopAndBall(RADIUS, HEIGHT, CURRENT, 1000.0)
+    problem = MagneticScalarPotential(
+        {"ball": Material(1000.0), "air": AIR}, {"outer": exact.reduced}, applied_field=loop()
+    )
+    return exact, problem, [problem.solve(nested_balls(cells, rim=4.0)) for cells in (3, 5)]
+
+
+def test_a_loop_above_a_permeable_ball(solved):
+    """First order of what the ball adds outside, and better of H in it, where nothing is left of the loop's field."""
+    exact, _, fields = solved
+    outside, inside = [], []
+    for field in fields:
+        x = field.mesh.p[:, field.mesh.t].mean(axis=1)
+        air, ball = (field.mesh.subdomains[name] for name in ("air", "ball"))
+        wanted, found = slope_of(exact.reduced, x[:, air]), field.elements.gradient(field.potential)[:, air]
+        outside.append(np.sqrt(energy_of(field, air, found - wanted) / energy_of(field, air, wanted)))
+        wanted = -slope_of(exact.inside, x[:, ball])
+        difference = field.field_strength[:, ball] - wanted
+        inside.append(np.sqrt(energy_of(field, ball, difference) / energy_of(field, ball, wanted)))
+    assert np.log(outside[0] / outside[1]) / np.log(5 / 3) > 0.9
+    assert np.log(inside[0] / inside[1]) / np.log(5 / 3) > 1.2 and inside[1] < 0.12
+
+
+def test_force_beside_a_wire(solved):
+    """The shell around the ball keeps away from elements that the wire goes through."""
+    exact, _, (_, field) = solved
+    current = field.drive.current_density > 0.0
+    angle = np.linspace(0.0, 2.0 * np.pi, 2000)
+    wire = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), np.full(angle.shape, HEIGHT)])
+    met = np.unique(ka.find_elements(field.mesh, wire))
+    beside = np.isin(field.mesh.t, field.mesh.t[:, met]).any(axis=0)
+    assert current[met].all() and not current[~beside].any()
+    force = field.force("ball")
+    assert force[2] == pytest.approx(exact.force(), rel=0.05)
+    assert np.abs(force[:2]).max() < 0.02 * force[2]
+    near = MagneticScalarPotential(
+        {"ball": AIR, "air": AIR}, {"outer": 0.0}, applied_field=loop((0.0, 0.0, 0.03), 1.05)
+    )
+    with pytest.raises(ValueError, match=r"subdomain 'ball' touches 'air', which is not air .*no\s+current"):
+        near.solve(field.mesh).force("ball")
+
+
+def test_without_iron_the_applied_field_is_the_field(solved):
+    """A wire in the mesh makes no potential where nothing is permeable, wherever it passes between nodes."""
+    mesh = solved[2][0].mesh
+    problem = MagneticScalarPotential({"ball": AIR, "air": AIR}, {"outer": 0.0}, applied_field=loop())
+    field = problem.solve(mesh)
+    assert np.abs(field.potential).max() < 1e-9 * CURRENT
+    x = np.array([[0.1], [0.2], [0.3]])
+    np.testing.assert_allclose(field.flux_density_at(x).T, loop().getB(x.T)[None], rtol=1e-9)
+
+
+def test_one_field_said_in_several_ways(solved):
+    mesh, half = solved[2][0].mesh, [loop(), loop()]
+    for part in half:
+        part.current = 0.5 * CURRENT
+    ways = loop(), half, magpylib.Collection(loop()), lambda x: loop().getH(x.T).T
+    parts = {"ball": Material(50.0), "air": AIR}, {"outer": 0.0}
+    one, *others = (MagneticScalarPotential(*parts, applied_field=way).solve(mesh).potential for way in ways)
+    for other in others:
+        np.testing.assert_allclose(other, one, atol=1e-9 * np.abs(one).max())
+
+
+def ring(gap=False, half=False):
+    """A square ring of iron around the y axis... in the plane z = 0, with a gap, or its half with x below 0."""
+    t = np.linspace(-2.0, 2.0, 9)
+    mesh = blocks([t[:5] if half else t, t, t], {})
+    x, y, z = mesh.p[:, mesh.t].mean(axis=1)
+    wide = np.maximum(np.abs(x), np.abs(y))
+    iron = (np.abs(z) < 0.5) & (wide > 0.5) & (wide < 1.5) & ~(gap & (x > 0.0) & (np.abs(y) < 0.5))
+    return mesh.with_subdomains({"ring": np.flatnonzero(iron), "air": np.flatnonzero(~iron)})
+
+
+COIL = loop((-1.0, 0.0, 0.03), 0.83, orientation=QUARTER_TURN)  # around the leg of the ring at x < 0
+STEEL = {"ring": Material(1000.0), "air": AIR}
+
+
+def test_iron_that_links_a_current_is_refused():
+    with pytest.raises(ValueError, match=r"iron links a current: along a closed path in 'ring' .* 100 A.*Leave a gap"):
+        MagneticScalarPotential(STEEL, {"outer": 0.0}, applied_field=COIL).solve(ring())
+    through = loop((-1.0, 0.0, 0.03), 0.2, orientation=QUARTER_TURN)
+    with pytest.raises(ValueError, match=r"iron links a current.* keep currents\s+out of iron"):
+        MagneticScalarPotential(STEEL, {"outer": 0.0}, applied_field=through).solve(ring())
+
+
+def test_a_gap_takes_the_current():
+    """``H`` along the ring and the gap adds up to the ampere-turns, nearly all of them in the gap."""
+    mesh = ring(gap=True)
+    one, other = (
+        MagneticScalarPotential({"ring": Material(mu), "air": AIR}, {"outer": 0.0}, applied_field=COIL).solve(mesh)
+        for mu in (1e4, 1e8)
+    )
+    iron, gap = mesh.subdomains["ring"], np.array([[1.0], [0.0], [0.0]])
+    assert abs(one.flux_density_at(gap)[1, 0]) == pytest.approx(MU0 * CURRENT, rel=0.15)  # over 1 m
+    # Were the applied field to cancel in iron by its values, 10^8 times what is left of it would be all of B.
+    scale = np.abs(one.flux_density[:, iron]).max()
+    np.testing.assert_allclose(other.flux_density[:, iron], one.flux_density[:, iron], atol=0.02 * scale)
+
+
+def test_half_a_ring_between_planes_that_the_flux_crosses():
+    """It is no ring any more: H along the half adds up to half the ampere-turns of two coils, one on each leg."""
+    coils = [COIL, loop((1.0, 0.0, 0.03), 0.83, orientation=QUARTER_TURN)]
+    coils[1].current = -CURRENT
+    problem = MagneticScalarPotential(STEEL, {}, applied_field=coils, symmetry={"x+": "normal"})
+    mesh = ring(half=True)
+    field = problem.solve(mesh)
+    along = np.array([[-0.01, -1.0, -1.0, -1.0, -0.01], [-1.0, -1.0, 0.0, 1.0, 1.0], [0.0] * 5]) + 1e-3
+    b = np.linalg.norm(field.flux_density_at(along), axis=0)
+    # The closed ring has four legs of 1 m, and four corners that count for 0.559 m each, as in thin sheets.
+    assert b[2] == pytest.approx(1000.0 * MU0 * 2.0 * CURRENT / (4.0 * 1.559), rel=0.12)
+    with pytest.raises(ValueError, match=r"flux is normal .* but the applied_field has up to .* along it"):
+        MagneticScalarPotential(STEEL, {}, applied_field=COIL, symmetry={"x+": "normal"}).solve(mesh)
+
+
+def test_what_is_not_finite_is_refused(solved):
+    mesh = solved[2][0].mesh
+    problem = MagneticScalarPotential(
+        {"ball": Material(10.0), "air": AIR}, applied_field=lambda x: np.full(x.shape, np.nan)
+    )
+    with pytest.raises(ValueError, match=r"applied_field must be finite; it is not at .* points, first"):
+        problem.solve(mesh)
+
+
+def test_functionals(solved):
+    """Its flux varies in regions, where a field is applied; nonlinear material in one has none."""
+    mesh = solved[2][0].mesh
+    bent = MagneticScalarPotential(
+        {"ball": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}, {"outer": 0.0}, applied_field=(0.0, 0.0, 1e3)
+    )
+    with pytest.raises(ka.NotOffered, match="nonlinear material is in an applied field"):
+        bent.ritz(mesh, bent.solve(mesh))
+    magnet = Material(bh=Froehlich(500.0, 1.6), coercivity=(0.0, 0.0, 1e3))
+    bent = MagneticScalarPotential({"ball": magnet, "air": AIR}, {"outer": 0.0})
+    with pytest.raises(ka.NotOffered, match="its magnets are nonlinear"):
+        bent.ritz(mesh, bent.solve(mesh))
