@@ -1,10 +1,11 @@
-"""Sweep nodes and elements of a movable solid downhill from a function."""
+"""Sweep nodes and elements of a movable solid downhill from a function, and exchange nodes between the sweeps."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kohonen_adapt.arrays import padded
+from kohonen_adapt.arrays import Floats, padded
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.ordering import along_curve, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
@@ -14,11 +15,15 @@ from kohonen_adapt.kernels.threads import Nodes, shared_in_parts
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
 from kohonen_adapt.problem.protocol import Problem
 
-__all__ = ["descend_in_space", "loops_in_space"]
+__all__ = ["PLAN_IN_SPACE", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
 
+PLAN_IN_SPACE = (4, 4, 4)  # sweeps, with recycling by energy between the numbers
+SETTLED = 0.01  # share of the nodes: a recycling that exchanges fewer is the last of its pass
 STRIPS = 0.25  # share of the nodes that may be so near the cuts between parts that they have to wait
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
 
@@ -36,6 +41,32 @@ def descend_in_space(
     descent.opened.hand_back(movable)
     trial.values[:] = descent.trial.value[: len(trial.values)]
     return gain
+
+
+def descend_and_recycle_in_space(
+    movable: MovableSolid,
+    functional: SolidFunctional,
+    trial: TrialFunction,
+    recycled: Recycled,
+    plan: Sequence[int] = PLAN_IN_SPACE,
+) -> tuple[Recycled, float]:
+    """Sweep as often as the plan says, and between two of its numbers exchange nodes by energy.
+
+    Returns what was recycled in all, that of before included, and what all of it took off the functional. A plan of one
+    number keeps all nodes; where some are exchanged, all are put in the order of a space-filling curve.
+    """
+    eager = goes_on = len(plan) > 1
+    descent, pairs = Descent.of(movable, functional, trial), 0
+    descent.came_from(recycled)
+    gain = descent.descend(plan[0], eager)
+    for sweeps in plan[1:]:
+        if goes_on:
+            more, lowered = descent.recycle()
+            pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
+        gain += descent.descend(sweeps, eager)
+    rows, origins = descent.opened.hand_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
+    known = {"old": origins.old[rows], "hint": origins.hint[rows]}
+    return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known), gain
 
 
 def loops_in_space(problem: Problem) -> tuple[str, ...]:
@@ -57,12 +88,18 @@ class Descent:
         The function and its functional, as loops take them.
     floor
         The quality that no change may leave anything below, unless it was there before.
+    swaps
+        Whether elements may be swapped.
+    seen
+        What elements were when swaps were looked for, (rows, 2).
     """
 
     opened: OpenSolid
     functional: SolidFunctional
     trial: Trial
     floor: float
+    swaps: bool
+    seen: Floats
 
     @classmethod
     def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
@@ -70,16 +107,34 @@ class Descent:
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         rows = len(opened.mesh.position)
         own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False))
-        return cls(opened, functional, own, movable.floor)
+        seen = np.zeros((len(opened.mesh.elements.node), 2))
+        return cls(opened, functional, own, movable.floor, movable.flips, seen)
+
+    def came_from(self, recycled: Recycled) -> None:
+        """Know nodes by what they were before they were recycled."""
+        origins, n = self.opened.mesh.origins, len(recycled.old)
+        origins.old[:n], origins.hint[:n] = recycled.old, recycled.hint
 
     def descend(self, sweeps: int, eager: bool) -> float:
-        """Sweep so often; returns what that took off the functional."""
-        freedom, gain = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed), 0.0
+        """Sweep so often, and swap after every sweep, before them, too, if `eager`; returns the functional's fall."""
+        freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
+        gain = self.swap() if eager else 0.0
         nodes = self.opened.nodes()
         order = nodes[along_curve(self.opened.mesh.position[nodes])].astype(np.int32)
         for _ in range(sweeps):
             gain += self.sweep(freedom, order)
+            gain += self.swap()
         return gain
+
+    def swap(self) -> float:
+        """Swap where that is allowed and lowers the functional; returns by how much."""
+        if not self.swaps:
+            return 0.0
+        return swap_in_space(self.opened, self.functional, self.trial, self.seen, self.floor)
+
+    def recycle(self) -> tuple[int, float]:
+        """Exchange nodes by energy; returns how many, and what that took off the functional."""
+        return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 
     def sweep(self, freedom: Freedom, order: Nodes) -> float:
         """Move nodes in this order, the parts of the mesh side by side, and then what is at their cuts."""

@@ -12,7 +12,8 @@ from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.kernels.ordering import along_curve, parts_along
 from kohonen_adapt.kernels.threads import shared_in_parts
 from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.polishing.polish_in_space import descend_in_space, parts_for
+from kohonen_adapt.outline.surgery import unchanged
+from kohonen_adapt.polishing.polish_in_space import descend_and_recycle_in_space, descend_in_space, parts_for
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -55,6 +56,45 @@ def test_after_the_next_solve_the_functional_has_not_risen(tens):
         np.testing.assert_array_equal(fixed, trial.fixed)
         np.testing.assert_allclose(trial.values[fixed], problem.ends(after)[0][fixed], atol=1e-12)
         assert least(after, problem) <= told + near
+
+
+@pytest.mark.parametrize("tens", range(4))
+def test_exchanges_between_sweeps_are_as_certain(tens):
+    exchanged = 0
+    for seed in range(10 * tens, 10 * tens + 10):
+        mesh, problem = cube(seed=seed), Diffusion.random(seed)
+        ritz = problem.ritz(mesh, problem.solve(mesh))
+        movable = MovableSolid.of(mesh, Rules())
+        functional = SolidFunctional.of(ritz, movable, mesh)
+        before, start = functional_value(mesh, ritz), unchanged(movable.tetrahedralization)
+        recycled, gain = descend_and_recycle_in_space(movable, functional, functional.solution.copy(), start, (2, 2, 1))
+        near = (1e-8 if any(problem.laws) else 1e-12) * (np.abs(ritz.values).max() * np.abs(before) + 1.0)
+        after, old = movable.mesh(), recycled.old
+        assert least(after, problem) <= before - gain + near
+        assert after.nvertices == mesh.nvertices and np.count_nonzero(old < 0) <= recycled.splits == recycled.collapses
+        assert len(np.unique(old[old >= 0])) == np.count_nonzero(old >= 0)
+        assert volumes(after).sum() == pytest.approx(1.0, rel=1e-12)
+        assert boundary_areas(after) == pytest.approx(boundary_areas(mesh), rel=1e-12)
+        exchanged += recycled.splits
+    assert exchanged > 0
+
+
+def test_a_plan_of_one_number_keeps_all_nodes():
+    mesh, problem = cube(seed=3), Diffusion.random(3)
+    movable = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(problem.ritz(mesh, problem.solve(mesh)), movable, mesh)
+    start = unchanged(movable.tetrahedralization)
+    recycled, gain = descend_and_recycle_in_space(movable, functional, functional.solution.copy(), start, (3,))
+    assert gain > 0.0 and recycled.splits == 0
+    np.testing.assert_array_equal(recycled.old, start.old)
+    np.testing.assert_array_equal(recycled.hint, start.hint)
+
+
+def boundary_areas(mesh):
+    """Of every boundary by name."""
+    corners = mesh.p[:, mesh.facets]
+    areas = np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2)), axis=0), axis=0) / 2.0
+    return {name: areas[np.asarray(rows)].sum() for name, rows in mesh.boundaries.items()}
 
 
 def test_polish_lowers_the_error_and_keeps_shapes_and_names():
