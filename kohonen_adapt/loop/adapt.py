@@ -87,7 +87,8 @@ def adapt(
         Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
     schedule
         How the map learns; None for the default, which fits itself to every pass. Of tetrahedra there are by default
-        no stages, as in `relocate`: presenting points to them after recycling costs error.
+        no stages, as in `relocate`: presenting points to them after recycling costs error. With a polish their third
+        pass, and all after it, are left to the energy but while the mesh grows.
     topology, min_quality, pinned, curves, layers, surfaces
         What nodes may do: see `Rules`. ``topology=None`` takes the measured best, ``"recycle"``.
     periodic
@@ -98,8 +99,9 @@ def adapt(
     callback
         Called with every `Pass`, the input's first; returning True stops the loop. What it raises is not caught.
     polish
-        Whether to descend the energy after the map. Where the problem has no ``ritz``, elements of another degree than
-        1, ``norm = "L2"``, or coefficients that vary inside a region, there is no polish, and the message says so.
+        Whether to descend the energy after the map. Where the problem has no ``ritz``, ``norm = "L2"``, coefficients
+        that vary inside a region, or on tetrahedra elements of another degree than 1, there is no polish, and the
+        message says so.
     target_nodes
         Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
         "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are

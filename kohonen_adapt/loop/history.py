@@ -156,7 +156,8 @@ class History:
     def _test(self) -> None:
         passes = self._kept.passes
         self._steps.next_pass(len(passes))
-        self._ending = self._stop(passes, self._kept.best.record, self.growing)
+        stalled = self._adaptation.room.stalls(passes)
+        self._ending = self._stop(passes, self._kept.best.record, self.growing, stalled)
 
     def end_unmoved(self, work: Work) -> None:
         """End the loop with the mesh there is: nothing moved or flipped, so there is nothing to solve again."""

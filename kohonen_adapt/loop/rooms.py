@@ -1,24 +1,28 @@
 """Name what passes over triangles and over tetrahedra are made of, where that depends on the dimension."""
 
-from typing import Any
-
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step import Room
+from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import PLAN, descend_and_recycle
+from kohonen_adapt.polishing.polish_in_space import PLAN_IN_SPACE, descend_and_recycle_in_space
+from kohonen_adapt.polishing.polish_in_space import loops_in_space as loops_of_solids
 from kohonen_adapt.polishing.slivers import longest_on_arcs
-from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.sweeps import loops_of
 from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer_in_space import carried_in_space
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.protocol import NotOffered, Problem
+from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.moved import Moved
+from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
 from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
 from kohonen_adapt.som.training_points import ElementDensity
@@ -57,42 +61,42 @@ def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[F
 
 
 def loops_for_tetrahedra(problem: Problem, settings: Settings) -> tuple[str, ...]:
-    """What `moved_tetrahedra` calls."""
-    return *loops_in_space(settings.rules.topology, settings.schedule), "space locating"
+    """What `moved_tetrahedra`, and the polish if there is one, call."""
+    moving = loops_in_space(settings.rules.topology, settings.schedule)
+    return *moving, "space locating", *([*loops_of_solids(problem), "space carrying"] if settings.polish else [])
 
 
 def moved_tetrahedra(
     movable: MovableSolid,
     density: Floats,
-    functional: None,
+    functional: SolidFunctional | None,
     estimate: float,
     settings: Settings,
     number: int,
     recycles: bool,
 ) -> Moved[MovableSolid]:
-    """Make pass `number` of a density of nodes by element."""
+    """Make pass `number` of a density of nodes by element; where it does not recycle all is left to the energy.
+
+    What moves nodes for a density would make the long elements round again that lower it.
+    """
+    if not recycles:
+        return Moved(movable.copy(), unchanged(movable.tetrahedralization), (), why_still(movable, settings.schedule))
     nodes, rng = settings.growth.nodes(number), settings.rng(number)
     return move_in_space(movable, density, settings.schedule, settings.rules.topology, rng, nodes)
 
 
-def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[Any, float]:
-    """There is none.
-
-    Raises
-    ------
-    NotOffered
-        Always.
-    """
-    raise NotOffered("tetrahedra have none")
+def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[SolidFunctional, float]:
+    """The functional and its value."""
+    return SolidFunctional.of(ritz, movable, mesh), functional_value(mesh, ritz)
 
 
 ROOMS = {
     TRIANGLE.dim: Room(
         TRIANGLE.dim, MovableMesh.of, loops_for_triangles, moved_triangles, stated_on_triangles, carried,
-        descend_and_recycle, report_curves, 3, PLAN,
+        descend_and_recycle, report_curves, 3, stalls_by_estimate, PLAN,
     ),
     TETRAHEDRON.dim: Room(
-        TETRAHEDRON.dim, MovableSolid.of, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra, carried,
-        descend_and_recycle, report_surfaces, 1, (SWEEPS,),
+        TETRAHEDRON.dim, MovableSolid.of, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra,
+        carried_in_space, descend_and_recycle_in_space, report_surfaces, 2, stalls_by_functional, PLAN_IN_SPACE,
     ),
 }  # fmt: skip

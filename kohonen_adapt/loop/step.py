@@ -76,6 +76,7 @@ class Room(NamedTuple):
     # Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants
     # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
     by_density: int
+    stalls: Callable[[tuple[Pass, ...]], bool]  # whether the last passes have gained nothing
     plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between its numbers
 
 
@@ -161,7 +162,7 @@ class Adaptation:
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
             density = equidistributing(record.mesh, record.indicators, order, norm)
             settings, number = self.settings, self.steps.number
-            by_energy = solved.functional is not None and len(self.plan) > 1 and number > self.room.by_density
+            by_energy = solved.functional is not None and number > self.room.by_density
             recycles = not by_energy or settings.growth.nodes(number) != self.movable.nnodes
             estimate, functional = record.estimate, solved.functional
             return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)

@@ -22,6 +22,8 @@ __all__ = [
     "final",
     "interrupted",
     "not_moved",
+    "stalls_by_estimate",
+    "stalls_by_functional",
     "under_way",
     "worse_outputs",
 ]
@@ -69,10 +71,10 @@ class StopTest:
         check_tolerance("rtol", self.rtol)
         check_tolerance("atol", self.atol)
 
-    def __call__(self, passes: Passes, best: Pass, growing: bool) -> Ending | None:
+    def __call__(self, passes: Passes, best: Pass, growing: bool, stalled: bool) -> Ending | None:
         """The ending after the last of the passes, or None to go on. The callback hears of every pass, the last too.
 
-        While the mesh is `growing`, that nothing moved or improved is no reason to end.
+        While the mesh is `growing`, that nothing moved or improved, so that they have `stalled`, is no reason to end.
         """
         last, result = passes[-1], said(best)
         told = self.callback(last) if self.callback else None
@@ -87,7 +89,7 @@ class StopTest:
             return Ending(Status.STOPPED, f"Stopped by the callback {after}.")
         if last.number > 0 and last.moved == 0 and not growing:
             return not_moved(last, best)
-        if _stalls([step.worth for step in passes]) and not growing:
+        if stalled and not growing:
             gained = f"the last {STALL_PASSES} passes together gained no more than {_percent(STALL_GAIN)}"
             advice = "start from a mesh of more nodes for a smaller error"
             return Ending(Status.STALLED, f"Stalled: {gained}; {result}, {advice}.")
@@ -209,11 +211,26 @@ def said(best: Pass) -> str:
     return f"the result is {f'pass {best.number}' if best.number else 'the input'} (estimate {best.estimate:.4g})"
 
 
-def _stalls(worths: list[float]) -> bool:
-    """Whether the last passes together have not lowered the best before them by more than a hair."""
+def stalls_by_estimate(passes: Passes) -> bool:
+    """Whether the last passes together have not lowered the least estimate before them by more than a hair."""
+    worths = [step.worth for step in passes]
     if len(worths) <= STALL_PASSES:
         return False
     return min(worths[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(worths[:-STALL_PASSES])
+
+
+def stalls_by_functional(passes: Passes) -> bool:
+    """Whether they have not lowered the functional by more than a hair of all that it fell, where it compares.
+
+    Estimates overrate stretched tetrahedra, and rise where the error falls; by them it is only without a polish.
+    """
+    levels = [step.functional for step in passes if step.functional is not None and step.comparable]
+    if len(levels) < len(passes):
+        return stalls_by_estimate(passes)
+    if len(levels) <= STALL_PASSES:
+        return False
+    now = min(levels[-STALL_PASSES:])
+    return min(levels[:-STALL_PASSES]) - now <= STALL_GAIN * (levels[0] - now)
 
 
 def _percent(fraction: float) -> str:

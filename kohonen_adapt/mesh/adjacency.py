@@ -6,12 +6,14 @@ an element is on, nor that more than two elements share one: what is tangled sho
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.host import ascending, keys_of
 
-__all__ = ["neighbours_of", "positive", "write_on_both_sides"]
+__all__ = ["neighbours_of", "parts_of_regions", "positive", "write_on_both_sides"]
 
 
 def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
@@ -59,6 +61,13 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
     return ~odd
+
+
+def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
+    """The connected part of the mesh that every region of elements (m,) is of, (nregions,); neighbours (m, d + 1)."""
+    e, k = np.nonzero(neighbour >= 0)
+    beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
+    return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
 
 
 def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:

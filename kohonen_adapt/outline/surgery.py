@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.kernels.arrays import SLIDING, Elements, OpenMesh, Origins, Pool, SurgeryScratch
 from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
 
@@ -45,10 +46,10 @@ class Recycled:
     collapses: int
 
 
-def unchanged(triangulation: Triangulation) -> Recycled:
-    """Describe a triangulation that is not recycled, before its nodes move."""
-    star = triangulation.star
-    return Recycled(np.arange(triangulation.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
+def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
+    """Describe a mesh that is not recycled, before its nodes move."""
+    star = mesh.star
+    return Recycled(np.arange(mesh.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
 
 
 @dataclass(frozen=True)

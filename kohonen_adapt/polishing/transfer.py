@@ -1,12 +1,11 @@
 """Interpolate a solution onto the moved mesh, with what of it is given."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
 from kohonen_adapt.kernels.triangle.locate import barycentric
+from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.isoparametric import CurvedElements
 from kohonen_adapt.mesh.locate import holding
@@ -76,7 +75,8 @@ class Old:
         stator, may lie where this one ends by the chords of its rim.
         """
         found = holding(self.triangulation, points, hint, across_outlines=False)
-        part = parts_of_regions(self.triangulation)[self.triangulation.elements.region]
+        elements = self.triangulation.elements
+        part = parts_of_regions(elements.neighbour, elements.region)[elements.region]
         astray = np.flatnonzero(part[found] != part[hint])
         for number in np.unique(part[hint[astray]]):
             rows = astray[part[hint[astray]] == number]
@@ -162,14 +162,6 @@ def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Int
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
     return np.where(fits.any(axis=1), chosen, first_of_regions(old.elements.region)[new.elements.region])
-
-
-def parts_of_regions(triangulation: Triangulation) -> Ints:
-    """The connected part of the mesh that every region is of, (nregions,)."""
-    neighbour, region = triangulation.elements.neighbour, triangulation.elements.region
-    e, k = np.nonzero(neighbour >= 0)
-    beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
-    return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
 
 
 def nearest_on_rim(triangulation: Triangulation, points: Floats, inside: Mask) -> Ints:

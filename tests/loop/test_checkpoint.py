@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.meshes import inset, ring
-from helpers.poisson_solids import Poisson
+from helpers.poisson_solids import Minimised, Poisson
 from helpers.solids import two_regions
 from hypothesis import given
 from hypothesis import strategies as st
@@ -501,11 +501,13 @@ SOLID = two_regions(3)
     ],
     ids=["recycle", "growing", "flip", "pinned", "trained", "surfaces"],
 )
-def test_tetrahedra_killed_and_resumed_are_as_if_nothing_had_happened(options, tmp_path):
+@pytest.mark.parametrize("problem", [Poisson(), Minimised(given="left")], ids=["plain", "polished"])
+def test_tetrahedra_killed_and_resumed_are_as_if_nothing_had_happened(problem, options, tmp_path):
     options = {"passes": 3, "seed": 5, **options}
-    straight = ka.adapt(SOLID, Poisson(), **options)
-    ka.adapt(SOLID, Poisson(), **options, checkpoint=tmp_path, callback=lambda step: step.number == 1)
-    resumed = ka.adapt(SOLID, Poisson(), **options, checkpoint=tmp_path)
+    straight = ka.adapt(SOLID, problem, **options)
+    for number in (1, 2):
+        ka.adapt(SOLID, problem, **options, checkpoint=tmp_path, callback=lambda step, end=number: step.number == end)
+    resumed = ka.adapt(SOLID, problem, **options, checkpoint=tmp_path)
     assert_same(resumed, straight)
     assert_array_equal(resumed.solution, straight.solution)
     assert len(straight.history) > 2 and any(step.moved for step in straight.history[1:])

@@ -1,0 +1,74 @@
+"""Interpolate a solution onto the moved mesh of tetrahedra, with what of it is given."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
+from kohonen_adapt.kernels.tetrahedron.locate import barycentric
+from kohonen_adapt.mesh.adjacency import parts_of_regions
+from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+
+__all__ = ["carried_in_space"]
+
+
+def carried_in_space(
+    functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, hint: Ints
+) -> TrialFunction:
+    """Interpolate the solution of a functional onto what became of its mesh.
+
+    Nodes are known by where they are, not by their numbers: held ones by the old node in their place, all others by the
+    old element that holds them. On patches and ridges with given values they have those: the linear function, or where
+    there is none what is given around them. `before` is the mesh of the solution, which does not move; `hint` (n,) is
+    an element of it near every node, of a region that the node touches.
+    """
+    solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
+    position = movable.tetrahedralization.position
+    found, share = located(old, position, hint)
+    corners = old.elements.node[found]
+    values = np.sum(share * solution.values[corners], axis=1)
+    inside = solution.fixed & (before.freedom.number == INSIDE)
+    fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
+    nearest = corners[np.arange(len(corners)), np.argmax(share, axis=1)]
+    held = freedom.number == HELD
+    values[held], fixed[held] = solution.values[nearest[held]], solution.fixed[nearest[held]]
+    for kind, first in ((ON_PATCH, 0), (ON_RIDGE, functional.patches)):
+        rows = np.flatnonzero(freedom.number == kind)
+        place = freedom.place[rows] + first
+        fixed[rows] = functional.given[place]
+        rows, place = rows[functional.given[place]], place[functional.given[place]]
+        weight = share[rows] * solution.fixed[corners[rows]]
+        values[rows] = averages(weight, solution.values[corners[rows]], values[rows])
+        linear = ~functional.held[place] & np.any(weight > 0.0, axis=1)
+        rows, place, start = rows[linear], place[linear], corners[rows[linear], np.argmax(weight[linear], axis=1)]
+        way = position[rows] - old.position[start]
+        values[rows] = solution.values[start] + np.sum(functional.rate[place] * way, axis=1)
+    return TrialFunction(values, fixed, None)
+
+
+def averages(weight: Floats, values: Floats, otherwise: Floats) -> Floats:
+    """Averages over rows (k, 4) with weights that need not add up to one; other values (k,) where they are all zero."""
+    total = weight.sum(axis=1)
+    return np.divide(np.sum(weight * values, axis=1), total, out=otherwise.copy(), where=total > 0.0)
+
+
+def located(old: Tetrahedralization, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
+    """The element that holds each point (n, 3), or is near it, and its barycentric coordinates there, (n, 4), none < 0.
+
+    It is of the connected part of the mesh that the hint is of: bodies may touch without having nodes in common.
+    """
+    found = holding(old, points, hint, across_outlines=False)
+    part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
+    astray = np.flatnonzero(part[found] != part[hint])
+    for number in np.unique(part[hint[astray]]):
+        rows, own = astray[part[hint[astray]] == number], np.flatnonzero(part == number)
+        middles = old.position[old.elements.node[own]].mean(axis=1)
+        found[rows] = own[cKDTree(middles).query(points[rows])[1]]
+    share = np.empty((len(points), 4))
+    barycentric(old.position, old.elements.node, points, found, share)
+    share = np.maximum(share, 0.0)
+    return found, share / share.sum(axis=1, keepdims=True)

@@ -1,0 +1,133 @@
+"""The loop on tetrahedra of a problem that states its functional: passes go down it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers.diffusion_solids import Diffusion
+from helpers.poisson_solids import FICHERA, Minimised, Poisson, cube, fichera
+from helpers.solids import ball, box, two_regions, volumes
+from numba import config
+from numpy.testing import assert_array_equal
+
+import kohonen_adapt as ka
+
+
+@cache
+def adapted(topology="recycle"):
+    return ka.adapt(fichera(), Minimised(FICHERA), passes=4, topology=topology)
+
+
+@pytest.mark.parametrize(("topology", "most"), [("recycle", 0.39), ("flip", 0.48), ("fixed", 0.6)])
+def test_the_error_falls_to_less_than_without_a_polish(topology, most):
+    result, problem = adapted(topology), Minimised(FICHERA)
+    assert problem.error(result.best) < most * problem.error(result.history[0])
+    assert {step.mesh.nvertices for step in result.history} == {316}
+    assert all(step.min_quality >= 0.2 * (1 - 1e-9) for step in result.history)
+    assert "no polish" not in result.message
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_passes_compare_by_the_functional_and_those_by_energy_alone_never_raise_it(topology):
+    """What the polish leaves is a function on the next mesh: the solution there lies no higher."""
+    history = adapted(topology).history
+    assert all(step.comparable for step in history)
+    assert adapted(topology).best.functional == min(step.functional for step in history)
+    for step in history:  # -1/2 |u_h|^2
+        assert step.functional == pytest.approx(-0.5 * step.energy_norm**2, rel=1e-9)
+    for before, after in ((history[2], history[3]), (history[3], history[4])):
+        assert after.polish_gain > 0.0 and not after.quantization_errors
+        assert after.functional <= before.functional - after.polish_gain * (1 - 1e-6)
+
+
+def test_the_error_falls_at_the_rate_of_uniform_meshes_and_is_less_than_half():
+    problem, cells = Minimised(), np.array([4, 5, 6, 8])
+    runs = [ka.adapt(box(n), problem, passes=1) for n in cells]
+    uniform = np.array([problem.error(run.history[0]) for run in runs])
+    best = np.array([problem.error(run.best) for run in runs])
+    for errors in (uniform, best):
+        assert 0.28 < -np.polyfit(3.0 * np.log(cells + 1), np.log(errors), 1)[0] < 0.38
+    assert np.all(best < 0.4 * uniform)
+
+
+def test_the_table_and_nodes_count_what_is_recycled_by_energy():
+    *_, last = adapted().history
+    assert last.splits == last.collapses > 0
+    kept = last.nodes[last.nodes >= 0]
+    assert len(np.unique(kept)) == len(kept) < 316
+    lost = len(set(adapted().history[3].nodes) - set(last.nodes))
+    assert lost <= last.collapses
+    assert "gain of polish" in str(adapted())
+
+
+def test_it_may_be_switched_off_and_is_where_it_cannot_be():
+    plain = ka.adapt(fichera(), Minimised(FICHERA), passes=1, polish=False)
+    assert_array_equal(plain.mesh.p, ka.adapt(fichera(), Poisson(FICHERA), passes=1).mesh.p)
+    for problem, why in ((Minimised(order=2), "its Ritz is of order 2"), (Minimised(norm="L2"), "its norm is 'L2'")):
+        result = ka.adapt(cube(2), problem, passes=1)
+        assert f"there was no polish: {why}" in result.message and result.history[1].functional is None
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_names_volumes_and_pinned_nodes_stay(topology):
+    mesh = two_regions(4)
+    result = ka.adapt(mesh, Minimised(given="left"), passes=3, topology=topology, pinned=["wall"])
+    after = result.history[-1].mesh
+    assert after.is_valid() and result.history[-1].polish_gain > 0.0
+    for name in mesh.subdomains:
+        part = [np.abs(volumes(of)[of.subdomains[name]]).sum() for of in (mesh, after)]
+        assert part[1] == pytest.approx(part[0], rel=1e-12)
+    for name, axis, place in (("left", 0, 0.0), ("top", 2, 1.0), ("wall", 2, 0.5)):
+        assert np.all(after.p[axis, after.facets[:, np.asarray(after.boundaries[name])]] == place)
+    before, now = ({tuple(x) for x in of.p[:, of.p[2] == 0.5].T} for of in (mesh, after))
+    assert before <= now
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_linear_values_fluxes_and_laws(seed):
+    """Random ones, in two regions: after the passes that are left to the energy the solution lies no higher."""
+    mesh = box(4, 3, 3).with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
+    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
+    mesh, problem = mesh.with_boundaries(sides), Diffusion.random(seed)
+    history = ka.adapt(mesh, problem, passes=3).history
+    *_, before, last = history
+    size = max(abs(step.functional) for step in history)
+    assert last.number == 3 and last.functional <= before.functional - last.polish_gain + 1e-9 * size
+    assert last.functional <= history[0].functional + 1e-9 * size
+    assert all(step.comparable for step in history)
+
+
+def test_on_curved_surfaces_nodes_stay_in_the_polish_and_passes_compare_by_the_estimate():
+    """What lies between facets and the sphere is not known, so that another domain might only seem better."""
+    result = ka.adapt(ball(4), Minimised(), passes=1, min_quality=0.1)
+    assert not any(step.comparable for step in result.history) and result.history[1].polish_gain > 0.0
+    assert "outlines are curved" in result.message
+    rim = result.history[1].mesh.boundary_nodes()
+    assert np.linalg.norm(result.history[1].mesh.p[:, rim], axis=0) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_growing():
+    problem = Minimised(FICHERA)
+    result = ka.adapt(fichera(2), problem, passes=3, target_nodes=300)
+    assert [step.mesh.nvertices for step in result.history] == [117, 187, 300, 300]
+    assert problem.error(result.best) < 0.41 * problem.error(adapted().history[0])  # of 316 nodes
+
+
+def test_the_number_of_threads_changes_nothing(monkeypatch):
+    found = []
+    for threads in (1, 3):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        found.append(ka.adapt(box(12), Minimised(), passes=1).history[1])
+    assert_array_equal(found[0].mesh.p, found[1].mesh.p)
+    assert_array_equal(found[0].mesh.t, found[1].mesh.t)
+    assert found[0].polish_gain == found[1].polish_gain
+
+
+def test_ctrl_c_in_the_polish_gives_back_what_there_is():
+    def progress(number, step):
+        if (number, step) == (2, "polish"):
+            raise KeyboardInterrupt
+
+    result = ka.adapt(fichera(), Minimised(FICHERA), progress=progress)
+    assert result.status is ka.Status.STOPPED and len(result.history) == 2
+    assert_array_equal(result.mesh.p, adapted().history[1].mesh.p)
