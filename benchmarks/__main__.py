@@ -34,7 +34,7 @@ from benchmarks.checks import (
     warmup,
 )
 from benchmarks.checks import round as one_round
-from benchmarks.peers import ngsolve_oracle, peers_report, time_to_error
+from benchmarks.peers import ngsolve_oracle, peers_in_space, peers_report, time_to_error
 from benchmarks.peers.report import comparison
 from benchmarks.problems.cases import PROBLEMS, cases
 
@@ -80,6 +80,7 @@ def main() -> None:
     parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join(names)}")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
+    parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
@@ -87,6 +88,8 @@ def main() -> None:
         if name in PROBLEMS:
             for case in cases(name, options.quick):
                 print(comparison(case, range(options.seeds)) + "\n", flush=True)
+        elif name == "peers" and options.three_d:
+            print(peers_in_space.report(range(options.seeds), options.quick) + "\n", flush=True)
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "budget":

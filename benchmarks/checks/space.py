@@ -9,11 +9,15 @@ import numpy as np
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.peers.mmg_space import mmg_adapted
+from benchmarks.peers.mmg_space import mmg_in_space
+from benchmarks.peers.space_remeshing import adapted, sizes
 from benchmarks.problems.solids import BUMP, EDGE, FICHERA, MAGNET, Solid, middles
 from benchmarks.table import aligned
 
-CASES = ((BUMP, 10), (EDGE, 6), (FICHERA, 5), (MAGNET, 4), (EDGE, 10), (FICHERA, 8))  # cells per unit
+Cells = int | tuple[int, int, int]
+CASES: tuple[tuple[Solid, Cells], ...] = (
+    (BUMP, 10), (EDGE, 6), (FICHERA, 5), (MAGNET, 4), (EDGE, 10), (FICHERA, 8), (MAGNET, (4, 4, 12)),
+)  # cells per unit  # fmt: skip
 QUICK = 4
 PASSES = 4
 SPREAD, MICROSECONDS = 0.35, 150.0  # targets, with "recycle"
@@ -50,16 +54,18 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     return f"{errors}\n\n{aligned(header, [*rows, shared_out(SIDES[0], 'fixed')])}"
 
 
-def compared(problem: Solid, cells: int) -> list[str | float | int | None]:
+def compared(problem: Solid, cells: Cells) -> list[str | float | int | None]:
     """Errors of a problem on the uniform mesh, that of Mmg where it is installed, and ours."""
     start = problem.mesh(cells)
     mesh, seconds = start, 0.0
-    u, uniform = problem.solve(mesh)
+    u = problem.solve(mesh)
+    uniform = problem.error(mesh, u)
     for _ in range(PASSES):
         density, began = problem.density(mesh, u), time.process_time()
         mesh = ka.relocate(mesh, density, topology="recycle")
         seconds += time.process_time() - began
-        u, error = problem.solve(mesh)
+        u = problem.solve(mesh)
+    error = problem.error(mesh, u)
     peer = brought(problem, start) if find_spec("mmgpy") else None
     share, quality = None if peer is None else error / peer, ka.quality(mesh)
     cost = 1e6 * seconds / PASSES / mesh.nvertices
@@ -68,8 +74,9 @@ def compared(problem: Solid, cells: int) -> list[str | float | int | None]:
 
 def brought(problem: Solid, start: MeshTet) -> float:
     """The error of Mmg's mesh, brought to the number of nodes of the start by N^(-1/3)."""
-    mesh = mmg_adapted(problem, start)
-    return problem.solve(mesh)[1] * float((mesh.nvertices / start.nvertices) ** (1 / 3))
+    mesh = adapted(problem, start, sizes, mmg_in_space)
+    error = problem.error(mesh, problem.solve(mesh))
+    return error * float((mesh.nvertices / start.nvertices) ** (1 / 3))
 
 
 def shell(x: np.ndarray) -> np.ndarray:

@@ -63,8 +63,8 @@ def compared(problem: Solid, cells: int, seeds: Sequence[int]) -> list[str | flo
 def relocated(problem: Solid, cells: int, schedule: ka.Schedule | None, seed: int) -> float:
     """The error in the end."""
     mesh = problem.mesh(cells)
-    u, _ = problem.solve(mesh)
+    u = problem.solve(mesh)
     for _ in range(PASSES):
         mesh = ka.relocate(mesh, problem.density(mesh, u), topology="recycle", schedule=schedule, seed=seed)
-        u, error = problem.solve(mesh)
-    return error
+        u = problem.solve(mesh)
+    return problem.error(mesh, u)

@@ -1,4 +1,4 @@
-"""Find edges by the pairs of their end nodes."""
+"""Find edges by the pairs of their end nodes, and faces by their corners."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def unique_edges(pairs: Array) -> tuple[Array, Array]:
 
 
 def find_edges(edges: Array, pairs: Array) -> Array:
-    """Where in edges (2, nedges) the pairs (2, n) stand; every pair must be there."""
+    """Where in edges (2, nedges), or faces (3, nfaces), the pairs (2, n) or triples stand; every one must be there."""
     size = int(edges.max()) + 1
     keys = _keys(edges, size)
     order = np.argsort(keys)
@@ -21,5 +21,7 @@ def find_edges(edges: Array, pairs: Array) -> Array:
 
 
 def _keys(pairs: Array, size: int) -> Array:
-    low, high = np.sort(pairs, axis=0).astype(np.int64)
-    return low * size + high
+    first, *others = np.sort(pairs, axis=0).astype(np.int64)
+    for row in others:
+        first = first * size + row
+    return first

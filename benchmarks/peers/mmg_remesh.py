@@ -18,8 +18,8 @@ def mmg_remesh(mesh: MeshTri, metric: np.ndarray) -> MeshTri:
     """
     from mmgpy import MmgMesh2D
 
-    elements, element_names = _numbered(mesh.subdomains, mesh.t.shape[1])
-    facets, facet_names = _numbered(mesh.boundaries, mesh.facets.shape[1])
+    elements, element_names = numbered(mesh.subdomains, mesh.t.shape[1])
+    facets, facet_names = numbered(mesh.boundaries, mesh.facets.shape[1])
     named = np.flatnonzero(facets)
     mmg = MmgMesh2D()
     mmg.set_mesh_size(vertices=mesh.p.shape[1], triangles=mesh.t.shape[1], edges=named.size)
@@ -39,7 +39,7 @@ def _set_metric(mmg: Any, metric: np.ndarray) -> None:
         mmg.set_field("tensor", np.ascontiguousarray(metric.T))
 
 
-def _numbered(sets: dict[str, np.ndarray] | None, count: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def numbered(sets: dict[str, np.ndarray] | None, count: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """A number per element or facet, 0 where no name is, and the numbers that each name has."""
     member = np.zeros((len(sets or {}) + 1, count), dtype=bool)
     for row, chosen in enumerate((sets or {}).values()):

@@ -1,58 +1,48 @@
-"""Remesh tetrahedra by Mmg3d, until the number of nodes is that of the start."""
+"""Remesh tetrahedra by Mmg3d, with sizes or a metric tensor at their nodes; interfaces and names are handed over."""
 
 import numpy as np
 from skfem import MeshTet
 
+from benchmarks.peers.edges import find_edges
+from benchmarks.peers.mmg_remesh import GRADATION, numbered
 from benchmarks.problems.solids import ON, Solid
 
-GRADATION = 2.0
-LOOPS = 5
-TRIALS = 6  # of the last loop, 2 of the others: Mmg takes sizes and no number of nodes
-NEAR = 1.02  # times the number of nodes, or less
-EDGE = 1.1  # times rho^(-1/3): the length that Mmg is asked for at first
+LAST = 4.0  # planes of the problems are at multiples of its inverse
+FACES = 1000  # added to the references of named faces: Mmg gives those that it finds itself the numbers of regions
 
 
-def mmg_adapted(problem: Solid, mesh: MeshTet) -> MeshTet:
-    """The mesh after loops of solving, estimating and remeshing; density and estimate are those of `problem`."""
-    count, correction = mesh.nvertices, 1.0
-    for loop in range(LOOPS):
-        u, _ = problem.solve(mesh)
-        density = at_nodes(mesh, problem.density(mesh, u)) * count / mesh.nvertices
-        for _ in range(TRIALS if loop == LOOPS - 1 else 2):
-            found = remeshed(problem, mesh, EDGE * (density * correction) ** (-1 / 3))
-            ratio = found.nvertices / count
-            correction /= ratio
-            if max(ratio, 1 / ratio) < NEAR:
-                break
-        mesh = found
-    return mesh
+def mmg_in_space(problem: Solid, mesh: MeshTet, metric: np.ndarray) -> MeshTet:
+    """A new mesh of the same regions and named boundaries.
 
-
-def at_nodes(mesh: MeshTet, values: np.ndarray) -> np.ndarray:
-    """Averages of values of elements by their volume, at nodes."""
-    a, b, c, d = mesh.p[:, mesh.t].transpose(1, 0, 2)
-    volume = np.abs(np.einsum("ij,ij->j", b - a, np.cross(c - a, d - a, axis=0)))
-    total = np.bincount(mesh.t.ravel(), np.tile(volume, 4))
-    return np.bincount(mesh.t.ravel(), np.tile(volume * values, 4)) / total
-
-
-def remeshed(problem: Solid, mesh: MeshTet, sizes: np.ndarray) -> MeshTet:
-    """One call, with edge lengths at the nodes."""
+    `metric`: 1 / h^2 (nnodes,) of the wanted edge lengths at its nodes, or tensors' entries xx, xy, xz, yy, yz, zz
+    (6, nnodes). Names become reference numbers, one for every combination of names that occurs, and names again.
+    """
     from mmgpy import MmgMesh3D
 
+    elements, element_names = numbered(mesh.subdomains, mesh.nelements)
+    facets, facet_names = numbered(mesh.boundaries, mesh.facets.shape[1])
+    named, facets = np.flatnonzero(facets), facets + FACES
     mmg = MmgMesh3D()
-    mmg.set_mesh_size(vertices=mesh.nvertices, tetrahedra=mesh.nelements)
+    mmg.set_mesh_size(vertices=mesh.nvertices, tetrahedra=mesh.nelements, triangles=named.size)
     mmg.set_vertices(np.ascontiguousarray(mesh.p.T))
-    regions = np.ones(mesh.nelements, dtype=np.int64)
-    for number, rows in enumerate((mesh.subdomains or {}).values()):
-        regions[rows] = 2 + number
-    mmg.set_tetrahedra(oriented(mesh), regions)
-    mmg.set_field("metric", np.ascontiguousarray(sizes[:, None]))
+    mmg.set_tetrahedra(oriented(mesh), elements)
+    mmg.set_triangles(np.ascontiguousarray(mesh.facets[:, named].T, dtype=np.int32), facets[named])
+    if metric.ndim == 1:
+        mmg.set_field("metric", metric[:, None] ** -0.5)
+    else:
+        mmg.set_field("tensor", np.ascontiguousarray(metric.T))
     mmg.remesh(hgrad=GRADATION, verbose=-1)
     p = np.array(mmg.get_vertices())
-    planes = np.round(4.0 * p) / 4.0  # which Mmg keeps up to rounding
-    p = np.where(np.abs(p - planes) < ON, planes, p)
-    return problem.named(MeshTet(np.ascontiguousarray(p.T), np.array(mmg.get_tetrahedra(), dtype=np.int64).T.copy()))
+    planes = np.round(LAST * p) / LAST  # which Mmg keeps up to rounding
+    t, numbers = mmg.get_tetrahedra_with_refs()
+    found = MeshTet(np.where(np.abs(p - planes) < ON, planes, p).T.copy(), np.asarray(t, dtype=np.int64).T.copy())
+    corners, facet_numbers = mmg.get_triangles_with_refs()
+    subdomains = {name: np.flatnonzero(np.isin(numbers, known)) for name, known in element_names.items()}
+    boundaries = {
+        name: find_edges(found.facets, corners[np.isin(facet_numbers, known + FACES)].T)
+        for name, known in facet_names.items()
+    }
+    return found.with_subdomains(subdomains).with_boundaries(boundaries)
 
 
 def oriented(mesh: MeshTet) -> np.ndarray:

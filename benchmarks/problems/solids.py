@@ -1,17 +1,21 @@
-"""Problems on tetrahedra with known energies: an edge, the Fichera corner, a magnet under iron, and a smooth bump."""
+"""Problems on tetrahedra with known energies: an edge, the Fichera corner, a magnet under iron, a cube, and a bump."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, LinearForm, MeshTet, condense
+from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet, condense
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
 
 WIDTH = 0.12  # of the bump, in a cube of side 1
 ON = 1e-9  # coordinates nearer to a plane than this are on it
+TABLES = np.array([1.0, 1000.0, 1.0]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""nu and flux of what is neither, of iron and of a magnet."""
 
 Points = Callable[[np.ndarray], np.ndarray]
 
@@ -37,77 +41,129 @@ def bump_source(x: np.ndarray) -> np.ndarray:
     return -bump(x) * (squares / WIDTH**4 - 3.0 / WIDTH**2)
 
 
+class Box(NamedTuple):
+    """A box with edges along the axes, from its lowest corner to its highest."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def holds(self, x: np.ndarray) -> np.ndarray:
+        """Which of some points (3, ...) are in it."""
+        low, high = (np.reshape(corner, (3,) + (1,) * (x.ndim - 1)) for corner in self)
+        return np.all((low < x) & (x < high), axis=0)
+
+
 @dataclass(frozen=True)
 class Solid:
-    """-div(nu grad u - flux) = source, with u given on the boundary named so, natural elsewhere.
+    """-div(nu grad u - flux) = source, with u given on the boundary named so, natural elsewhere; as `ka.adapt` asks.
 
     Attributes
     ----------
-    box
-        Where its nodes are along each axis, for so many cells per unit.
-    keep, given
-        Which middles of elements are in it, and at which points of its boundary u is given.
-    values, source
-        Of u where it is given, and of the source, at points.
-    iron, magnet
-        The middles of elements with nu = 1000, and of those with the unit flux upwards.
+    body
+        The box that it is in.
+    given
+        At which points of its boundary u is given.
     energy
         The least functional, ``1/2 a(u, u) - l(u)``, or None where u is the `bump`.
+    notch
+        What is not part of it.
+    iron, magnet
+        Where nu is 1000, and where the flux is a unit upwards.
+    source, values
+        Of the source a constant or a function of points; u where it is given.
     """
 
     name: str
-    box: Callable[[int], tuple[np.ndarray, ...]]
+    body: Box
     given: Points
     energy: float | None
-    keep: Points = one
+    notch: Box | None = None
+    iron: Box | None = None
+    magnet: Box | None = None
+    source: float | Points = 1.0
     values: Points = nothing
-    source: Points = one
-    iron: Points = nothing
-    magnet: Points = nothing
 
-    def mesh(self, cells: int) -> MeshTet:
-        """Cubes of six tetrahedra, with the names that the problem has."""
-        mesh = MeshTet.init_tensor(*self.box(cells))
-        return self.named(mesh.restrict(np.flatnonzero(self.keep(middles(mesh)))))
+    @property
+    def parts(self) -> dict[str, Box]:
+        """Subdomains by name."""
+        return {name: box for name, box in (("iron", self.iron), ("magnet", self.magnet)) if box is not None}
+
+    def mesh(self, cells: int | tuple[int, int, int]) -> MeshTet:
+        """Boxes of six tetrahedra, so many per unit of each axis, with the names that the problem has."""
+        return self.on_grid(*map(steps, *self.body, np.broadcast_to(cells, 3)))
+
+    def coarsest(self) -> MeshTet:
+        """As few boxes as there can be, each cut in eight."""
+        boxes = [box for box in (self.body, self.notch, *self.parts.values()) if box is not None]
+        planes = [np.unique(along) for along in zip(*(corner for box in boxes for corner in box), strict=True)]
+        return self.on_grid(*(np.union1d(x, (x[1:] + x[:-1]) / 2) for x in planes))
+
+    def on_grid(self, *planes: np.ndarray) -> MeshTet:
+        """The boxes between some planes across the axes, each of six tetrahedra."""
+        mesh = MeshTet.init_tensor(*planes)
+        if self.notch is not None:
+            mesh = mesh.restrict(np.flatnonzero(~self.notch.holds(middles(mesh))))
+        return self.named(mesh)
 
     def named(self, mesh: MeshTet) -> MeshTet:
-        """A mesh of the same body with these names."""
+        """A mesh of this body with the names that places tell, whatever names it has."""
         rows = mesh.boundary_facets()
-        on = rows[self.given(mesh.p[:, mesh.facets[:, rows]]).all(axis=0)]
-        parts = {"iron": self.iron, "magnet": self.magnet}
-        regions = {name: np.flatnonzero(where(middles(mesh))) for name, where in parts.items()}
-        kept = {name: found for name, found in regions.items() if found.size}
-        return MeshTet(mesh.p, mesh.t).with_subdomains(kept).with_boundaries({"given": on})
+        on = rows[self.given(mesh.p[:, mesh.facets[:, rows]].mean(axis=1)) > 0]
+        parts = {name: np.flatnonzero(box.holds(middles(mesh))) for name, box in self.parts.items()}
+        return MeshTet(mesh.p, mesh.t).with_subdomains(parts).with_boundaries({"given": on})
 
-    def coefficients(self, mesh: MeshTet) -> tuple[np.ndarray, np.ndarray]:
-        """nu (nelements,) and flux (3, nelements)."""
-        nu, flux = np.ones(mesh.nelements), np.zeros((3, mesh.nelements))
+    def regions(self, mesh: MeshTet) -> np.ndarray:
+        """Of every element its column in `TABLES`, (nelements,)."""
+        region = np.zeros(mesh.nelements, dtype=np.int64)
         parts = mesh.subdomains or {}
-        nu[parts.get("iron", [])], flux[2, parts.get("magnet", [])] = 1000.0, 1.0
-        return nu, flux
+        region[parts.get("iron", [])], region[parts.get("magnet", [])] = 1, 2
+        return region
 
-    def solve(self, mesh: MeshTet) -> tuple[np.ndarray, float]:
-        """The solution at the nodes, and its error in the energy norm."""
-        nu, flux = self.coefficients(mesh)
-        basis, constants = Basis(mesh, ElementTetP1(), intorder=4), Basis(mesh, ElementTetP0(), intorder=4)
-        fields = {"nu": constants.interpolate(nu), "g": np.repeat(flux[:, :, None], basis.dx.shape[1], axis=2)}
-        stiffness = BilinearForm(lambda u, v, w: w["nu"] * dot(grad(u), grad(v))).assemble(basis, **fields)
-        load = LinearForm(lambda v, w: self.source(w.x) * v + dot(w["g"], grad(v))).assemble(basis, **fields)
+    def system(self, mesh: MeshTet) -> tuple[csr_array, np.ndarray, np.ndarray, np.ndarray]:
+        """Stiffness, load, u with its given values, and the nodes where these are."""
+        basis = Basis(mesh, ElementTetP1(), intorder=4 if callable(self.source) else 1)
+        nu, flux = (table[..., self.regions(mesh), None] for table in TABLES)
+        stiffness = BilinearForm(lambda u, v, w: nu * dot(grad(u), grad(v))).assemble(basis)
+        load = LinearForm(lambda v, w: self.sources(np.asarray(w.x)) * v + dot(flux, grad(v))).assemble(basis)
         fixed = np.unique(mesh.facets[:, mesh.boundaries["given"]])
         u = np.where(np.isin(np.arange(mesh.nvertices), fixed), self.values(mesh.p), 0.0)
+        return stiffness, load, u, fixed
+
+    def sources(self, x: np.ndarray) -> np.ndarray:
+        """The source at points (3, ...)."""
+        return self.source(x) if callable(self.source) else np.full(x.shape[1:], self.source)
+
+    def solve(self, mesh: MeshTet) -> np.ndarray:
+        """The solution at the nodes."""
+        stiffness, load, u, fixed = self.system(mesh)
         matrix, right, u, free = condense(stiffness, load, x=u, D=fixed)
-        u[free] = spsolve(matrix.tocsc(), right)
+        u[free] = spsolve(matrix.tocsc(), right, permc_spec="MMD_AT_PLUS_A")
+        return u
+
+    def error(self, mesh: MeshTet, u: np.ndarray) -> float:
+        """Of a solution, in the energy norm."""
         if self.energy is not None:
-            return u, float(np.sqrt(max(0.0, 2.0 * (0.5 * u @ (stiffness @ u) - load @ u - self.energy))))
-        x, slope = basis.global_coordinates(), basis.interpolate(u).grad
-        exact = -(x - 0.5) / WIDTH**2 * bump(np.asarray(x))
-        return u, float(np.sqrt(np.sum(((slope - exact) ** 2).sum(axis=0) * basis.dx)))
+            stiffness, load, _, _ = self.system(mesh)
+            return float(np.sqrt(max(0.0, 2.0 * (0.5 * u @ (stiffness @ u) - load @ u - self.energy))))
+        basis = Basis(mesh, ElementTetP1(), intorder=4)
+        x, slope = np.asarray(basis.global_coordinates()), basis.interpolate(u).grad
+        return float(np.sqrt(np.sum(((slope + (x - 0.5) / WIDTH**2 * bump(x)) ** 2).sum(axis=0) * basis.dx)))
+
+    def indicators(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
+        """The residual estimate of every element."""
+        nu, flux = (table[..., self.regions(mesh)] for table in TABLES)
+        return ka.estimators.residual(mesh, u, nu, source=self.sources(middles(mesh)), flux=flux)
 
     def density(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
         """Nodes per volume that the residual of a solution asks for."""
-        nu, flux = self.coefficients(mesh)
-        eta = ka.estimators.residual(mesh, u, nu, source=self.source(middles(mesh)), flux=flux)
-        return ka.density_from_indicators(mesh, eta)
+        return ka.density_from_indicators(mesh, self.indicators(mesh, u))
+
+    def ritz(self, mesh: MeshTet, u: np.ndarray) -> ka.Ritz:
+        """The functional that the solution minimises."""
+        if callable(self.source):
+            raise ka.NotOffered("its source varies")
+        fixed = np.isin(np.arange(mesh.nvertices), mesh.facets[:, mesh.boundaries["given"]])
+        return ka.Ritz(u, fixed, TABLES[0], source=self.source, flux=TABLES[1], region=self.regions(mesh))
 
 
 def middles(mesh: MeshTet) -> np.ndarray:
@@ -128,25 +184,27 @@ def outside_l(x: np.ndarray) -> np.ndarray:
 
 EDGE = Solid(
     "E",
-    lambda cells: (steps(-1, 1, cells), steps(-1, 1, cells), steps(0, 1, cells)),
+    Box((-1, -1, 0), (1, 1, 1)),
     outside_l,
     -0.5 * 0.2140758036140825,  # the L-shape's in the plane
-    keep=lambda x: ~((x[0] > 0) & (x[1] < 0)),
+    notch=Box((0, -1, 0), (1, 0, 1)),
 )
 FICHERA = Solid(
     "F",
-    lambda cells: (steps(-1, 1, cells),) * 3,
+    Box((-1, -1, -1), (1, 1, 1)),
     one,
     -0.19897165,  # Richardson extrapolation of order 2
-    keep=lambda x: ~(x > 0).all(axis=0),
+    notch=Box((0, 0, 0), (1, 1, 1)),
 )
 MAGNET = Solid(
     "M",
-    lambda cells: (steps(0, 2, cells), steps(0, 2, cells), steps(-2, 2, cells)),
+    Box((0, 0, -2), (2, 2, 2)),
     lambda x: (x[0] > 2 - ON) | (x[1] > 2 - ON) | (np.abs(x[2]) > 2 - ON),
     -0.03758919,  # likewise
-    source=nothing,
-    iron=lambda x: (x[0] < 1) & (x[1] < 0.5) & (np.abs(x[2] - 1) < 0.25),
-    magnet=lambda x: (x[:2] < 0.5).all(axis=0) & (np.abs(x[2]) < 0.5),
+    iron=Box((0, 0, 0.75), (1, 0.5, 1.25)),
+    magnet=Box((0, 0, -0.5), (0.5, 0.5, 0.5)),
+    source=0.0,
 )
-BUMP = Solid("B", lambda cells: (steps(0, 1, cells),) * 3, one, None, values=bump, source=bump_source)
+UNIT = Box((0, 0, 0), (1, 1, 1))
+CUBE = Solid("S", UNIT, one, -0.0100842501568)  # from its Fourier series
+BUMP = Solid("B", UNIT, one, None, source=bump_source, values=bump)

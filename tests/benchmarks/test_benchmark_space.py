@@ -1,9 +1,10 @@
-"""The problems on tetrahedra have the errors that others measured, and relocation beats Mmg's."""
+"""The problems on tetrahedra have the errors that others measured, and relocation beats Mmg's; peers are described."""
 
 import pytest
 
 from benchmarks.checks.space import compared
-from benchmarks.problems.solids import BUMP, EDGE
+from benchmarks.peers.peers_in_space import described, dihedral_angles, lost_names, methods, refined, timed
+from benchmarks.problems.solids import BUMP, CUBE, EDGE, MAGNET
 
 
 @pytest.mark.parametrize(
@@ -17,3 +18,21 @@ def test_recycling_is_better_than_mmg_at_equal_nodes(problem, cells, nodes, unif
     row = compared(problem, cells)
     assert row[1] == nodes and row[2] == pytest.approx(uniform, rel=2e-3)
     assert row[4] < 0.95 * mmg
+
+
+def test_peers_on_tetrahedra_are_described():
+    """Refinement loses the boundary, nothing of ours is lost, and a uniform mesh is what it is."""
+    start = CUBE.mesh(6)
+    assert dihedral_angles(start) == pytest.approx((45.0, 90.0))
+    ours = [timed(method, CUBE, start, 0) for name, method in methods().items() if name.startswith("this package")]
+    row, other = described(CUBE, start, ours), described(CUBE, start, [refined(CUBE, start.nvertices)])
+    assert row.lost == "none" and row.nodes == start.nvertices and other.lost == "given"
+    assert row.error < other.error and 0.0 < row.least < row.greatest < 180.0
+    assert 0 < row.jacobi < 100 and row.seconds > 0.0
+
+
+def test_lost_names_are_those_of_another_size():
+    mesh = MAGNET.coarsest()
+    less = mesh.subdomains["iron"][1:]
+    assert lost_names(mesh, mesh) == []
+    assert lost_names(mesh, mesh.with_subdomains({"iron": less})) == ["iron"]
