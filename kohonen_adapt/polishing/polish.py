@@ -19,7 +19,7 @@ from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish_in_space import descend_in_space, loops_in_space
+from kohonen_adapt.polishing.polish_in_space import SETTLED, descend_in_space, loops_in_space
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
 from kohonen_adapt.problem.protocol import NotOffered, Problem, is_curved, nodes_held, offered, offers, ritz_of
@@ -29,7 +29,6 @@ __all__ = ["PLAN", "descend", "descend_and_recycle", "polish"]
 # As many with recycling by energy between them. The more calls the lower the error, by 1 % on F from two to three.
 PLAN = (2, 2, 2, 2)
 KNOWN = 2  # sweeps after which elements are asked again for a flux that varies
-SETTLED = 0.01  # share of the nodes: a call that makes fewer is the last of its pass
 
 
 def polish(

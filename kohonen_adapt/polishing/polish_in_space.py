@@ -20,9 +20,11 @@ from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
 from kohonen_adapt.problem.protocol import Problem
 
-__all__ = ["PLAN_IN_SPACE", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
+__all__ = ["PLAN_IN_SPACE", "SETTLED", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
 
-PLAN_IN_SPACE = (4, 4, 4)  # sweeps, with recycling by energy between the numbers
+# Sweeps, with recycling by energy between the numbers. After three passes on E, F and M the error is 1 to 3 % higher
+# with one recycling in a pass, (4, 4), and no lower with (4, 4, 4), which takes longer.
+PLAN_IN_SPACE = (2, 2, 2, 2)
 SETTLED = 0.01  # share of the nodes: a recycling that exchanges fewer is the last of its pass
 STRIPS = 0.25  # share of the nodes that may be so near the cuts between parts that they have to wait
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
