@@ -1,4 +1,4 @@
-"""Read the tables of a case that stand for materials, goals, outputs, curves, motions and schedules."""
+"""Read the tables of a case that stand for materials, goals, outputs, curves, surfaces, motions and schedules."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Go
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
+from kohonen_adapt.outline.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = [
@@ -29,12 +30,14 @@ __all__ = [
     "PATTERNS",
     "QUANTITIES",
     "SHAPES",
+    "SURFACES",
     "Quantity",
     "goal",
     "material_in",
     "quantity",
     "schedule",
     "shape",
+    "surface",
 ]
 
 Point = tuple[float, float]
@@ -189,6 +192,19 @@ SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Lin
 def shape(given: Any, place: str) -> Arc | Line | Spline:
     """Read a table under ``adapt.curves``: a curve in metres."""
     return made_by_name(SHAPES, "curve", given, place)
+
+
+SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
+    "plane": Plane,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "cone": Cone,
+}
+
+
+def surface(given: Any, place: str) -> Plane | Sphere | Cylinder | Cone:
+    """Read a table that stands for a surface, with the arguments of its class; angles are in radians."""
+    return made_by_name(SURFACES, "surface", given, place)
 
 
 MOTIONS: dict[str, Callable[..., Motion]] = {

@@ -2,11 +2,15 @@
 
 import argparse
 import tempfile
+import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from kohonen_adapt.cases.kinds import table_of
+from kohonen_adapt.cases.tables import surface
 from kohonen_adapt.outline.rules import TOPOLOGIES, LeastQuality, Rules
+from kohonen_adapt.outline.surfaces import Surface
 
 __all__ = ["command_parser", "writable_folder"]
 
@@ -96,6 +100,7 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
         default=[],
         help="a thin subdomain, and how many layers of elements it keeps across; with recycle it gets them",
     )
+    _add_surfaces(move, "in the unit of MESH")
 
 
 def _add_check(commands: Any) -> None:
@@ -106,6 +111,20 @@ def _add_check(commands: Any) -> None:
         "faults were found, and 2 if the file holds no mesh at all. Hints are no faults.",
     )
     _add_mesh(check)
+    _add_surfaces(check, "in metres")
+
+
+def _add_surfaces(command: argparse.ArgumentParser, unit: str) -> None:
+    command.add_argument(
+        "--surfaces",
+        metavar="TOML",
+        type=surfaces_of,
+        action="append",
+        default=[],
+        help="of tetrahedra, the surface that a boundary is on, " + unit + ': \'NAME = {surface = "cylinder", point = '
+        "[0, 0, 0], axis = [0, 0, 1], radius = 0.05}', or a plane (point, normal), a sphere (centre, radius) or a cone "
+        "(apex, axis, half_angle)",
+    )
 
 
 def _add_init(commands: Any) -> None:
@@ -172,6 +191,14 @@ def least_quality(text: str) -> LeastQuality:
         return "auto" if text == "auto" else float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected a number or auto; got {text!r}") from None
+
+
+def surfaces_of(text: str) -> dict[str, Surface]:
+    """Surfaces by the names of boundaries, as lines of TOML say them."""
+    try:
+        return table_of(surface)(tomllib.loads(text), "surfaces")
+    except (ValueError, RecursionError) as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _add_folder_or_resume(command: Any, resume: str) -> None:

@@ -1,6 +1,6 @@
 """Describe a mesh in words, and say what would go wrong with it: units, names, bad elements, thin parts."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules, floor_of
+from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.suspects import suspects
 
 __all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described", "unit_doubts"]
@@ -93,12 +94,13 @@ ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
 """Dimension to what is said of facets, and of angles."""
 
 
-def moving(mesh: Mesh) -> tuple[list[str], Iterator[str]]:
+def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[list[str], Iterator[str]]:
     """Lines about where the nodes of a mesh may go, and hints; refused as `relocate` would."""
+    rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
-        solid = MovableSolid.of(mesh, Rules())
+        solid = MovableSolid.of(mesh, rules)
         return surfaces_described(solid), doubtful_patches(solid)
-    movable = MovableMesh.of(mesh, Rules())
+    movable = MovableMesh.of(mesh, rules)
     return outlines_described(movable), hints(movable)
 
 

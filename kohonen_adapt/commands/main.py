@@ -5,6 +5,7 @@ import logging
 import os
 import shlex
 import warnings
+from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -187,7 +188,7 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))
     found = list(faults(corners))
-    lines, hinted = moving(mesh)
+    lines, hinted = moving(mesh, dict(ChainMap(*arguments.surfaces)))
     terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
     terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
     return FAILED if found else DONE

@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections import ChainMap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,7 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
         seed=arguments.seed,
         periodic=[(one, other) for one, other in arguments.periodic],
         layers={name: _number_or_name(count) for name, count in arguments.layers} or None,
+        surfaces=dict(ChainMap(*arguments.surfaces)) or None,
     )
     terminal.show("write")
     write_mesh(out, after, groups=groups)

@@ -70,5 +70,6 @@ def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
         where = f" in {', '.join(names[:NAMED])}{more}" if names else ""
         yield (
             f"{np.sum(small)} patches of one face or two{where}: their nodes stay where they are. If that is a curved "
-            'surface, say so: surfaces={"NAME": ka.Cylinder(point, axis, radius)}, or ka.Sphere, ka.Cone.'
+            'surface, say so: surfaces={"NAME": ka.Cylinder(point, axis, radius)}, or ka.Sphere, ka.Cone; here the '
+            "option --surfaces."
         )

@@ -209,7 +209,7 @@ class MovableSolid:
         return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
 
     def farthest_surface(self) -> str:
-        """Which surface is farthest from its faces: the boundaries that it is part of, or what lies beside it."""
+        """Which surface is farthest from its faces: boundaries that it is part of, what is beside it, or its place."""
         tet = self.tetrahedralization
         p = np.argmax(left_out(tet.position, tet.elements, self.patches))
         names = [name for name, manner in self.patches.names.items() if manner[p]]
@@ -217,7 +217,12 @@ class MovableSolid:
             return f"boundary {' + '.join(map(repr, names))}"
         beside = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
         found = named_sets(tet.mesh.subdomains).items()
-        return listed(name for name, rows in found if beside & set(tet.region_of_input[rows].tolist()))
+        names = [name for name, rows in found if beside & set(tet.region_of_input[rows].tolist())]
+        if names:
+            return listed(names)
+        e, k = np.argwhere(tet.elements.patch == p)[0]
+        x = tet.position[tet.elements.node[e, FACES[k]]].mean(axis=0)
+        return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
     def can_move(self) -> bool:
         """Whether any node is free to move or to slide."""

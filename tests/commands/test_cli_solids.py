@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.mesh_files import in_front, two_boxes
+from helpers.random_solids import cone
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -115,6 +116,41 @@ def test_curved_surfaces_that_nothing_was_recognised_as(tmp_path, capsys):
     egg = MeshTet(0.1 * x * scale, mesh.t)  # an ellipsoid
     said = said_of(whole(egg), tmp_path, capsys)
     assert "patches of one face or two in 'rim': their nodes stay where they are." in said
+
+
+TOLD = 'side = {surface = "cone", apex = [0, 0, 2.0], axis = [0, 0, -1], half_angle = 0.4636476090008061}'
+
+
+def test_surfaces_are_told_to_check_and_to_relocate(tmp_path, capsys):
+    mesh, surface = cone(6)
+    before, after = (str(tmp_path / name) for name in ("before.msh", "after.msh"))
+    mesh = MeshTet(mesh.p, mesh.t, mesh.boundaries)
+    ka.write_mesh(before, mesh)
+    cli.main(["check", before])
+    assert "1 cone" not in capsys.readouterr().out
+    cli.main(["check", before, "--surfaces", TOLD])
+    assert "surfaces: 3 patches, 2 planes, 1 cone, 2 ridges" in capsys.readouterr().out
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"want": 1.0 + mesh.p[0, mesh.t].mean(axis=0) ** 2})
+    density = ["--density", str(tmp_path / "field.vtu:want")]
+    assert cli.main(["relocate", before, *density, "-o", after, "--surfaces", TOLD]) == 0
+    found = ka.read_mesh(after)
+    x = found.p[:, np.unique(found.facets[:, found.boundaries["side"]])]
+    assert np.abs(surface.project(x) - x).max() < 1e-12 and not np.array_equal(found.p, mesh.p)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("side = ka.Sphere", "Invalid value"),
+        ("side = 3", "surfaces.side must be a table with a key surface, one of 'plane', 'sphere', 'cylinder', 'cone'"),
+        ('side = {surface = "sphere", radius = 1.0}', "surfaces.side.centre is missing"),
+        ('side = {surface = "sphere", centre = [0, 0, 0], radius = -1.0}', "surfaces.side: radius of a Sphere must be"),
+    ],
+)
+def test_surfaces_that_are_none_are_refused(text, message, capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "it.msh", "--surfaces", text])
+    assert message in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])

@@ -1,5 +1,6 @@
 """Patches on spheres, cylinders and surfaces that are told, and ridges between them: recognised, kept to, refused."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -291,6 +292,12 @@ def test_how_far_faces_are_off_is_told():
     assert solid.sagitta() == pytest.approx(1.0 - np.cos(np.pi / count), rel=1e-9)
     assert solid.farthest_surface() == "boundary 'rim'"
     assert MovableSolid.of(cut(2), Rules()).sagitta() == 0.0
+
+
+def test_the_farthest_surface_of_a_body_without_names_is_told_by_its_place():
+    said = MovableSolid.of(ball(4, 2.0), Rules()).farthest_surface()
+    place = np.array(re.fullmatch(r"one without a name, with a face near \((.*)\)", said)[1].split(", "), dtype=float)
+    assert 1.5 < np.linalg.norm(place) < 2.0
 
 
 def wrapped(surface):
