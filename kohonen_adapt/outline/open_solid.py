@@ -75,11 +75,12 @@ class OpenSolid:
         empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), room)[: room - len(node)])
         stack = np.empty(room, dtype=np.int32)
         stack[: room - used] = np.sort(empty)[::-1]
+        position, elements, freedom = records_of(state)
         mesh = OpenTetrahedra(
-            state["position"],
-            Tetrahedra(*(state[name] for name in BY_ELEMENT)),
+            position,
+            elements,
             movable.surfaces,
-            Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"]),
+            freedom,
             Pool(padded(first, rows, -1), free_rows(n, rows), stack, np.array([rows - n, room - used], dtype=np.int64)),
             Origins(fineness, numbers, hint, pinched, bulge),
             Cavity.of(rows, room),
@@ -89,6 +90,15 @@ class OpenSolid:
         queue = Queue.of(room)
         enter_worse(mesh, queue, 1.0)
         return cls(state, mesh, queue)
+
+    def copy(self) -> "OpenSolid":
+        """The solid as it is now, which later changes leave alone; scratch is shared."""
+        state = {name: array.copy() for name, array in self.state.items()}
+        position, elements, freedom = records_of(state)
+        pool = Pool(*(array.copy() for array in self.mesh.pool))
+        origins = Origins(*(array.copy() for array in self.mesh.origins))
+        own = OpenTetrahedra(position, elements, self.mesh.surfaces, freedom, pool, origins, self.mesh.cavity)
+        return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
 
     def swap(self) -> int:
         """Swap until no swap makes the worst of what it touches better; returns how often."""
@@ -160,6 +170,12 @@ class OpenSolid:
         state[nodes], state[across] = number[state[nodes]], place[state[across]]
         movable.become(state)
         return kept
+
+
+def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
+    """The arrays of a state as loops take them."""
+    freedom = Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"])
+    return state["position"], Tetrahedra(*(state[name] for name in BY_ELEMENT)), freedom
 
 
 def swap_elements(movable: MovableSolid) -> None:

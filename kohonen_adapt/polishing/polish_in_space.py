@@ -54,6 +54,7 @@ def descend_and_recycle_in_space(
 ) -> tuple[Recycled, float]:
     """Sweep as often as the plan says, and between two of its numbers exchange nodes by energy.
 
+    An exchange may raise the functional, for sweeps and swaps win more back; where they do not it is undone with them.
     Returns what was recycled in all, that of before included, and what all of it took off the functional. A plan of one
     number keeps all nodes; where some are exchanged, all are put in the order of a space-filling curve.
     """
@@ -62,10 +63,14 @@ def descend_and_recycle_in_space(
     descent.came_from(recycled)
     gain = descent.descend(plan[0], eager)
     for sweeps in plan[1:]:
+        before, more, lowered = descent, 0, 0.0
         if goes_on:
+            before = descent.copy()
             more, lowered = descent.recycle()
-            pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
-        gain += descent.descend(sweeps, eager)
+        lowered += descent.descend(sweeps, eager)
+        if lowered < 0.0:
+            descent, more, lowered = before, 0, 0.0
+        pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
     rows, origins = descent.opened.hand_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
     known = {"old": origins.old[rows], "hint": origins.hint[rows]}
     return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known), gain
@@ -112,6 +117,11 @@ class Descent:
         seen = np.zeros((len(opened.mesh.elements.node), 2))
         return cls(opened, functional, own, movable.floor, movable.flips, seen)
 
+    def copy(self) -> "Descent":
+        """The solid and the function as they are now, which later changes leave alone."""
+        trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
+        return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
+
     def came_from(self, recycled: Recycled) -> None:
         """Know nodes by what they were before they were recycled."""
         origins, n = self.opened.mesh.origins, len(recycled.old)
@@ -135,7 +145,7 @@ class Descent:
         return swap_in_space(self.opened, self.functional, self.trial, self.seen, self.floor)
 
     def recycle(self) -> tuple[int, float]:
-        """Exchange nodes by energy; returns how many, and what that took off the functional."""
+        """Exchange nodes by energy; returns how many, and what that took off the functional, or added if negative."""
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 
     def sweep(self, freedom: Freedom, order: Nodes) -> float:
