@@ -1,6 +1,6 @@
 """Read and write the folder in which Elmer has a mesh: its nodes, elements and boundary, and names for their numbers.
 
-An element of Elmer is in one body and a side in one boundary, so what overlaps cannot be written.
+An element of Elmer is in one body and a facet in one boundary, so what overlaps cannot be written.
 """
 
 import re
@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_files
@@ -29,6 +29,9 @@ KINDS = {"101": 15, "202": 1, "203": 8, "303": 2, "306": 9, "504": 4, "510": 11}
 
 SHAPES = {"4": 3, "6": 7, "7": 6, "8": 5}
 """First digits of what is refused anyhow: quadrilaterals, pyramids, prisms and hexahedra."""
+
+WRITTEN_AS = {2: (303, 202), 3: (504, 303)}
+"""Dimension to Elmer's numbers for the types of elements and of facets."""
 
 NAME = re.compile(r"\$\s*(\S.*?)\s*=\s*([0-9]+)\s*")
 
@@ -79,33 +82,37 @@ def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
     return names
 
 
-def write_elmer(folder: Path, mesh: MeshTri, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
+def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
     """Write a mesh for Elmer; arguments as `write_mesh` has checked them.
 
     Raises
     ------
     ValueError
-        If two subdomains have an element in common, or two boundaries a side.
+        If two subdomains have an element in common, or two boundaries a facet.
     """
-    numbers = numbers_for({2: subdomains, 1: boundaries}, groups)
-    body = _numbered(subdomains, 2, mesh.t.shape[1], numbers)
-    boundary = _numbered(boundaries, 1, mesh.facets.shape[1], numbers)
+    d, (kind, of_facet) = len(mesh.p), WRITTEN_AS[len(mesh.p)]
+    numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
+    body = _numbered(subdomains, d, mesh.t.shape[1], numbers)
+    boundary = _numbered(boundaries, d - 1, mesh.facets.shape[1], numbers)
     facets = np.flatnonzero(boundary)
     side = np.zeros(mesh.facets.shape[1], np.int64)
     for items in boundaries.values():
         side[np.asarray(items)] = getattr(items, "ori", 0)
-    elements = [1 + np.arange(len(body)), body, np.full(len(body), 303), *(1 + mesh.t)]
-    ends = 1 + directed(mesh, facets, side[facets]).T
-    sides = [1 + np.arange(len(facets)), boundary[facets], *(1 + mesh.f2t[:, facets]), np.full(len(facets), 202), *ends]
-    counts = f"{mesh.p.shape[1]} {len(body)} {len(facets)}\n2\n202 {len(facets)}\n303 {len(body)}\n"
+    elements = [1 + np.arange(len(body)), body, np.full(len(body), kind), *(1 + mesh.t)]
+    corners, types = 1 + directed(mesh, facets, side[facets]).T, np.full(len(facets), of_facet)
+    sides = [1 + np.arange(len(facets)), boundary[facets], *(1 + mesh.f2t[:, facets]), types, *corners]
+    counts = f"{mesh.p.shape[1]} {len(body)} {len(facets)}\n2\n{of_facet} {len(facets)}\n{kind} {len(body)}\n"
+    places = np.vstack([mesh.p, np.zeros((3 - d, mesh.p.shape[1]))]).T.tolist()
     folder.mkdir(exist_ok=True)
     with whole_files(folder) as draft:
         (draft / HEADER).write_text(counts, encoding="utf-8")
-        rows = [f"{number} -1 {x!r} {y!r} 0\n" for number, (x, y) in enumerate(mesh.p.T.tolist(), 1)]
+        rows = [f"{number} -1 {x!r} {y!r} {z!r}\n" for number, (x, y, z) in enumerate(places, 1)]
         (draft / "mesh.nodes").write_text("".join(rows), encoding="utf-8")
         for name, columns in (("mesh.elements", elements), ("mesh.boundary", sides)):
             np.savetxt(draft / name, np.column_stack(columns), "%d")
-        (draft / "mesh.names").write_text("".join(_named(subdomains, boundaries, numbers)), encoding="utf-8")
+        (draft / "mesh.names").write_text(
+            "".join(_named({d: subdomains, d - 1: boundaries}, numbers)), encoding="utf-8"
+        )
 
 
 def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int, str], int]) -> Ints:
@@ -120,7 +127,8 @@ def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int
     return number
 
 
-def _named(subdomains: Sets, boundaries: Sets, numbers: Mapping[tuple[int, str], int]) -> Iterator[str]:
-    for dimension, kind, sets in ((2, "bodies", subdomains), (1, "boundaries", boundaries)):
+def _named(sets_of: Mapping[int, Sets], numbers: Mapping[tuple[int, str], int]) -> Iterator[str]:
+    """Lines for bodies and boundaries, in this order, by their dimensions."""
+    for (dimension, sets), kind in zip(sets_of.items(), ("bodies", "boundaries"), strict=True):
         yield f"! ----- names for {kind} -----\n"
         yield from (f"$ {name} = {numbers[dimension, name]}\n" for name in sets)

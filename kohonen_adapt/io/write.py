@@ -99,8 +99,6 @@ def write_mesh(
     if for_elmer:
         if points or cells:
             raise ValueError("a mesh of Elmer holds no fields; write them to a file.")
-        if len(mesh.p) == 3:
-            raise ValueError("a mesh of Elmer is written of triangles only; write .msh: ElmerGrid 14 2 MESH.msh.")
         if is_second_order(mesh):
             raise ValueError(
                 "a mesh of Elmer is written with straight sides only; got a MeshTri2. Write its corners: "
