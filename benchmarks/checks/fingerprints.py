@@ -15,6 +15,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.problems.c_core import CCore, c_core_mesh
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
+from benchmarks.problems.solids import BUMP, EDGE, FICHERA
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from benchmarks.table import aligned
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
@@ -179,5 +180,8 @@ RUNS: dict[str, Callable[[], ka.AdaptResult | MeshTri]] = {
     "square, pairs and layers": _periodic,
     "L, polish alone": lambda: ka.polish(l_shaped_mesh(16), LShape()),
     "L, the paper's map": _paper,
+    "E in space": lambda: ka.adapt(EDGE.mesh(5), EDGE, passes=3),
+    "F in space, grown": lambda: ka.adapt(FICHERA.mesh(2), FICHERA, passes=3, target_nodes=400),
+    "B in space, no polish": lambda: ka.adapt(BUMP.mesh(8), BUMP, passes=2),
 }
 SLOW = ("motor, pairs and layers", "actuator around its axis")

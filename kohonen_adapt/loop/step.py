@@ -75,6 +75,7 @@ class Room(NamedTuple):
     report: Callable[[Any, Any], None]  # of movable meshes before and after: what their curved sides leave out
     # Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants
     # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
+    # How many are best is measured: `python -m benchmarks space-passes`.
     by_density: int
     stalls: Callable[[tuple[Pass, ...]], bool]  # whether the last passes have gained nothing
     plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between its numbers
