@@ -1,12 +1,12 @@
 """Hold what a case says, and complete it by what its mesh file has to say."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.tables import GOAL_UNITS, Quantity
 from kohonen_adapt.cases.turning import turned_materials
@@ -14,7 +14,9 @@ from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.mesh.cells import check_kind
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
+from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
@@ -48,7 +50,7 @@ class Case:
 
     mesh: Path
     scale: float
-    stated: Magnetostatics
+    stated: Magnetostatics | MagneticScalarPotential
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     turn: dict[str, float] = field(default_factory=dict)
@@ -70,8 +72,10 @@ class Case:
         return read_groups(self.mesh)
 
     @cached_property
-    def problem(self) -> Magnetostatics:
+    def problem(self) -> Magnetostatics | MagneticScalarPotential:
         """What is to be solved: of the mesh file are points that its potential names, and where magnets are turned to.
+
+        Of tetrahedra it is what a case for the plane means there.
 
         Raises
         ------
@@ -80,15 +84,24 @@ class Case:
         OSError
             If it cannot be read.
         """
-        return self._turned(self._with_points())
+        if isinstance(self.stated, MagneticScalarPotential):
+            return self.stated
+        if self.mesh.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
+            return in_space(self.stated)
+        return self._turned(self._with_points(self.stated))
 
-    def _with_points(self) -> Magnetostatics:
-        given = self.stated.boundaries
+    @property
+    def goal(self) -> Goal | None:
+        """The goal of a problem in the plane."""
+        return self.problem.goal if isinstance(self.problem, Magnetostatics) else None
+
+    def _with_points(self, stated: Magnetostatics) -> Magnetostatics:
+        given = stated.boundaries
         wanted = given.potential.keys() - given.points.keys()
         if not wanted or not self.mesh.is_file():
-            return self.stated
+            return stated
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
-        return replace(self.stated, points={**given.points, **found}) if found else self.stated
+        return replace(stated, points={**given.points, **found}) if found else stated
 
     def _turned(self, problem: Magnetostatics) -> Magnetostatics:
         if not self.turn:
@@ -107,25 +120,34 @@ class Case:
             If it cannot be read.
         """
         mesh = read_mesh(self.mesh, scale=self.scale)
-        check_kind(mesh, bent=True)
+        check_kind(mesh, bent=True, space=True)
+        _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.stated.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:
         """The outputs by name and unit, as ``pull (N/m)``: totals are per metre unless there is a depth or an axis."""
+        potential = "Wb/m" if isinstance(self.problem, Magnetostatics) else "A"
         return {
-            f"{name} ({each.unit if each.local else self._as_total(each.unit)})": each
+            f"{name} ({(each.unit or potential) if each.local else self._as_total(each.unit)})": each
             for name, each in self.outputs.items()
         }
 
     @property
+    def energy_unit(self) -> str:
+        """Of squared indicators, whatever the depth."""
+        return "J/m" if isinstance(self.problem, Magnetostatics) and not self.problem.axisymmetric else "J"
+
+    @property
     def goal_unit(self) -> str:
         """The unit of the goal, as ``N/m``; empty where there is none."""
-        return "" if self.problem.goal is None else self._as_total(GOAL_UNITS[type(self.problem.goal)])
+        return "" if self.goal is None else self._as_total(GOAL_UNITS[type(self.goal)])
 
     def _as_total(self, unit: str) -> str:
-        return unit if self.problem.axisymmetric or self.problem.depth is not None else f"{unit}/m"
+        problem = self.problem
+        flat = isinstance(problem, Magnetostatics) and not problem.axisymmetric and problem.depth is None
+        return f"{unit}/m" if flat else unit
 
     @property
     def pinned(self) -> list[int | str]:
@@ -164,6 +186,8 @@ class Case:
         dict
             By name.
         """
+        if not isinstance(self.problem, Magnetostatics):
+            return {**self.adapt, "pinned": self.pins(mesh)}
         curves = dict(self.adapt.get("curves") or {})
         taken = np.concatenate([[], *(np.asarray((mesh.boundaries or {}).get(name, [])) for name in curves)])
         told = dict[str, Arc | Line | Spline]()
@@ -176,6 +200,27 @@ class Case:
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
         return {**self.adapt, "pinned": self.pins(mesh)} | ({"curves": curves} if curves else {})
+
+
+def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
+    if type(mesh) is TETRAHEDRON.mesh and turn:
+        raise ValueError("turn is for meshes of the plane; draw what turns at its angle.")
+
+
+def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
+    """What a case that could be one of the plane says of tetrahedra; refused is what it says of the plane alone."""
+    plain = Magnetostatics(stated.materials, stated.potential or {"": 0.0}, estimator=stated.estimator)
+    shared = ("materials", "potential", "estimator")
+    alone = [each.name for each in fields(stated) if each.name not in shared and not _same(each.name, stated, plain)]
+    if alone:
+        raise ValueError(f"{', '.join(alone)}: for meshes of the plane only, and the mesh is one of tetrahedra.")
+    return MagneticScalarPotential(stated.materials, stated.potential, estimator=stated.estimator)
+
+
+def _same(name: str, one: Magnetostatics, other: Magnetostatics) -> bool:
+    """Whether an argument is as nobody asked for, of the order by its kind: `Chosen`, or 1, as it is in space."""
+    given, default = getattr(one, name), getattr(other, name)
+    return bool(given == default and type(given) is type(default)) or (name == "order" and given == 1)
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:

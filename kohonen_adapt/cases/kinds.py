@@ -14,6 +14,7 @@ __all__ = [
     "POINT",
     "POINTS",
     "TEXT",
+    "VECTOR",
     "Kind",
     "Reader",
     "UnknownKeyError",
@@ -104,6 +105,12 @@ def tuple_of(kinds: Sequence[Kind]) -> Kind:
 
 POINT = tuple_of([NUMBER, NUMBER])
 POINTS = list_of(POINT)
+VECTOR = Kind(
+    (list,),
+    f"{POINT.wanted}, in space three of them",
+    lambda given: len(given) in (2, 3),
+    lambda given, place: tuple(NUMBER(value, f"{place}[{k}]") for k, value in enumerate(given)),
+)
 
 
 def kind_of(annotation: Any) -> Kind | None:
@@ -119,7 +126,7 @@ def kind_of(annotation: Any) -> Kind | None:
     if origin in (Union, UnionType):
         return _either(kinds)
     if origin is tuple:
-        return tuple_of(kinds)
+        return VECTOR if Ellipsis in arguments else tuple_of(kinds)
     if origin in (list, Sequence):
         return list_of(kinds[0])
     return table_of(kinds[1]) if origin is Mapping and len(kinds) == 2 else None

@@ -12,7 +12,17 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.cases.kinds import NUMBER, TEXT, Reader, UnknownKeyError, about, kinds_of, read_table, table_of
+from kohonen_adapt.cases.kinds import (
+    NUMBER,
+    TEXT,
+    VECTOR,
+    Reader,
+    UnknownKeyError,
+    about,
+    kinds_of,
+    read_table,
+    table_of,
+)
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
@@ -23,6 +33,8 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
 
@@ -31,7 +43,11 @@ __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 PROBLEM = kinds_of(
     Magnetostatics, {"potential": table_of(POTENTIAL), "periodic": PAIRS, "antiperiodic": PAIRS, "goal": goal}
 )
+PROBLEM["applied_field"] = VECTOR
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
+
+SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR})
+"""The same of `MagneticScalarPotential`."""
 
 ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})
 del ADAPT["checkpoint"]
@@ -107,6 +123,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "scale": NUMBER,
         "materials": table_of(material_in(folder)),
         **PROBLEM,
+        **SPACE,
         "adapt": lambda value, place: read_table(value, ADAPT, place),
         "outputs": table_of(quantity),
         "turn": table_of(NUMBER),
@@ -116,10 +133,30 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
         raise ValueError(f"{error}{_home_of(error.key, readers)}") from None
-    problem = Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
+    problem = _problem(values)
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     return Case(
         folder / values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", "")
+    )
+
+
+def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotential:
+    """What a case states: in space where it has vectors of three components, or a key that is of space alone.
+
+    What could be either is stated in the plane; `Case.problem` knows the mesh.
+    """
+    vectors = [getattr(each, kind) for each in values["materials"].values() for kind in ("remanence", "coercivity")]
+    solid = any(isinstance(each, tuple) and len(each) == 3 for each in [*vectors, values.get("applied_field")])
+    if not solid and "symmetry" not in values:
+        return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
+    flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
+    if flat:
+        raise ValueError(
+            f"{', '.join(flat)}: for meshes of the plane only, but the case has vectors of three components, or "
+            "symmetry, which are for tetrahedra."
+        )
+    return MagneticScalarPotential(
+        values["materials"], **{key: values[key] for key in SPACE if key in values and key != "materials"}
     )
 
 
@@ -163,37 +200,41 @@ def fitting_mesh(case: Case) -> MeshTri:
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # bent sides may fold elements over: `adapt` bends them anew
     blank = _blank(case.problem, mesh)
-    if case.problem.goal is not None:
+    if isinstance(blank, Field) and case.goal is not None:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
                 "adapt.rtol is a share of the energy norm, which is no measure of a goal; leave it out, or give atol, "
                 "the root of what is allowed, or output_rtol."
             )
         with about("goal"):
-            case.problem.goal.derivative(blank)
+            case.goal.derivative(blank)
     for name, each in case.outputs.items():
         with about(f"outputs.{name}"):
             each(blank)
     with about("adapt"), suppress(_Checked):
-        adapt(mesh, _Unsolved(**vars(case.problem)), outputs=case.outputs, **case.options(mesh))
+        adapt(mesh, _Unsolved(case.problem), outputs=case.outputs, **case.options(mesh))
     return mesh
 
 
 def _check_names(case: Case, mesh: MeshTri) -> None:
     """Refuse what is wrong with the potentials of a case, but would be clear to the author of a program."""
-    given = case.problem.boundaries
-    if not named_sets(mesh.boundaries) and given.potential.keys() - given.points.keys():
+    problem = case.problem
+    points = problem.boundaries.points if isinstance(problem, Magnetostatics) else {}
+    given = problem.potential or {}
+    if not named_sets(mesh.boundaries) and given.keys() - points.keys():
         raise ValueError(
             "potential must name a boundary, and the mesh file names no part of its rim: for a name of the whole rim "
             'write rim = "outer" above all tables, or give its lines a physical group.'
         )
-    for value in given.potential.values():
+    for value in given.values():
         if isinstance(value, TabulatedPotential):
             value.check(mesh)
 
 
-def _blank(problem: Magnetostatics, mesh: MeshTri) -> Field:
+def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
     """The field of A = 0, by elements of order 1: goals and outputs refuse it where they would refuse the solution."""
+    if isinstance(problem, MagneticScalarPotential):
+        return problem.stated(mesh)[1]
     given = coefficients(mesh, problem.materials, problem.ampere_turns)
     symmetry = AXISYMMETRIC if problem.axisymmetric else PLANAR
     return Field(mesh, np.zeros(mesh.nvertices), given, symmetry, problem.depth)
@@ -203,8 +244,17 @@ class _Checked(Exception):
     """Ends `adapt` at its first solve: it has checked everything by then."""
 
 
-class _Unsolved(Magnetostatics):
-    """A problem that ends there."""
+class _Unsolved:
+    """A problem that ends there, and is asked for all else as it is."""
 
-    def solve(self, mesh: MeshTri) -> Field:
+    def __init__(self, problem: Magnetostatics | MagneticScalarPotential) -> None:
+        self._problem = problem
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._problem, name)
+
+    def solve(self, mesh: MeshTri) -> Any:
+        raise _Checked
+
+    def indicators(self, mesh: MeshTri, solution: Any) -> Any:
         raise _Checked

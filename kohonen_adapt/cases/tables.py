@@ -9,12 +9,13 @@ from typing import Any, Literal
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, Kind, Reader, called, list_of, made, made_by_name
+from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, VECTOR, Kind, Reader, called, list_of, made, made_by_name
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.spline import Spline
@@ -41,6 +42,8 @@ __all__ = [
 ]
 
 Point = tuple[float, float]
+Place = tuple[float, ...]  # of two coordinates, or in space of three
+Axis = Literal["x", "y", "z"]
 
 LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
 
@@ -54,10 +57,14 @@ PATTERNS: dict[str, Callable[..., Vector]] = {"radial": radial, "halbach": halba
 
 
 def _vector(given: Any, place: str) -> Vector:
-    return made_by_name(PATTERNS, "pattern", given, place) if isinstance(given, dict) else POINT(given, place)
+    return made_by_name(PATTERNS, "pattern", given, place) if isinstance(given, dict) else VECTOR(given, place)
 
 
-MAGNET = Kind((list, dict), f'{POINT.wanted} or a pattern as {{pattern = "radial", magnitude = 1.2}}', read=_vector)
+MAGNET = Kind(
+    (list, dict),
+    f'{POINT.wanted} or a pattern as {{pattern = "radial", magnitude = 1.2}}; in space three numbers',
+    read=_vector,
+)
 """A remanence or a coercivity."""
 
 
@@ -99,48 +106,75 @@ def _read(path: Path, place: str) -> Table:
 class Quantity:
     """A function of a field, its unit, and the subdomains that it asks for."""
 
-    function: Callable[[Field], float]
+    function: Callable[[Any], float]  # of a `Field`, or in space of a `SolidField`
     unit: str  # with a depth, where it is no local one
     bodies: tuple[str, ...] = ()
-    centre: Point | None = None  # about which the bodies are turned
+    centre: Place | None = None  # about which the bodies are turned
     local: bool = False  # whether it is of a point
 
-    def __call__(self, field: Field) -> float:
+    def __call__(self, field: Field | SolidField) -> float:
         """Its value."""
         return float(self.function(field))
 
 
-def _force(body: str | list[str], component: Literal["x", "y"]) -> Quantity:
-    names = _names(body)
-    return Quantity(lambda field: field.force(names)["xy".index(component)], "N", names)
+def _along(vector: Floats, component: Axis) -> float:
+    """A component of a vector of the field."""
+    if "xyz".index(component) >= len(vector):
+        raise ValueError(f"component must be one that the field has, x or y in the plane; got {component!r}.")
+    return vector["xyz".index(component)]
 
 
-def _torque(body: str | list[str], centre: Point = (0.0, 0.0)) -> Quantity:
+def _force(body: str | list[str], component: Axis) -> Quantity:
     names = _names(body)
-    return Quantity(lambda field: field.torque(names, centre), "N m", names, centre)
+    return Quantity(lambda field: _along(field.force(names), component), "N", names)
+
+
+def _torque(body: str | list[str], centre: Place = (), component: Axis = "z") -> Quantity:
+    names = _names(body)
+
+    def value(field: Field | SolidField) -> float:
+        if isinstance(field, SolidField):
+            return _along(field.torque(names, centre or (0.0, 0.0, 0.0)), component)
+        if component != "z":
+            raise ValueError(f"a torque in the plane is about the z axis; got component {component!r}.")
+        return field.torque(names, centre or (0.0, 0.0))
+
+    return Quantity(value, "N m", names, centre or (0.0, 0.0))
 
 
 def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
     names = _names(coil)
-    return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
+    return Quantity(lambda field: _offering(field, "flux_linkage")(names, turns), "Wb", names)
 
 
-def _potential(at: Point) -> Quantity:
-    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (2, 1))), at), "Wb/m", local=True)
+def _flux(surface: str) -> Quantity:
+    return Quantity(lambda field: _offering(field, "flux")(surface), "Wb")
 
 
-def _flux_density(at: Point, component: Literal["x", "y"], recovered: bool = False) -> Quantity:
-    def value(field: Field) -> float:
-        found = field.flux_density_at(np.reshape(at, (2, 1)), recovered=recovered)
-        return _inside(found["xy".index(component)], at)
+def _offering(field: Field | SolidField, name: str) -> Callable[..., float]:
+    """A method that not all fields have."""
+    if not hasattr(field, name):
+        raise ValueError("quantity flux_linkage is for meshes of the plane, quantity flux for tetrahedra.")
+    return getattr(field, name)
+
+
+def _potential(at: Place) -> Quantity:
+    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (-1, 1))), at), "", local=True)
+
+
+def _flux_density(at: Place, component: Axis, recovered: bool = False) -> Quantity:
+    def value(field: Field | SolidField) -> float:
+        found = field.flux_density_at(np.reshape(at, (-1, 1)), recovered=recovered)
+        return _along(_inside(found, at), component)
 
     return Quantity(value, "T", local=True)
 
 
-def _inside(value: Floats, at: Point) -> float:
-    if np.isnan(value[0]):
+def _inside(value: Floats, at: Place) -> Any:
+    """What a field has at the only point there is."""
+    if np.isnan(value).any():
         raise ValueError(f"at must be a point [x, y] of the mesh, in metres; {list(at)} is outside.")
-    return float(value[0])
+    return value[..., 0]
 
 
 def _names(given: str | list[str]) -> tuple[str, ...]:
@@ -153,6 +187,7 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
     "force": _force,
     "torque": _torque,
     "flux_linkage": _flux_linkage,
+    "flux": _flux,
     "flux_density": _flux_density,
     "potential": _potential,
     "energy": lambda: Quantity(lambda field: field.energy, "J"),

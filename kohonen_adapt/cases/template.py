@@ -8,16 +8,22 @@ from itertools import combinations
 from string import Template
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["case_text"]
 
+GIVEN = {
+    2: "A in Wb/m; where none is given, flux crosses the boundary at a right angle",
+    3: "phi in A, 0 beyond much air; where none is given, no flux crosses the boundary",
+}
 
-def case_text(mesh: MeshTri, file: str, scale: float, *, points: Iterable[str] = ()) -> str:
+
+def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()) -> str:
     """The text of a case.
 
     Parameters
@@ -34,17 +40,19 @@ def case_text(mesh: MeshTri, file: str, scale: float, *, points: Iterable[str] =
     Returns
     -------
     str
-        TOML: every subdomain is air, and A = 0 on the boundary that holds more than half of the rim, if one does, and
-        on the whole rim where no part of it has a name. Subdomains that overlap those, other boundaries and an example
-        of every other key are commented out.
+        TOML: every subdomain is air, and the potential 0 on the boundary that holds more than half of the rim, if one
+        does, and on the whole rim where no part of it has a name. Subdomains that overlap those, other boundaries and
+        an example of every other key are commented out.
     """
-    width, height = np.ptp(mesh.p, axis=1)
-    return Template(files(__package__).joinpath("template.toml").read_text(encoding="utf-8")).substitute(
+    sizes = [f"{size:.4g}" for size in np.ptp(mesh.p, axis=1)]
+    name = "template.toml" if len(mesh.p) == 2 else "template_in_space.toml"
+    return Template(files(__package__).joinpath(name).read_text(encoding="utf-8")).substitute(
         _names(mesh),
         mesh=_quoted(file),
         scale=float(scale),
-        width=f"{width:.4g}",
-        height=f"{height:.4g}",
+        width=sizes[0],
+        height=sizes[1],
+        size=" x ".join(sizes),
         left=float(mesh.p[0].min()),
         right=float(mesh.p[0].max()),
         node=mesh.p[:, 0].tolist(),
@@ -56,7 +64,7 @@ def case_text(mesh: MeshTri, file: str, scale: float, *, points: Iterable[str] =
     )
 
 
-def _names(mesh: MeshTri) -> dict[str, str]:
+def _names(mesh: Mesh) -> dict[str, str]:
     """What examples are about: the smallest subdomain, the boundary with most of the rim, two that may be a pair."""
     sets, part, sides = named_sets(mesh.subdomains), area(mesh), _shares(mesh)
     subdomain = min(sorted(sets), key=lambda name: float(part[sets[name]].sum()), default="coil")
@@ -72,31 +80,32 @@ def _names(mesh: MeshTri) -> dict[str, str]:
     }
 
 
-def _rim(mesh: MeshTri) -> str:
+def _rim(mesh: Mesh) -> str:
     """The key that names the whole rim, for a mesh that names no part of it."""
     line = f"rim = {_quoted(_own_name(mesh))}  # a name for the whole rim, holes included"
     return f"# {line}" if any(_shares(mesh).values()) else f"{line}: the mesh has none for any part of it"
 
 
-def _own_name(mesh: MeshTri) -> str:
+def _own_name(mesh: Mesh) -> str:
     """A name that nothing in the mesh has."""
     taken = {*(mesh.boundaries or {}), *(mesh.subdomains or {})}
     return next(name for name in ("rim", *(f"rim {k}" for k in range(len(taken)))) if name not in taken)
 
 
-def _materials(mesh: MeshTri) -> Iterator[str]:
+def _materials(mesh: Mesh) -> Iterator[str]:
     sets, part = named_sets(mesh.subdomains), area(mesh) / area(mesh).sum()
+    whole, group = ("the area", "surface") if len(mesh.p) == 2 else ("the volume", "volume")
     chosen = _partition(sets, part)
     for name, rows in sorted(sets.items()):
-        share = f"{100.0 * part[rows].sum():.3g} % of the area"
+        share = f"{100.0 * part[rows].sum():.3g} % of {whole}"
         if name in chosen:
             yield f"\n[materials.{_key(name)}]  # {share}\npermeability = 1.0"
         else:
             yield f"\n# [materials.{_key(name)}]  # {share}; it overlaps others, or is empty"
     bare = 1.0 - sum(part[sets[name]].sum() for name in chosen)
     if bare > 1e-9:
-        share = f"{100.0 * bare:.3g} % of the area"
-        yield f"\n# {share} has no material above: give it a surface group of its own in the mesh."
+        share = f"{100.0 * bare:.3g} % of {whole}"
+        yield f"\n# {share} has no material above: give it a {group} group of its own in the mesh."
     if not chosen:
         yield "\n[materials]"
 
@@ -117,11 +126,11 @@ def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
     return chosen
 
 
-def _potential(mesh: MeshTri) -> Iterator[str]:
+def _potential(mesh: Mesh) -> Iterator[str]:
     shares = _shares(mesh)
     outer = max(shares, key=lambda name: shares[name], default="")
     most = shares.get(outer, 0.0)
-    yield "\n[potential]  # A in Wb/m; where none is given, flux crosses the boundary at a right angle"
+    yield f"\n[potential]  # {GIVEN[len(mesh.p)]}"
     if 0.0 < most <= 0.5:  # that may be a periodic side as well
         yield "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides."
     if most == 0.0:
@@ -131,18 +140,19 @@ def _potential(mesh: MeshTri) -> Iterator[str]:
         yield f"{'' if name == outer and most > 0.5 else '# '}{_key(name)} = 0.0  # {share}"
 
 
-def _shares(mesh: MeshTri) -> dict[str, float]:
+def _shares(mesh: Mesh) -> dict[str, float]:
     """Which share of the rim is in each boundary, by name."""
     sets = named_sets(mesh.boundaries)
     return {name: _share_of_rim(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
 
 
-def _share_of_rim(mesh: MeshTri, rows: Ints) -> float:
-    """Which share of the length of the rim is in a boundary; 0 if some of it is inside, where A = 0 cuts the field."""
-    rim = mesh.boundary_facets()
-    ends = mesh.p[:, mesh.facets]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
-    return float(length[rows].sum() / length[rim].sum()) if np.isin(rows, rim).all() else 0.0
+def _share_of_rim(mesh: Mesh, rows: Ints) -> float:
+    """Which share of the rim is in a boundary; 0 if some of it is inside, where a potential cuts the field."""
+    rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
+    size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)
+    if len(mesh.p) == 3:
+        size = np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
+    return float(size[rows].sum() / size[rim].sum()) if np.isin(rows, rim).all() else 0.0
 
 
 def _key(name: str) -> str:

@@ -32,6 +32,7 @@ from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
@@ -131,8 +132,8 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
-    if case.problem.goal is not None:
-        value, missing = case.problem.goal(result.solution), case.problem.goal_error(result.solution)
+    if isinstance(case.problem, Magnetostatics) and case.goal is not None:
+        value, missing = case.goal(result.solution), case.problem.goal_error(result.solution)
         exact, unit = value + missing, case.goal_unit
         terminal.say(
             f"The goal is {value:.6g} {unit}; by an estimate of its error the exact one is {exact:.6g} {unit}."
@@ -171,7 +172,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
-    check_kind(mesh, bent=True)
+    check_kind(mesh, bent=True, space=True)
     _doubt(mesh, terminal)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()

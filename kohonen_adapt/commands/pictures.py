@@ -16,6 +16,10 @@ from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
+from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.outline.surfaces import Plane
+from kohonen_adapt.problem.protocol import pairs_of
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
@@ -23,7 +27,8 @@ from kohonen_adapt.som.density import density_from_indicators
 __all__ = ["write_overview", "write_pictures"]
 
 PICTURE, DENSITY, QUALITY, ESTIMATE = "adaptation.png", "density.png", "quality.png", "estimate.png"
-OUTLINES, ANIMATION, REPORT = "outlines.png", "passes.gif", "report.html"
+OUTLINES, SURFACE, CUT = "outlines.png", "surface.png", "cut.png"
+ANIMATION, REPORT = "passes.gif", "report.html"
 
 CAPTIONS = {
     PICTURE: "Meshes, error indicators before and after on one scale, flux lines over |B|, estimate over the passes",
@@ -31,6 +36,8 @@ CAPTIONS = {
     QUALITY: "Quality of the elements before and after",
     ESTIMATE: "Estimate over the number of nodes, with the slope of the best refinement",
     OUTLINES: "Outlines of the adapted mesh: where nodes may go",
+    CUT: "Flux density in a cut through where it is largest, constant in every element",
+    SURFACE: "Flux density on the surface of the mesh",
     ANIMATION: "The mesh, pass by pass",
 }
 """Of the pictures in a report, in its order."""
@@ -66,20 +73,25 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
     from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
 
     unit, order = _length_unit(after), case.problem.order
+    plane = _plane_through(after)
     names = [pin for pin in case.pinned if isinstance(pin, str)]  # nodes have other numbers now
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
         PICTURE: _overview(case, before, after),
-        DENSITY: plotting.plot_density(before.mesh, density, unit=unit).figure,
+        DENSITY: plotting.plot_density(before.mesh, density, plane=plane, unit=unit).figure,
         QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
-        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-0.5 * order).figure,
-        OUTLINES: plotting.plot_outlines(
-            after.mesh, pinned=names, periodic=case.adapt.get("periodic", case.problem.pairs), unit=unit
-        ).figure,
+        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-order / len(after.mesh.p)).figure,
     }
+    if plane is None:
+        pairs = case.adapt.get("periodic", pairs_of(case.problem))
+        figures[OUTLINES] = plotting.plot_outlines(after.mesh, pinned=names, periodic=pairs, unit=unit).figure
+    else:
+        size, label = _magnitude(after.solution), "flux density |B| (T)"
+        figures[SURFACE] = plotting.plot_surface(after.mesh, size, label=label, unit=unit).figure
+        figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, label=label, unit=unit).figure
     for name, figure in figures.items():
         save_figure(folder / name, figure)
-    plotting.animate_passes(folder / ANIMATION, after.history, unit=unit)
+    plotting.animate_passes(folder / ANIMATION, after.history, plane=plane, unit=unit)
     return [*figures, ANIMATION]
 
 
@@ -93,8 +105,9 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
         potential=potential,
         magnitude=magnitude,
         magnitude_label="flux density |B| (T)",
-        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{_energy_unit(case)}}}}}$",
-        lines_title="Flux lines",
+        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{case.energy_unit}}}}}$",
+        lines_title="Flux lines" if len(after.mesh.p) == 2 else "Potential",
+        plane=_plane_through(after),
         unit=_length_unit(after),
     )
 
@@ -110,7 +123,8 @@ def _write_report(
         asked=_asked(case, before),
         point_data=_potentials(case),
         cell_data={"flux density |B| (T)": _magnitude},
-        indicator_label=f"error indicator of an element (√({case.goal_unit or _energy_unit(case)}))",
+        indicator_label=f"error indicator of an element (√({case.goal_unit or case.energy_unit}))",
+        plane=_plane_through(after),
         unit=_length_unit(after),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
@@ -125,7 +139,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     until = f", until {' or '.join(limits)}" if limits else ""
     passes = options.get("passes", PASSES)
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
-    by = f"by the {problem.estimator}" if problem.goal is None else f"for the goal {problem.goal}, by the dual-weighted"
+    by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
     return (
         f"Asked for: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
         f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, {by} estimate of "
@@ -135,6 +149,8 @@ def _asked(case: Case, before: AdaptResult) -> str:
 
 def _potentials(case: Case) -> dict[str, FieldOf]:
     """Per node; the contours of the first are the flux lines."""
+    if not isinstance(case.problem, Magnetostatics):
+        return {"scalar potential (A)": lambda field: field.potential}
     flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown[: field.mesh.nvertices]}
     return {
         **(flux if case.problem.axisymmetric else {}),
@@ -145,14 +161,14 @@ def _potentials(case: Case) -> dict[str, FieldOf]:
 def _magnitude(field: Any) -> Floats:
     """|B| in T: constant in every element, (nelements,), of higher order at the corners of each, (3, nelements)."""
     if field.elements.order == 1:
-        return np.hypot(*field.flux_density)
+        return magnitude(field.flux_density)
     return np.hypot(*field.at_corners.flux_density).reshape(3, -1)
 
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     """What has the flux lines as contours, and |B|, as `draw_field_lines` takes them."""
     if field.elements.order == 1:
-        return field.unknown, _magnitude(field)
+        return field.potential if len(field.mesh.p) == 3 else field.unknown, _magnitude(field)
     share, _ = lattice(field.elements.order)
     at, lines = field.at_each(share), field.potential_at_each(share)
     if field.axisymmetric:
@@ -164,6 +180,10 @@ def _length_unit(result: AdaptResult) -> str:
     return "mm" if np.ptp(result.mesh.p, axis=1).max() < MILLIMETRES else "m"
 
 
-def _energy_unit(case: Case) -> str:
-    """Unit of energies: of squared indicators."""
-    return "J" if case.problem.axisymmetric else "J/m"
+def _plane_through(result: AdaptResult) -> Plane | None:
+    """Where tetrahedra are cut: across y, through the element with the largest |B|; None in the plane."""
+    mesh = result.mesh
+    if len(mesh.p) == 2:
+        return None
+    x, y, z = mesh.p[:, mesh.t[:, np.argmax(_magnitude(result.solution))]].mean(axis=1).tolist()
+    return Plane((x, y, z), (0.0, 1.0, 0.0))

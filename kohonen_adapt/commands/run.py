@@ -150,7 +150,7 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
     write_mesh(
         fields,
         result.mesh,
-        point_data={"A (Wb per m)": field.potential},
+        point_data={"A (Wb per m)" if len(result.mesh.p) == 2 else "phi (A)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
 

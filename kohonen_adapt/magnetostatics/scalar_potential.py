@@ -86,6 +86,7 @@ class MagneticScalarPotential:
     symmetry: Mapping[str, str] | None = None
     estimator: str = "residual"
     norm: ClassVar[str] = "energy"
+    order: ClassVar[int] = 1
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # a subclass may have another
 
     def __post_init__(self) -> None:
@@ -134,7 +135,7 @@ class MagneticScalarPotential:
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
         """
-        energy, field = self._stated(mesh)
+        energy, field = self.stated(mesh)
         steps, given = tuple[NewtonStep, ...](), energy.conditions.values
         if energy.given.pieces:
             # From a solution of another mesh it would take three times as many steps: what interpolation leaves of the
@@ -161,10 +162,26 @@ class MagneticScalarPotential:
         ValueError
             As `solve`, but for equations that have no finite solution.
         """
-        self._stated(mesh)
+        self.stated(mesh)
 
-    def _stated(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
-        """What is to be minimised on a mesh, and the field of u = 0."""
+    def stated(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
+        """What is to be minimised on a mesh, and the field of what is given, 0 elsewhere.
+
+        Parameters
+        ----------
+        mesh
+            As for `solve`.
+
+        Returns
+        -------
+        CoenergyFunctional, SolidField
+            Unsolved.
+
+        Raises
+        ------
+        ValueError
+            As `solve`.
+        """
         if type(mesh) is not MeshTet1:
             plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")

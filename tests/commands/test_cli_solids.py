@@ -171,8 +171,8 @@ def test_relocate_keeps_groups_and_goes_where_it_is_told(tmp_path, capsys, topol
     assert near[1] > near[0]
 
 
-def test_a_case_of_tetrahedra_is_refused_before_it_is_written(tmp_path, capsys):
+def test_a_case_of_tetrahedra_is_written_with_their_names(tmp_path):
     ka.write_mesh(tmp_path / "solid.msh", two_boxes(1))
-    assert cli.main(["init", str(tmp_path / "solid.msh")]) == 2
-    assert "mesh must be a skfem.MeshTri or MeshTri2; got MeshTet1." in capsys.readouterr().err
-    assert not (tmp_path / "solid.toml").exists()
+    assert cli.main(["init", str(tmp_path / "solid.msh")]) == 0
+    text = (tmp_path / "solid.toml").read_text()
+    assert "[materials.low]" in text and "outer = 0.0" in text and "[symmetry]" in text

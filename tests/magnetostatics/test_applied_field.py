@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers.magnets_in_space import MU0, LoopAndBall, blocks, nested_balls
 from scipy.spatial.transform import Rotation
 
 import kohonen_adapt as ka
+from benchmarks.problems.magnets_in_space import MU0, LoopAndBall, blocks, nested_balls
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 
 magpylib = pytest.importorskip("magpylib", reason="magpylib knows the field of a loop; it is in the test extra")

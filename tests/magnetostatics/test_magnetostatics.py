@@ -329,7 +329,10 @@ def test_a_mesh_without_free_nodes_has_the_given_potential():
         ({"permeability": np.inf}, r"permeability must be finite; got inf\."),
         ({"permeability": "iron"}, r"permeability must be a number; got 'iron'\."),
         ({"remanence": 1.2}, r"remanence must have two components \(x, y\); got 1\.2\."),
-        ({"remanence": (0.0, 1.2, 0.0)}, r"remanence must have two components \(x, y\); got \(0\.0, 1\.2, 0\.0\)\."),
+        (
+            {"remanence": (0.0, 1.2, 0.0, 0.0)},
+            r"remanence must have two components \(x, y\); got \(0\.0, 1\.2, 0\.0, 0",
+        ),
         ({"remanence": (0.0, np.nan)}, r"remanence must be finite; got nan\."),
         ({"current_density": np.nan}, r"current_density must be finite; got nan\."),
         ({"current_density": None}, r"current_density must be a number; got None\."),
@@ -338,6 +341,15 @@ def test_a_mesh_without_free_nodes_has_the_given_potential():
 def test_wrong_materials_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         Material(**arguments)
+
+
+def test_magnets_in_space_are_not_for_the_plane():
+    magnet = Material(remanence=(0.0, 1.2, 0.0))
+    with pytest.raises(
+        ValueError, match=r"remanence of 'magnet' must have two components \(x, y\) in the plane; got \("
+    ):
+        Magnetostatics({"magnet": magnet}, {"outer": 0.0})
+    assert Material(remanence=(0.0, 0.0, 0.0)) == Material()  # which is none, in the plane as in space
 
 
 def test_materials_are_values():

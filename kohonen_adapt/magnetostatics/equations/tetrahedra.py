@@ -25,6 +25,8 @@ class Tetrahedra:
     What is at quadrature points has them in its last axis: one in every element, or four where a field varies inside.
     """
 
+    order = 1
+
     def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
         self.mesh = self.corners = mesh
         self.unknowns, self.places = mesh.t, mesh.p

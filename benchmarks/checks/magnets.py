@@ -1,0 +1,207 @@
+"""Hold magnets and iron in space against exact fields: rates on uniform meshes, and what adapting them brings."""
+
+import time
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+
+import numpy as np
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from benchmarks.peers.mmg_space import mmg_in_space
+from benchmarks.peers.space_remeshing import adapted, at_nodes
+from benchmarks.problems.magnets_in_space import MU0, LoopAndBall, blocks, dipole, graded, nested_balls
+from benchmarks.table import Cell, aligned
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material, SolidField
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.equations.system import Solver
+
+FORCE_TARGETS = {0.0022: 0.01, 0.0015: 0.003}  # step of the start, of 10^4 and 3 x 10^4 nodes, to the error allowed
+BALL_TARGET = 0.5  # of Mmg's error
+MAGNETISATION = 1e6
+LOOP = (1.5, 1.0, 100.0)  # radius, height, current
+PASSES = 6
+ALWAYS_DIRECT, ALWAYS_MULTIGRID = 10**9, 0
+
+AIR = Material()
+POLES = {"a": (0.0, 0.0, 1.2), "b": (0.0, 0.5, 1.0)}
+PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
+MIDDLE = (0.004, 0.0, 0.015)  # of the second
+MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
+CUBOIDS = MagneticScalarPotential({k: Material(remanence=v) for k, v in POLES.items()} | {"air": AIR}, {"outer": 0.0})
+BALL = MagneticScalarPotential(
+    {"ball": Material(remanence=(0.0, 0.0, MU0 * MAGNETISATION)), "air": AIR},
+    {"outer": lambda x: dipole(x, MAGNETISATION / 3.0)[0]},
+)
+OVER_IRON = MagneticScalarPotential(
+    {"magnet": Material(remanence=POLES["b"]), "air": AIR}, {"outer": 0.0}, symmetry={"z-": "normal"}
+)
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Errors of uniform meshes with the rates between them; then adapted, in medians over seeds; then solvers."""
+    cells = (2, 3) if quick else (3, 5)
+    rows = [row for name, errors in exact_cases(cells) for row in with_rate(name, cells, errors)]
+    tables = [aligned(["exact cases", "nodes", "error", "rate"], rows)]
+    starts = list(FORCE_TARGETS)[: 1 if quick else None]
+    header = ["adapted", "nodes", "uniform", "Mmg3d", "adapted", "of Mmg's", "target", "seconds"]
+    rows = [forces_adapted(step, seeds) for step in starts] + [ball_adapted(3 if quick else 5, seeds)]
+    tables += [aligned(header, rows), aligned(["solver", "nodes", "direct s", "multigrid s"], solvers(quick))]
+    return "\n\n".join(tables)
+
+
+def exact_cases(parts: Sequence[int]) -> list[tuple[str, list[tuple[int, float]]]]:
+    """Name, and nodes and relative error of every size."""
+    found: dict[str, list[tuple[int, float]]] = {}
+    for cells in parts:
+        for case in (magnetised_ball, loop_and_ball, two_cuboids, over_iron):
+            for name, nodes, error in case(cells):
+                found.setdefault(name, []).append((nodes, error))
+    return list(found.items())
+
+
+def with_rate(name: str, cells: Sequence[int], errors: Sequence[tuple[int, float]]) -> list[list[Cell]]:
+    """A row for every size, the last with the power of the element size by which the error falls."""
+    rate = np.log(errors[0][1] / errors[-1][1]) / np.log(cells[-1] / cells[0])
+    return [[name, nodes, error, float(rate) if k else None] for k, (nodes, error) in enumerate(errors)]
+
+
+def magnetised_ball(cells: int) -> list[tuple[str, int, float]]:
+    """In the energy norm, and of the mean of B inside, 2/3 mu0 M."""
+    field = BALL.solve(nested_balls(cells))
+    inside, nodes = field.mesh.subdomains["ball"], field.mesh.nvertices
+    mean = np.average(field.flux_density[2, inside], weights=field.elements.volumes[inside])
+    share = abs(1.5 * mean / (MU0 * MAGNETISATION) - 1.0)
+    return [("ball, energy norm", nodes, ball_error(field)), ("ball, B inside", nodes, float(share))]
+
+
+def ball_error(field: SolidField) -> float:
+    """Of the magnetised ball in the energy norm, relative: in each element against the field of its side."""
+    corners = field.mesh.p[:, field.mesh.t]
+    x = 0.2**0.5 * corners + (1.0 - 0.2**0.5) * corners.mean(axis=1, keepdims=True)
+    exact = dipole(x.reshape(3, -1), MAGNETISATION / 3.0)[1].reshape(x.shape)
+    exact[:, :, field.mesh.subdomains["ball"]] = np.array([0.0, 0.0, -MAGNETISATION / 3.0])[:, None, None]
+    off = np.sum((field.field_strength[:, None] - exact) ** 2, axis=0).mean(axis=0)
+    whole = np.sum(exact**2, axis=0).mean(axis=0)
+    return float(np.sqrt(field.elements.volumes @ off / (field.elements.volumes @ whole)))
+
+
+def loop_and_ball(cells: int) -> list[tuple[str, int, float]]:
+    """Force on a permeable ball below a loop of wire."""
+    import magpylib
+
+    radius, height, current = LOOP
+    exact = LoopAndBall(radius, height, current, 1000.0)
+    wire = magpylib.current.Circle(diameter=2.0 * radius, current=current, position=(0.0, 0.0, height))
+    problem = MagneticScalarPotential(
+        {"ball": Material(1000.0), "air": AIR}, {"outer": exact.reduced}, applied_field=wire
+    )
+    field = problem.solve(nested_balls(cells + 1, rim=4.0))
+    error = abs(field.force("ball")[2] / exact.force() - 1.0)
+    return [("loop over a ball, force", field.mesh.nvertices, float(error))]
+
+
+def box_of(cells: int, far: float = 0.06) -> MeshTet:
+    """The two cuboids in air, of edges of 1 cm in so many parts."""
+    return cuboids(0.01 / cells, round(1.7 * cells), far)
+
+
+def cuboids(step: float, layers: int, far: float) -> MeshTet:
+    """The two cuboids in air up to a distance."""
+    return blocks([graded(each, step, far, layers) for each in MARKS], PLACES)
+
+
+def known() -> tuple[np.ndarray, np.ndarray, list[object]]:
+    """Force and torque on the second cuboid by magpylib, and both as its objects."""
+    import magpylib
+
+    magnets = []
+    for name, pole in POLES.items():
+        low, high = np.array(PLACES[name])
+        magnets.append(magpylib.magnet.Cuboid(dimension=high - low, polarization=pole, position=0.5 * (low + high)))
+    force, torque = magpylib.getFT(*magnets, pivot=MIDDLE, meshing=20_000)
+    return force, torque, magnets
+
+
+def two_cuboids(cells: int) -> list[tuple[str, int, float]]:
+    """B at points, force and torque."""
+    import magpylib
+
+    force, torque, magnets = known()
+    field = CUBOIDS.solve(box_of(cells))
+    x = np.random.default_rng(0).uniform([-0.02, -0.02, -0.015], [0.02, 0.02, 0.03], (500, 3))
+    wanted = magpylib.getB(magnets, x, sumup=True).T, force, torque
+    found = field.flux_density_at(x.T, recovered=True), field.force("b"), field.torque("b", MIDDLE)
+    names = "cuboids, B at points", "cuboids, force", "cuboids, torque"
+    return [(name, field.mesh.nvertices, off(*pair)) for name, *pair in zip(names, found, wanted, strict=True)]
+
+
+def over_iron(cells: int) -> list[tuple[str, int, float]]:
+    """Force on a cuboid magnet above iron of any permeability, which is that of its image."""
+    import magpylib
+
+    size, middle = (0.020, 0.020, 0.010), (0.0, 0.0, 0.010)
+    pole = np.array(POLES["b"])
+    magnet = magpylib.magnet.Cuboid(dimension=size, polarization=pole, position=middle)
+    image = magpylib.magnet.Cuboid(
+        dimension=size, polarization=pole * (-1.0, -1.0, 1.0), position=np.array(middle) * (1.0, 1.0, -1.0)
+    )
+    force, _ = magpylib.getFT(image, magnet, pivot=(0.0, 0.0, 0.0), meshing=20_000)
+    step, layers = 0.01 / cells, round(1.7 * cells)
+    wide, high = graded([-0.010, 0.010], step, 0.06, layers), graded([0.0, 0.005, 0.015], step, 0.06, layers)
+    mesh = blocks([wide, wide, high[high > -1e-12]], {"magnet": ((-0.010, -0.010, 0.005), (0.010, 0.010, 0.015))})
+    field = OVER_IRON.solve(mesh)
+    return [("magnet over iron, force", mesh.nvertices, off(field.force("magnet"), force))]
+
+
+def off(found: np.ndarray, wanted: np.ndarray) -> float:
+    """Relative error of vectors."""
+    return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+
+
+def forces_adapted(step: float, seeds: Sequence[int]) -> list[Cell]:
+    """Force between the cuboids: uniform edges of that step, and after adapt at the same number of nodes."""
+    force, _, _ = known()
+    mesh, began = cuboids(step, round(0.011 / step), 0.15), time.process_time()
+    found = [off(ka.adapt(mesh, CUBOIDS, passes=PASSES, seed=seed).solution.force("b"), force) for seed in seeds]
+    seconds = (time.process_time() - began) / len(seeds)
+    uniform, target = off(CUBOIDS.solve(mesh).force("b"), force), FORCE_TARGETS[step]
+    return ["cuboids, force", mesh.nvertices, uniform, None, float(np.median(found)), None, target, seconds]
+
+
+def ball_adapted(cells: int, seeds: Sequence[int]) -> list[Cell]:
+    """The magnetised ball in the energy norm, beside Mmg's mesh, brought to the same number of nodes by N^(-1/3)."""
+    mesh, began = nested_balls(cells), time.process_time()
+    found = [ball_error(ka.adapt(mesh, BALL, passes=PASSES, seed=seed).solution) for seed in seeds]
+    seconds, peer = (time.process_time() - began) / len(seeds), None
+    if find_spec("mmgpy"):
+        other = adapted(BALL, mesh, sizes, mmg_in_space)
+        peer = ball_error(BALL.solve(other)) * (other.nvertices / mesh.nvertices) ** (1 / 3)
+    error, uniform = float(np.median(found)), ball_error(BALL.solve(mesh))
+    share = None if peer is None else error / peer
+    return ["ball, energy norm", mesh.nvertices, uniform, peer, error, share, BALL_TARGET, seconds]
+
+
+def sizes(problem: MagneticScalarPotential, mesh: MeshTet, field: SolidField) -> np.ndarray:
+    """1 / h^2 (nnodes,) up to a factor, from the density that `adapt` takes."""
+    return at_nodes(mesh, ka.density_from_indicators(mesh, problem.indicators(mesh, field))) ** (2 / 3)
+
+
+def solvers(quick: bool) -> list[list[Cell]]:
+    """Seconds of one linear solution by factors and by multigrid."""
+    return [timed(box_of(cells)) for cells in ((3, 4) if quick else (3, 4, 6, 8))]
+
+
+def timed(mesh: MeshTet) -> list[Cell]:
+    """Nodes, and seconds by both."""
+    seconds = [float(timed_solution(mesh, large)) for large in (ALWAYS_DIRECT, ALWAYS_MULTIGRID)]
+    return ["cuboids", mesh.nvertices, *seconds]
+
+
+def timed_solution(mesh: MeshTet, large: int) -> float:
+    """Seconds that the linear system takes."""
+    energy, _ = CUBOIDS.stated(mesh)
+    newton: Callable[..., np.ndarray] = Newton(solver=Solver(large=large)).linear
+    began = time.perf_counter()
+    newton(energy)
+    return time.perf_counter() - began

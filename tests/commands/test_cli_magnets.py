@@ -1,0 +1,139 @@
+"""The commands `init` and `run` on tetrahedra: magnets by the keys of the plane, with three components."""
+
+import csv
+import tomllib
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import kohonen_adapt as ka
+from benchmarks.problems.magnets_in_space import blocks
+from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Magnetostatics, Material
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PICTURES = ["adaptation.png", "cut.png", "density.png", "estimate.png", "passes.gif", "quality.png", "surface.png"]
+POTENTIAL = dict.fromkeys(["x-", "x+", "y-", "y+", "z+"], 0.0)
+CASE = """
+mesh = "half.msh"
+scale = 1e-3
+symmetry = {"z-" = "normal"}
+[materials.magnet]
+permeability = 1.05
+remanence = [0.0, 0.0, 1.2]
+[materials.air]
+[potential]
+"x-" = 0
+"x+" = 0
+"y-" = 0
+"y+" = 0
+"z+" = 0
+[adapt]
+passes = 1
+[outputs.pull]
+quantity = "force"
+body = "magnet"
+component = "z"
+[outputs.through]
+quantity = "flux"
+surface = "z-"
+[outputs.there]
+quantity = "flux_density"
+at = [0.0, 0.0, 0.015]
+component = "z"
+[outputs.phi]
+quantity = "potential"
+at = [0.0, 0.0, 0.015]
+[outputs.turn]
+quantity = "torque"
+body = "magnet"
+component = "x"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A magnet above the plane z = 0, drawn in millimetres, and its case."""
+    wide = np.array([-60.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 60.0])
+    mesh = blocks([wide, wide, np.array([0.0, 5.0, 10.0, 20.0, 30.0, 60.0])],
+                  {"magnet": ((-10.0, -10.0, 10.0), (10.0, 10.0, 20.0))})  # fmt: skip
+    sides = {name: rows for name, rows in mesh.boundaries.items() if name != "outer"}
+    ka.write_mesh(tmp_path / "half.msh", type(mesh)(mesh.p, mesh.t, sides, mesh.subdomains))
+    (tmp_path / "case.toml").write_text(CASE)
+    return tmp_path
+
+
+def test_run_adapts_as_python_does(folder, capsys):
+    assert cli.main(["run", str(folder / "case.toml"), "--out", str(folder / "out")]) == 0
+    said = capsys.readouterr().out
+    names = {"adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html", *PICTURES}
+    assert {file.name for file in (folder / "out").iterdir()} == names
+    assert "pull (N)" in said and "through (Wb)" in said and "phi (A)" in said and "there (T)" in said
+    materials = {"magnet": Material(1.05, remanence=(0.0, 0.0, 1.2)), "air": Material()}
+    problem = MagneticScalarPotential(materials, POTENTIAL, symmetry={"z-": "normal"})
+    result = ka.adapt(ka.read_mesh(folder / "half.msh", scale=1e-3), problem, passes=1)
+    with (folder / "out" / "history.csv").open(newline="") as stream:
+        last = list(csv.DictReader(stream))[-1]
+    field = result.solution
+    assert float(last["output pull (N)"]) == pytest.approx(field.force("magnet")[2], rel=1e-6)
+    assert float(last["output through (Wb)"]) == pytest.approx(field.flux("z-"), rel=1e-6)
+    fields = meshio.read(folder / "out" / "adapted.vtu")
+    np.testing.assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
+    assert fields.cell_data["B (T)"][0].shape[1] == 3
+
+
+def test_init_writes_a_case_that_runs(folder, capsys):
+    assert cli.main(["init", str(folder / "half.msh"), "-o", str(folder / "new.toml"), "--scale", "1e-3"]) == 0
+    text = (folder / "new.toml").read_text()
+    assert "% of the volume" in text and "0.12 x 0.12 x 0.06 m" in text and "phi in A" in text
+    assert cli.main(["run", str(folder / "new.toml"), "--dry-run"]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+    case = read_case(folder / "new.toml")
+    mesh = fitting_mesh(case)
+    assert isinstance(case.problem, MagneticScalarPotential) and case.problem.symmetry == {}
+    assert mesh.nvertices == 486 and case.goal is None and case.energy_unit == "J"
+    examples = "\n".join(line.removeprefix("# ") for line in text.splitlines() if not line.startswith("#  "))
+    examples = examples[examples.index("[outputs.force]") :]
+    outputs = tomllib.loads(examples)["outputs"]
+    (folder / "asked.toml").write_text((folder / "new.toml").read_text() + "\n" + examples)
+    assert len(outputs) == 6 and set(read_case(folder / "asked.toml").outputs) == set(outputs)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("[0.0, 0.0, 1.2]", "[0.0, 1.2]", "remanence of 'magnet' must have three components"),
+        ('"normal"', '"odd"', "symmetry of 'z-' must be 'parallel' or 'normal'"),
+        ('scale = 1e-3', "scale = 1e-3\ndepth = 0.1", "depth: for meshes of the plane only"),
+        ('"flux"\nsurface', '"flux_linkage"\ncoil', "quantity flux_linkage is for meshes of the plane"),
+        ('surface = "z-"', 'surface = "air"', "flux has 'air', which is no surface of the mesh"),
+        ('"z-" = "normal"', '"magnet" = "normal"', "symmetry has 'magnet', which is no surface"),
+        ("at = [0.0, 0.0, 0.015]", "at = [0.0, 0.015]", r"x must have shape (3, n); got (2, 1)"),
+        ("[adapt]", "[turn]\nmagnet = 3.0\n[adapt]", "turn is for meshes of the plane"),
+    ],
+)  # fmt: skip
+def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, before, after, said):
+    assert before in CASE
+    (folder / "case.toml").write_text(CASE.replace(before, after, 1))
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
+    """What could be a case of the plane is one of tetrahedra if the mesh is; what is of the plane alone is refused."""
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 2").replace("remanence = [0.0, 0.0, 1.2]", "")
+    (folder / "case.toml").write_text(plain)
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert "order: for meshes of the plane only" in capsys.readouterr().err
+    (folder / "case.toml").write_text(plain.replace("order = 2", ""))
+    case = read_case(folder / "case.toml")
+    assert isinstance(case.stated, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
+    for key in ("z", "x"):
+        text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
+        text += f'\n[outputs.pull]\nquantity = "flux_density"\nat = [0.05, 0.04]\ncomponent = "{key}"\n'
+        (folder / "plane.toml").write_text(text)
+        assert cli.main(["run", str(folder / "plane.toml"), "--dry-run"]) == (2 if key == "z" else 0)
+    assert "component must be one that the field has" in capsys.readouterr().err
