@@ -162,6 +162,12 @@ def test_what_polish_refuses_on_tetrahedra():
         ka.polish(ball(3).with_boundaries({"side0": lambda x: x[0] < 9.0}), problem)
 
 
+@pytest.mark.parametrize("stated, reason", [({"robin": {"side1": (1.0, 0.0)}}, "Robin"), ({"region": None}, "")])
+def test_adapt_goes_on_without_a_polish_and_says_why(stated, reason):
+    result = ka.adapt(cube((2, 2, 2)), Stated(**stated), passes=1)
+    assert all(reason in step.unpolished and bool(reason) == bool(step.unpolished) for step in result.history)
+
+
 def test_parts_are_taken_side_by_side_and_what_is_at_their_cuts_comes_last():
     nodes = box(12)
     order = along_curve(nodes.p.T).astype(np.int32)
