@@ -17,7 +17,7 @@ LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every
 FEW = 1_000  # nodes that are not worth another thread
 PART = 20_000  # nodes per compiled call
 PAIRS = 20_000  # edges per compiled call
-CHANGED = 0.05  # share of its volume or energy by which an element has changed that is to be looked at again
+CHANGED = 0.1  # share of its volume or energy by which an element has changed that is to be looked at again
 
 # Times the cost of a collapse: less is not worth a split. Both are worked out with all else held, while sweeps and
 # swaps make the most of new nodes and the best of lost ones: gains are told too low, and costs too high. At 1 exchanges
