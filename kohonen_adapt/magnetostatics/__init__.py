@@ -1,6 +1,6 @@
 """Solve magnetostatics: in the plane or around an axis by the vector potential, in space by the scalar one."""
 
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, halbach, radial
@@ -11,7 +11,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Go
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
-from kohonen_adapt.magnetostatics.solution import CubicField, NotConverged, QuadraticField
+from kohonen_adapt.magnetostatics.solution import CubicField, QuadraticField
 
 __all__ = [
     "Arctan",

@@ -11,16 +11,15 @@ from skfem.mesh import MeshTet1
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import recovery, residual
 from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, checked_field, drive_on, field_at
+from kohonen_adapt.magnetostatics.equations.coenergy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.equations.tetrahedra import CoenergyFunctional
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.magnetostatics.solution import NotConverged
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz

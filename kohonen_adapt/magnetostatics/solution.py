@@ -10,20 +10,18 @@ from scipy.spatial import KDTree
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.newton import TOLERANCE, EnergyFunctional, Newton, NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = [
     "CubicField",
-    "NotConverged",
     "QuadraticField",
     "functional_of",
     "linkage_slope",
@@ -76,27 +74,6 @@ class CubicField(QuadraticField):
     """
 
     order = 3
-
-
-class NotConverged(np.linalg.LinAlgError):
-    """Newton's method has not converged (a kind of ValueError).
-
-    Attributes
-    ----------
-    field
-        The last iterate as a `Field`, in space a `SolidField`.
-    steps
-        All steps, a tuple of `NewtonStep`.
-    """
-
-    def __init__(self, field: Field | SolidField) -> None:
-        self.field, self.steps = field, field.newton
-        last = ", ".join(f"{step.residual:.1e}" for step in self.steps[-3:])
-        super().__init__(
-            f"Newton's method has not converged in {len(self.steps)} steps: the last relative residuals are {last}, "
-            f"wanted {TOLERANCE:g}. Look for a law H(B) that does not rise everywhere, and for sources that no "
-            "material can bear; the last iterate is the attribute `field` of this error."
-        )
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:

@@ -99,7 +99,7 @@ class SolidFunctional:
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         law, tables = laws_of_regions(ritz, number, steepest(tet, values) if any(ritz.laws) else 0.0)
-        on = given_on(movable, values, fixed)
+        on = given_on(tet, surfaces, movable.freedom, values, fixed)
         bent = np.append(surfaces.shape != PLANE, surfaces.ridge_shape != LINE)
         held = bent | (on.given & ~on.linear) | on.unknown
         patches = len(surfaces.shape)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE
-from kohonen_adapt.mesh.tetrahedralization import FACES
-from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
+from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization
 from kohonen_adapt.polishing.regions import LINEAR
 
 __all__ = ["GivenValues", "given_on"]
@@ -35,14 +34,13 @@ class GivenValues:
     rate: Floats
 
 
-def given_on(movable: MovableSolid, values: Floats, fixed: Mask) -> GivenValues:
+def given_on(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, values: Floats, fixed: Mask) -> GivenValues:
     """What is given at which nodes, (n,), by patches and ridges of a movable solid as it is now."""
-    freedom, surfaces = movable.freedom, movable.surfaces
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
-    patch, node = nodes_of_patches(movable)
+    patch, node = nodes_of_patches(tet)
     touched = np.bincount(patch, weights=fixed[node], minlength=patches) > 0
-    place, node = np.concatenate([[patch, node], ends_of_ridges(movable)], axis=1)
+    place, node = np.concatenate([[patch, node], ends_of_ridges(tet, surfaces, freedom)], axis=1)
     slides = np.isin(freedom.number, (ON_PATCH, ON_RIDGE))
     own = freedom.place + np.where(freedom.number == ON_RIDGE, patches, 0)
     bare = np.bincount(own[slides], minlength=count) == 0
@@ -50,28 +48,28 @@ def given_on(movable: MovableSolid, values: Floats, fixed: Mask) -> GivenValues:
     whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
     near = np.append(touched, False)[surfaces.meets].any(axis=1)
     unknown = bare & np.append(whole[:patches], near)
-    rate, off = linear_fits(place, movable.tetrahedralization.position[node], values[node], whole & ~bare)
+    rate, off = linear_fits(place, tet.position[node], values[node], whole & ~bare)
     linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
     return GivenValues((whole & ~bare) | partly, linear, unknown, rate)
 
 
-def nodes_of_patches(movable: MovableSolid) -> tuple[Ints, Ints]:
+def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
     """Every patch with every node of its faces, once."""
-    elements = movable.tetrahedralization.elements
+    elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
     node = elements.node[e[:, None], FACES[k]]
-    code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * movable.nnodes + node)
-    patch, nodes = np.divmod(code, movable.nnodes)
+    code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * tet.nnodes + node)
+    patch, nodes = np.divmod(code, tet.nnodes)
     return patch, nodes
 
 
-def ends_of_ridges(movable: MovableSolid) -> Ints:
+def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom) -> Ints:
     """Every ridge, counted on from the patches, with the nodes that slide on it and those held beside them, (2, k).
 
     A node is beside another one on a ridge if as many patches have the edge between them as meet in the ridge.
     """
-    elements, freedom, n = movable.tetrahedralization.elements, movable.freedom, movable.nnodes
-    patches, slides = len(movable.surfaces.shape), movable.freedom.number == ON_RIDGE
+    elements, n = tet.elements, tet.nnodes
+    patches, slides = len(surfaces.shape), freedom.number == ON_RIDGE
     e, k = np.nonzero(elements.patch >= 0)
     corners, patch = elements.node[e[:, None], FACES[k]].astype(np.int64), elements.patch[e, k].astype(np.int64)
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
@@ -80,7 +78,7 @@ def ends_of_ridges(movable: MovableSolid) -> Ints:
     code = np.unique((start * n + end)[there] * (patches + 1) + np.tile(np.repeat(patch, 3), 2)[there])
     edge, count = np.unique(code // (patches + 1), return_counts=True)
     ridge = freedom.place[edge // n]
-    beside = count == np.count_nonzero(movable.surfaces.meets >= 0, axis=1)[ridge]
+    beside = count == np.count_nonzero(surfaces.meets >= 0, axis=1)[ridge]
     own = np.flatnonzero(slides)
     rows = [np.append(freedom.place[own], ridge[beside]) + patches, np.append(own, (edge % n)[beside])]
     return np.stack(rows).astype(np.int64)

@@ -3,7 +3,7 @@
 import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -15,7 +15,16 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 
-__all__ = ["TOLERANCE", "Convex", "EnergyFunctional", "Newton", "NewtonStep", "Scalar", "scalar_problem"]
+__all__ = [
+    "TOLERANCE",
+    "Convex",
+    "EnergyFunctional",
+    "Newton",
+    "NewtonStep",
+    "NotConverged",
+    "Scalar",
+    "scalar_problem",
+]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # share of the descent that the slope promises, which a step must bring (Armijo)
@@ -150,6 +159,27 @@ class NewtonStep:
     def converged(self) -> bool:
         """Whether residual and update are small enough."""
         return self.residual <= TOLERANCE and self.update <= TOLERANCE
+
+
+class NotConverged(np.linalg.LinAlgError):
+    """Newton's method has not converged (a kind of ValueError).
+
+    Attributes
+    ----------
+    field
+        The last iterate as a `Field`, in space a `SolidField`.
+    steps
+        All steps, a tuple of `NewtonStep`.
+    """
+
+    def __init__(self, field: Any) -> None:
+        self.field, self.steps = field, field.newton
+        last = ", ".join(f"{step.residual:.1e}" for step in self.steps[-3:])
+        super().__init__(
+            f"Newton's method has not converged in {len(self.steps)} steps: the last relative residuals are {last}, "
+            f"wanted {TOLERANCE:g}. Look for a law H(B) that does not rise everywhere, and for sources that no "
+            "material can bear; the last iterate is the attribute `field` of this error."
+        )
 
 
 @dataclass(frozen=True)

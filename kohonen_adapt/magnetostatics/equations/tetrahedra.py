@@ -1,20 +1,17 @@
-"""Integrate P1 functions over the tetrahedra of a mesh, and state the co-energy that a scalar potential makes."""
+"""Integrate P1 functions over the tetrahedra of a mesh."""
 
-from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points
 
-__all__ = ["CoenergyFunctional", "Tetrahedra"]
+__all__ = ["Tetrahedra"]
 
 ENDS = np.transpose(TETRAHEDRON.edges)
 
@@ -98,57 +95,3 @@ class Tetrahedra:
         values = np.concatenate((off, off, self._added(own)[free]))
         places = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
         return coo_array((values, places), shape=(free.size, free.size)).tocsc()
-
-
-@dataclass(frozen=True)
-class CoenergyFunctional:
-    """``Pi(u) = int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``, of functions that keep the conditions.
-
-    Convex as B rises with H, and its gradient is ``-int B . grad v``: at the minimum div B = 0.
-    """
-
-    elements: Tetrahedra
-    given: Coefficients
-    conditions: Conditions
-    drive: Floats  # T, but for what the load stands for: the mean of every element, (3, nelements) in A/m
-    load: Floats  # (nnodes,) in Wb
-
-    def at_rest(self) -> Self:
-        """The same with the permeability at H = 0 everywhere: quadratic in u."""
-        return replace(self, given=replace(self.given, pieces=()))
-
-    def value(self, u: Floats) -> tuple[float, float]:
-        """The functional, and the size of its rounding error."""
-        driven = magnitude(self._strength(u) + self.given.coercivity)
-        stored = float(np.sum(self.elements.volumes * self.given.costored(driven[None])))
-        spent = self.load * u
-        return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
-
-    def residual(self, u: Floats) -> tuple[Floats, float]:
-        """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
-        strength, coercivity = self._strength(u), self.given.coercivity
-        secant, _ = self.given.permeabilities(strength)
-        total = self.elements.against_gradients(-secant * (strength + coercivity)) - self.load
-        largest = magnitude(self.drive) + magnitude(strength - self.drive) + magnitude(coercivity)
-        size = self.elements.against_slopes(secant * largest) + np.abs(self.load)
-        return total[self.conditions.free], float(np.linalg.norm(size))
-
-    def linear_residual(self, u: Floats) -> Floats:
-        """Gradient at the free unknowns of linear material."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            flux = (self._strength(u) + self.given.coercivity) / self.given.reluctivity
-            return -(self.elements.against_gradients(flux) + self.load)[self.conditions.free]
-
-    def hessian(self, u: Floats) -> csc_array:
-        """Second derivatives at the free unknowns: ``dB/dH`` along H + Hc and ``B/H`` across it."""
-        free = self.conditions.free
-        if not self.given.pieces:
-            return self.elements.stiffness(1.0 / self.given.reluctivity, free)
-        strength = self._strength(u)
-        secant, differential = self.given.permeabilities(strength)
-        driven = strength + self.given.coercivity
-        size = magnitude(driven)
-        return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
-
-    def _strength(self, u: Floats) -> Floats:
-        return self.drive - self.elements.gradient(u)

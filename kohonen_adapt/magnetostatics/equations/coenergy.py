@@ -1,0 +1,68 @@
+"""State the co-energy of a field in space as a functional of its scalar potential."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+
+__all__ = ["CoenergyFunctional"]
+
+
+@dataclass(frozen=True)
+class CoenergyFunctional:
+    """``Pi(u) = int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``, of functions that keep the conditions.
+
+    Convex as B rises with H, and its gradient is ``-int B . grad v``: at the minimum div B = 0.
+    """
+
+    elements: Tetrahedra
+    given: Coefficients
+    conditions: Conditions
+    drive: Floats  # T, but for what the load stands for: the mean of every element, (3, nelements) in A/m
+    load: Floats  # (nnodes,) in Wb
+
+    def at_rest(self) -> Self:
+        """The same with the permeability at H = 0 everywhere: quadratic in u."""
+        return replace(self, given=replace(self.given, pieces=()))
+
+    def value(self, u: Floats) -> tuple[float, float]:
+        """The functional, and the size of its rounding error."""
+        driven = magnitude(self._strength(u) + self.given.coercivity)
+        stored = float(np.sum(self.elements.volumes * self.given.costored(driven[None])))
+        spent = self.load * u
+        return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
+
+    def residual(self, u: Floats) -> tuple[Floats, float]:
+        """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
+        strength, coercivity = self._strength(u), self.given.coercivity
+        secant, _ = self.given.permeabilities(strength)
+        total = self.elements.against_gradients(-secant * (strength + coercivity)) - self.load
+        largest = magnitude(self.drive) + magnitude(strength - self.drive) + magnitude(coercivity)
+        size = self.elements.against_slopes(secant * largest) + np.abs(self.load)
+        return total[self.conditions.free], float(np.linalg.norm(size))
+
+    def linear_residual(self, u: Floats) -> Floats:
+        """Gradient at the free unknowns of linear material."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            flux = (self._strength(u) + self.given.coercivity) / self.given.reluctivity
+            return -(self.elements.against_gradients(flux) + self.load)[self.conditions.free]
+
+    def hessian(self, u: Floats) -> csc_array:
+        """Second derivatives at the free unknowns: ``dB/dH`` along H + Hc and ``B/H`` across it."""
+        free = self.conditions.free
+        if not self.given.pieces:
+            return self.elements.stiffness(1.0 / self.given.reluctivity, free)
+        strength = self._strength(u)
+        secant, differential = self.given.permeabilities(strength)
+        driven = strength + self.given.coercivity
+        size = magnitude(driven)
+        return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
+
+    def _strength(self, u: Floats) -> Floats:
+        return self.drive - self.elements.gradient(u)
