@@ -28,7 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING
-from kohonen_adapt.kernels.tetrahedron.geometry import allowed
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -80,7 +80,8 @@ def derivatives(neurons, trial, v):
         qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         six = ax * px + ay * py + az * pz
-        worst = min(worst, cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six))
+        squares = sum_of_squares(ax, ay, az, bx, by, bz, cx, cy, cz)
+        worst = min(worst, 432.0 * six * abs(six) / (squares * squares * squares))
         sx, sy, sz = px + qx + rx, py + qy + ry, pz + qz + rz
         nx = alpha * px + beta * qx + gamma * rx
         ny = alpha * py + beta * qy + gamma * ry
@@ -142,15 +143,6 @@ def derivatives(neurons, trial, v):
     return (size, total, worst, bent), (by_x, by_y, by_z), by_w, hessian, (xw, yw, zw), ww
 
 
-@inner_kernel
-def cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six):
-    """What `cubed_quality` says of the element that these vectors span, with six times its volume."""
-    lengths = ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
-    x, y, z = ax + bx + cx, ay + by + cy, az + bz + cz
-    squares = 4.0 * lengths - (x * x + y * y + z * z)
-    return 432.0 * six * abs(six) / (squares * squares * squares)
-
-
 @kernel
 def parabola(neurons, trial, v, x, y, z, w):
     """The functional of the star with v at (x, y, z) and its value changed by w, its two derivatives by w, and the
@@ -173,7 +165,8 @@ def parabola(neurons, trial, v, x, y, z, w):
         qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         six = ax * px + ay * py + az * pz
-        quality = cubed_quality_of(ax, ay, az, bx, by, bz, cx, cy, cz, six)
+        squares = sum_of_squares(ax, ay, az, bx, by, bz, cx, cy, cz)
+        quality = 432.0 * six * abs(six) / (squares * squares * squares)
         if not quality >= worst:
             worst = quality
         sx, sy, sz = px + qx + rx, py + qy + ry, pz + qz + rz

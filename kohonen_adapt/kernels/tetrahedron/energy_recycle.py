@@ -59,10 +59,12 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     )
     ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # - S_a; p is S_b
     step = 2.0 * w
-    one, by_one, by_ww_one = half_energy(trial, region, six, nx + step * px, ny + step * py, nz + step * pz, px, py, pz)
-    two, by_two, by_ww_two = half_energy(
-        trial, region, six, nx - step * ox, ny - step * oy, nz - step * oz, -ox, -oy, -oz
-    )
+    square, on_p, on_o = nx * nx + ny * ny + nz * nz, nx * px + ny * py + nz * pz, nx * ox + ny * oy + nz * oz
+    p_p, o_o = px * px + py * py + pz * pz, ox * ox + oy * oy + oz * oz
+    one = square + step * (2.0 * on_p + step * p_p)
+    one, by_one, by_ww_one = half_energy(trial, region, six, one, on_p + step * p_p, p_p)
+    two = square - step * (2.0 * on_o - step * o_o)
+    two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
     pull = data[region, SOURCE_24TH] * six
     lift = data[region, SIXTH_FLUX_X] * (px - ox) + data[region, SIXTH_FLUX_Y] * (py - oy)
     lift += data[region, SIXTH_FLUX_Z] * (pz - oz)
@@ -73,11 +75,10 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
 
 
 @inner_kernel
-def half_energy(trial, region, six, nx, ny, nz, sx, sy, sz):
+def half_energy(trial, region, six, square, along, across):
     """What is stored in half an element with the gradient n / D, and its derivatives by the value whose function has
-    the gradient 2 s / D.
+    the gradient 2 s / D, for |n|^2, n . s and |s|^2.
     """
-    square, along, across = nx * nx + ny * ny + nz * nz, nx * sx + ny * sy + nz * sz, sx * sx + sy * sy + sz * sz
     law = trial.laws.number[region]
     if law < 0:
         twelfth = trial.data[region, TWELFTH_COEFFICIENT]
@@ -268,13 +269,13 @@ def weigh_collapses(mesh, trial, offers, most, floor, first, last):
 
 
 @inner_kernel
-def next_collapse(mesh, trial, offers, nodes, at, a, b, most, floor):
-    """Find the first node from place `at` on whose collapse costs less than `most` and leaves the edge ab alone.
+def next_collapse(mesh, trial, offers, nodes, a, b, most, floor):
+    """Find the first of some nodes whose collapse costs less than `most` and leaves the edge ab alone.
 
     Returns the node, -1 if there is none, the neighbour that it goes into, and the cost. Those that can go no more are
     marked.
     """
-    for i in range(at, len(nodes)):
+    for i in range(len(nodes)):
         v = np.int64(nodes[i])
         if not offers.cost[v] < most:
             break
@@ -316,7 +317,7 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
             at += 1
         if at == len(nodes) or not margin * offers.cost[nodes[at]] < gains[i]:
             break  # what follows gains less
-        v, w, cost = next_collapse(mesh, trial, offers, nodes, at, a, b, gain / margin, floor)
+        v, w, cost = next_collapse(mesh, trial, offers, nodes[at:], a, b, gain / margin, floor)
         if v < 0:
             continue
         offers.removable[v] = False

@@ -40,6 +40,14 @@ def cubed_quality_at(position, x, y, z, b, c, d):
 
 
 @inner_kernel
+def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
+    """Of the lengths of the six edges of the tetrahedron that three vectors span."""
+    x, y, z = ux + vx + wx, uy + vy + wy, uz + vz + wz
+    own = (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
+    return 4.0 * own - (x * x + y * y + z * z)
+
+
+@inner_kernel
 def element_quality(position, node, e):
     """Cube of the quality of element e."""
     return cubed_quality(position, node[e, 0], node[e, 1], node[e, 2], node[e, 3])

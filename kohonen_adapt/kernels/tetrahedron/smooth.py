@@ -12,7 +12,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.surfaces import (
     has_formula,
     signed_distance,
@@ -43,14 +43,6 @@ def star_energy(position, star, weight, v, x, y, z):
         squares *= squares
         total += weight[star.element[j]] * squares * squares / volume
     return total, worst
-
-
-@inner_kernel
-def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
-    """Of the lengths of the six edges of the tetrahedron that three vectors span."""
-    x, y, z = ux + vx + wx, uy + vy + wy, uz + vz + wz
-    own = (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
-    return 4.0 * own - (x * x + y * y + z * z)
 
 
 @inner_kernel
