@@ -21,7 +21,7 @@ CHANGED = 0.1  # share of its volume or energy by which an element has changed t
 
 # Times the cost of a collapse: less is not worth a split. Both are worked out with all else held, while sweeps and
 # swaps make the most of new nodes and the best of lost ones: gains are told too low, and costs too high. At 1 exchanges
-# come to rest after a pass; below that they go on, and win 5 % more (`python -m benchmarks space-exchange`).
+# come to rest after a pass; below that they go on, and win 5 % more.
 MARGIN = 0.2
 
 
