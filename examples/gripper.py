@@ -46,16 +46,19 @@ def gripped(gap, passes=3):
 
 def draw(before, after, table, path):
     """|B| in the cut before and after, and the force over the gap."""
-    from matplotlib.figure import Figure  # needed for the picture only
+    from matplotlib.colors import Normalize  # needed for the picture only
+    from matplotlib.figure import Figure
 
     from kohonen_adapt.plotting import plot_slice
 
     figure = Figure(figsize=(15.0, 5.0), dpi=160, layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    for field, axes in ((before, left), (after, middle)):
-        size = np.linalg.norm(field.flux_density, axis=0)
-        plot_slice(field.mesh, CUT, values=size, label="|B| (T)", ax=axes, unit="mm")
-        axes.set(xlim=(0.0, 25.0), ylim=(-12.0, 15.0))
+    fields = {f"as drawn: {before.mesh.nvertices} nodes": before, f"adapted: {after.mesh.nvertices} nodes": after}
+    sizes = [np.linalg.norm(field.flux_density, axis=0) for field in fields.values()]
+    shared = Normalize(0.0, max(size.max() for size in sizes))
+    for (title, field), size, axes in zip(fields.items(), sizes, (left, middle), strict=True):
+        plot_slice(field.mesh, CUT, values=size, label="|B| (T)", norm=shared, ax=axes, unit="mm")
+        axes.set(xlim=(0.0, 25.0), ylim=(-12.0, 15.0), title=title)
     for name, style in (("force as drawn (N)", "o--"), ("force adapted (N)", "o-")):
         right.plot(1e3 * table["gap"], table[name], style, label=name.removesuffix(" (N)"))
     right.set(xlabel="gap (mm)", ylabel="force on the plate (N)", ylim=(0.0, None))
