@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet, condense
 from skfem.helpers import dot, grad
 
@@ -137,7 +137,10 @@ class Solid:
         """The solution at the nodes."""
         stiffness, load, u, fixed = self.system(mesh)
         matrix, right, u, free = condense(stiffness, load, x=u, D=fixed)
-        u[free] = spsolve(matrix.tocsc(), right, permc_spec="MMD_AT_PLUS_A")
+        factors = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        u[free] = factors.solve(right)
         return u
 
     def error(self, mesh: MeshTet, u: np.ndarray) -> float:
