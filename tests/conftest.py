@@ -14,7 +14,7 @@ STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 # `--hypothesis-profile=ten-thousand` for so many of relocated tetrahedra (`tests/som/test_space_properties.py`).
 settings.register_profile("steady", derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
-settings.register_profile("ten-thousand", max_examples=16_200, print_blob=True, **STEADY)
+settings.register_profile("ten-thousand", max_examples=19_300, print_blob=True, **STEADY)
 settings.load_profile("steady")
 
 

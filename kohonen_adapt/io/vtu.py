@@ -1,7 +1,7 @@
 """Write VTU files for ParaView, with names as scikit-fem stores them, and read such names."""
 
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 import meshio
 import numpy as np
@@ -44,8 +44,8 @@ def write_vtu(
     if taken:
         raise ValueError(f"cell_data '{min(taken)}' has a name that write_mesh needs for the mesh; choose another.")
     # meshio writes names into the XML as they are.
-    cells = {escape(name): [_components(values)] for name, values in (names | cell_data).items()}
-    nodal = {escape(name): values for name, values in point_data.items()}
+    cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
+    nodal = {escape(name, quote=False): values for name, values in point_data.items()}
     points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
     nodes = nodes_of_elements(mesh)
     content = meshio.Mesh(points, [(KINDS[nodes.shape[1]], nodes)], point_data=nodal, cell_data=cells)

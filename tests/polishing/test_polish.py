@@ -344,5 +344,5 @@ def test_nodes_slide_on_curves_of_ones_own():
 
 
 def test_a_mesh_of_another_kind_is_refused():
-    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri or MeshTri2; got MeshQuad"):
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri, MeshTri2 or MeshTet; got MeshQuad"):
         ka.polish(MeshQuad(), Diffusion())
