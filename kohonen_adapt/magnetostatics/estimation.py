@@ -23,7 +23,6 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
-from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
@@ -65,18 +64,17 @@ def estimated(
     joined = None
     if boundaries.periodic or boundaries.antiperiodic:
         joined = ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
-    turns = any(material.turns for material in materials.values())
-    order, constant = field.order, isinstance(field.elements, Linear)
-    beyond = beyond_mean(field, materials) if turns and constant else None
-    if estimator == "residual" and (order > 1 or field.axisymmetric):
-        scale = (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[order]
-        return scale * residual_by_points(field, joined, beyond)
+    if estimator == "residual" and (field.order > 1 or field.axisymmetric):
+        scale = (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
+        return scale * residual_by_points(field, joined)
     if estimator == "equilibrated":
         return bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
     plain = not given.pieces and not field.axisymmetric
     scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
-    flux = scalar.flux if beyond is None else scalar.flux.reshape(2, -1, mesh.t.shape[1]) + beyond
+    flux = scalar.flux
+    if given.turning and not field.axisymmetric:  # around an axis the field at the corners has it
+        flux = flux.reshape(2, -1, mesh.t.shape[1]) + beyond_mean(field, materials)
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
         return RESIDUAL_SCALE * bare

@@ -3,7 +3,6 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import facet_products
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.cells import TRIANGLE
@@ -22,7 +21,7 @@ LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in 
 Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
 
 
-def residual_by_points(field: Field, joined: Facets | None, beyond: Floats | None = None) -> Floats:
+def residual_by_points(field: Field, joined: Facets | None) -> Floats:
     """``eta_K^2 = h_K^2 ||J + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared, (nelements,).
 
     q is ``nu grad u - flux``, the field strength turned by a right angle: of a degree less than the potential in every
@@ -35,12 +34,9 @@ def residual_by_points(field: Field, joined: Facets | None, beyond: Floats | Non
     at = field.at_each(points.T)
     symmetry, count = field.symmetry, size.size
     flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.turn
-    if beyond is not None:
-        flux = flux - beyond / symmetry.turn
     secant, differential = at.reluctivities
     weight = np.sqrt(secant * differential).reshape(len(points), -1).mean(axis=0)
-    bends = given.turning and not isinstance(elements, Linear)
-    inside = divergences_by_differences(field) if bends else divergences(flux, shape)
+    inside = divergences_by_differences(field) if given.turning else divergences(flux, shape)
     squared = np.mean((given.current_density + inside) ** 2, axis=0)
     around = symmetry.volume(elements.middles, np.ones(count))
     middle = shape.corners.p[:, shape.corners.facets].mean(axis=1)
