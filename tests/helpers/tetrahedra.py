@@ -69,7 +69,18 @@ def comb(n):
 def slit(n, tip=0.6):
     """The unit cube cut along y = 1/2 from x = 0 to the tip: nodes are there twice; n even."""
     mesh = box(n)
-    doubled = np.flatnonzero((np.abs(mesh.p[1] - 0.5) < 1e-9) & (mesh.p[0] < tip - 1e-9))
+    return cut_open(mesh, mesh.p[0] < tip - 1e-9)
+
+
+def crack(n):
+    """The unit cube cut along y = 1/2 in a square: the front of that slit runs all around it; n a multiple of 4."""
+    mesh = box(n)
+    return cut_open(mesh, (np.abs(mesh.p[[0, 2]] - 0.5) < 0.25 - 1e-9).all(axis=0))
+
+
+def cut_open(mesh, there):
+    """The unit cube with nodes doubled where it is to be cut along y = 1/2, for a bank each."""
+    doubled = np.flatnonzero((np.abs(mesh.p[1] - 0.5) < 1e-9) & there)
     twin = np.arange(mesh.p.shape[1])
     twin[doubled] = mesh.p.shape[1] + np.arange(len(doubled))
     return MeshTet(np.hstack([mesh.p, mesh.p[:, doubled]]), np.where(middles(mesh)[1] > 0.5, twin[mesh.t], mesh.t))

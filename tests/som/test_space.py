@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.solids import ball, boundary_facts, box, named, two_regions, volumes
+from helpers.tetrahedra import crack
 from numba import config
 from skfem import MeshTet
 
@@ -55,6 +56,14 @@ def test_oriented_boundaries_keep_their_side():
     low = [np.isin(of.subdomains["low"], rows).any() for of, rows in ((mesh, before), (found, inner))]
     assert low[0] == low[1]
     assert len(np.unique(np.isin(inner, found.subdomains["low"]))) == 1
+
+
+def test_slits_stay_open():
+    mesh = crack(8)
+    x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
+    density = 1.0 + 1e6 * np.exp(-20.0 * ((x - 0.9) ** 2 + (y - 0.1) ** 2))  # few nodes are wanted at the slit
+    moved = ka.relocate(mesh, density, topology="recycle", min_quality=0.0)
+    assert area(moved, moved.boundary_facets()) == pytest.approx(area(mesh, mesh.boundary_facets()), rel=1e-12)
 
 
 def test_facets_that_adaptive_refinement_forgets_are_kept():

@@ -74,6 +74,21 @@ def gather_edge(mesh, a, b, shell):
     return found if count > 0 else -1
 
 
+@inner_kernel
+def face_stands(mesh, a, b, c):
+    """Whether three nodes have a constrained face: on the other bank of a slit, where all three are on its front."""
+    elements, around = mesh.elements, mesh.cavity.around
+    for i in range(gather_around(mesh, a, around)):
+        e = np.int64(around[i])
+        kb, kc = corner_of(elements.node, e, b), corner_of(elements.node, e, c)
+        if kb < 0 or kc < 0:
+            continue
+        for k in range(4):
+            if k != kb and k != kc and elements.node[e, k] != a and elements.patch[e, k] >= 0:
+                return True
+    return False
+
+
 @kernel
 def mark_pinched(mesh, star, pinched):
     """Mark the nodes whose elements do not all hang together by faces, or are too many, (n,)."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE
-from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE, corner_of, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE, corner_of, face_stands, gather_around, gather_edge
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     allowed,
     element_quality,
@@ -284,7 +284,8 @@ def prepare_collapse(mesh, v, w, floor, longest):
     left, 0 where it is not allowed, and the numbers of elements before and after.
 
     No new edge may be as long in the metric as `longest`. The only nodes that v and w have both for neighbours must be
-    those of the elements with their edge (link condition), or the mesh would be pinched.
+    those of the elements with their edge, and no constrained face of w may become another one (link condition), or the
+    mesh would be pinched, or a slit close.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     count, shell = gather_around(mesh, v, cavity.old), 0
@@ -324,9 +325,23 @@ def prepare_collapse(mesh, v, w, floor, longest):
         new += 1
     if new == 0 or (planar and abs(volume_after - volume) > EQUAL * volume):
         return 0.0, 0, 0
-    if shared_neighbours(mesh, v, w, count) != shell_nodes(mesh, v, w, shell):
+    if shared_neighbours(mesh, v, w, count) != shell_nodes(mesh, v, w, shell) or closes_slit(mesh, w, new):
         return 0.0, 0, 0
     return after, count, new
+
+
+@inner_kernel
+def closes_slit(mesh, w, new):
+    """Whether a constrained face with node w of the `new` elements that would be put in stands already."""
+    node, patch = mesh.cavity.new, mesh.cavity.patch
+    for i in range(new):
+        k = corner_of(node, i, w)
+        for j in range(4):
+            if j != k and patch[i, j] >= 0:
+                a, b, c = node[i, OPPOSITE[j, 0]], node[i, OPPOSITE[j, 1]], node[i, OPPOSITE[j, 2]]
+                if face_stands(mesh, a, b, c):
+                    return True
+    return False
 
 
 @inner_kernel

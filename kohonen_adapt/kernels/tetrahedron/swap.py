@@ -12,7 +12,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, RING
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, face_stands, fourth_node
 from kohonen_adapt.kernels.tetrahedron.energy import element_energy
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, cubed_quality, element_quality, element_volumes
 from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, off_patch
@@ -233,9 +233,12 @@ def rings_around(mesh, queue, e, edge):
 @inner_kernel
 def replace_fans(mesh, a, b, rings):
     """Put the best triangulations of rings in place of the fans that `enter_fan` took; returns how many elements are
-    made, 0 where these would not fill a part of a plane, and for want of room.
+    made, 0 where these would not fill a part of a plane, or close a slit, and for want of room.
     """
     nodes, found, other, found_other, patch = rings
+    p, q = mesh.cavity.ring[0, 0], mesh.cavity.ring[0, nodes - 1]
+    if patch >= 0 and (face_stands(mesh, a, p, q) or face_stands(mesh, b, p, q)):
+        return 0
     plane = patch >= 0 and mesh.surfaces.shape[patch] == PLANE
     old, new = found + found_other, write_triangulation(mesh, 0, nodes, a, b, patch, 0)
     if plane and not fills(mesh, 0, found, 0, new):
