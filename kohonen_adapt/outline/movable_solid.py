@@ -20,6 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PLANE,
     Constraints,
     Freedom,
+    Samples,
     Surfaces,
 )
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
@@ -32,6 +33,7 @@ from kohonen_adapt.outline.joining_faces import patches_of
 from kohonen_adapt.outline.patches import Patches, on_their_patches
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
 from kohonen_adapt.outline.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
+from kohonen_adapt.outline.samples import samples_of
 from kohonen_adapt.outline.settling import left_out, places_of, settled
 
 __all__ = ["MovableSolid"]
@@ -91,7 +93,8 @@ class MovableSolid:
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
         floor = floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
-        return cls(tet, surfaces_of(patches, ridges), freedom, patches, floor, rules.flips)
+        there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
+        return cls(tet, there, freedom, patches, floor, rules.flips)
 
     @property
     def nnodes(self) -> int:
@@ -240,7 +243,7 @@ def inner_nodes(tet: Tetrahedralization) -> Mask:
     return inner
 
 
-def surfaces_of(patches: Patches, ridges: Ridges) -> Surfaces:
+def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
     """Patches and ridges as loops take them."""
     return Surfaces(
         shape=patches.shape,
@@ -252,4 +255,5 @@ def surfaces_of(patches: Patches, ridges: Ridges) -> Surfaces:
         ridge_origin=ridges.origin,
         ridge_axis=ridges.axis,
         ridge_size=ridges.size,
+        samples=samples,
     )

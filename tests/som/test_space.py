@@ -104,6 +104,32 @@ def test_nodes_stay_on_spheres_and_cylinders(topology, caplog):
         assert said.args[0] < max(0.045, 1.2 * said.args[2])  # edges may go around 30 degrees: 1 - cos 15, and 4/3
 
 
+class Egg:
+    """The surface of x^2 / 4 + y^2 + z^2 = 1, by steps along its gradient."""
+
+    def project(self, x):
+        found, scale = np.array(x), np.array([[0.25], [1.0], [1.0]])
+        for _ in range(30):
+            gradient = 2.0 * scale * found
+            found -= gradient * ((np.sum(scale * found**2, axis=0) - 1.0) / np.sum(gradient**2, axis=0))
+        return found
+
+
+def near_tip(x):
+    return 1.0 + 10.0 * np.exp(-2.0 * (x[0] - 2.0) ** 2)
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_nodes_slide_on_a_surface_of_a_users_own(topology):
+    mesh = MeshTet(ball(4).p * [[2.0], [1.0], [1.0]], ball(4).t)
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    found = ka.relocate(mesh, near_tip, topology=topology, surfaces={"rim": Egg()}, min_quality=0.1)
+    rim, before = (m.p[:, np.unique(m.facets[:, m.boundaries["rim"]])] for m in (found, mesh))
+    assert np.abs((rim[0] / 2.0) ** 2 + rim[1] ** 2 + rim[2] ** 2 - 1.0).max() < 1e-12
+    assert np.mean(rim[0] > 1.0) > 1.2 * np.mean(before[0] > 1.0)  # to where more are wanted
+    assert np.abs(volumes(found)).sum() == pytest.approx(np.abs(volumes(mesh)).sum(), rel=0.05)
+
+
 def bar():
     """A round bar of radius 1 and height 1, its side and ends named."""
     mesh = box(6, 6, 2)

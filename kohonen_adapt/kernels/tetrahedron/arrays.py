@@ -12,7 +12,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import Laws, Pool
 from kohonen_adapt.kernels.records import record
 
-PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches; nodes on PROJECTED ones are held by loops
+PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches; of PROJECTED ones loops know samples
 LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges; an INTERSECTION is on both of its patches and nothing more
 HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: how many directions a node has
 
@@ -37,6 +37,19 @@ class Tetrahedra(NamedTuple):
 
 
 @record
+class Samples(NamedTuple):
+    """Points of patches that have no formula, a tree for each (`kernels/tetrahedron/samples.py`)."""
+
+    start: np.ndarray  # (p + 1,) int32: those of patch p are in rows start[p] to start[p + 1]
+    point: np.ndarray  # (s, 3)
+    normal: np.ndarray  # (s, 3): unit vectors, all to one side of the patch
+    bend: np.ndarray  # (s, 3, 3): second derivatives of the patch's height along the normal
+
+
+NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+
+@record
 class Surfaces(NamedTuple):
     """Where patches are, and the ridges between them."""
 
@@ -49,6 +62,7 @@ class Surfaces(NamedTuple):
     ridge_origin: np.ndarray  # (r, 3): a point of a line, the centre of a circle
     ridge_axis: np.ndarray  # (r, 3): direction of a line, unit normal of the plane of a circle
     ridge_size: np.ndarray  # (r,): radius of a circle
+    samples: Samples = NO_SAMPLES  # where no patch is PROJECTED
 
 
 @record

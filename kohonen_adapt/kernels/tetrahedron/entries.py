@@ -26,7 +26,8 @@ __all__ = ["SPACE"]
 
 TETRAHEDRA = RecordType(arrays.Tetrahedra, (I2, I2, I1, I2))
 STAR = RecordType(arrays.Star, (I1, I1, I2))
-SURFACES = RecordType(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1))
+SAMPLES = RecordType(arrays.Samples, (I1, R2, R2, R3))
+SURFACES = RecordType(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1, SAMPLES))
 FREEDOM = RecordType(arrays.Freedom, (int8[::1], I1, B1))
 CONSTRAINTS = RecordType(arrays.Constraints, (FREEDOM, SURFACES, B1))
 ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, R1))

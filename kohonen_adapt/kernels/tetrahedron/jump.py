@@ -7,7 +7,7 @@ outlines.
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, PROJECTED
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
@@ -92,9 +92,9 @@ def on_patch_of(elements, e, v, w):
 
 @inner_kernel
 def ridge_of_edge(neurons, v, w):
-    """The ridge that the edge vw is on: -1 if it is on one patch only, -2 if that cannot be told."""
+    """The ridge that the edge vw is on: -1 if it is on one patch only, -2 if none is known there."""
     elements, star, freedom = neurons.elements, neurons.star, neurons.constraints.freedom
-    surfaces, only, sides, same = neurons.constraints.surfaces, np.int64(-1), 0, True
+    only, sides, same = np.int64(-1), 0, True
     for k in range(star.start[v], star.start[v + 1]):
         if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
             continue
@@ -103,8 +103,6 @@ def ridge_of_edge(neurons, v, w):
             p = np.int64(elements.patch[e, j])
             if p < 0 or elements.node[e, j] == v or elements.node[e, j] == w:
                 continue
-            if surfaces.shape[p] == PROJECTED:
-                return -2
             if only >= 0 and only != p:
                 same = False
             only = p

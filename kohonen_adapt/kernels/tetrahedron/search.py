@@ -7,7 +7,7 @@ then the check that no other node lies in the sphere through the winner.
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, PROJECTED
+from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.kernels.tetrahedron.locate import TOLERANCE, depth_in_element, side_of_face, walk
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 
@@ -67,7 +67,7 @@ def behind_surface(position, elements, surfaces, e, x):
     """Whether x, outside of e, lies beyond a facet of e on a curved patch and no farther off that than the facet is."""
     for k in range(4):
         p = np.int64(elements.patch[e, k])
-        if p < 0 or surfaces.shape[p] == PLANE or surfaces.shape[p] == PROJECTED:
+        if p < 0 or surfaces.shape[p] == PLANE:
             continue
         if side_of_face(position, elements.node, e, k, x[0], x[1], x[2]) >= 0.0:
             continue

@@ -14,7 +14,6 @@ from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.surfaces import (
-    has_formula,
     signed_distance,
     slid,
     tangent_of_ridge,
@@ -142,22 +141,6 @@ def newton_step(position, star, surfaces, freedom, weight, v):
 
 
 @inner_kernel
-def may_slide(surfaces, freedom, v):
-    """Whether loops can move a node: not where it is held, or on a patch without a formula."""
-    if freedom.number[v] == HELD or freedom.pinned[v]:
-        return False
-    place = np.int64(freedom.place[v])
-    if freedom.number[v] == INSIDE:
-        return True
-    if freedom.number[v] == ON_PATCH:
-        return has_formula(surfaces, place)
-    for i in range(surfaces.meets.shape[1]):
-        if surfaces.meets[place, i] >= 0 and not has_formula(surfaces, surfaces.meets[place, i]):
-            return False
-    return True
-
-
-@inner_kernel
 def is_curved(surfaces, freedom, v):
     """Whether facets on curved patches may be at a node that slides."""
     return freedom.number[v] != INSIDE and not (
@@ -176,7 +159,7 @@ def smooth_nodes(neurons, weight, floor, order, deep, which):
     surfaces, freedom = neurons.constraints.surfaces, neurons.constraints.freedom
     for node in order:
         v = np.int64(node)
-        if deep[v] != which or not may_slide(surfaces, freedom, v):
+        if deep[v] != which or freedom.number[v] == HELD or freedom.pinned[v]:
             continue
         x, y, z = position[v, 0], position[v, 1], position[v, 2]
         before, worst_before = star_energy(position, star, weight, v, x, y, z)

@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PROJECTED,
     SPHERE,
 )
+from kohonen_adapt.kernels.tetrahedron.samples import nearest_sample
 
 STEPS = 20  # of Newton's method onto two patches at once
 TURN = math.cos(math.radians(30.0))  # of normals at the ends of an edge: as far as a facet may go around a surface
@@ -24,7 +25,9 @@ NEAR = 1e-15  # of the size of the mesh's coordinates: a point this near is on b
 
 @inner_kernel
 def signed_distance(surfaces, p, x, y, z):
-    """Signed distance from a patch that has a formula, and its gradient, a unit vector."""
+    """Signed distance from a patch, and its gradient, a unit vector."""
+    if surfaces.shape[p] == PROJECTED:
+        return height_above(surfaces.samples, p, x, y, z)
     px, py, pz = x - surfaces.origin[p, 0], y - surfaces.origin[p, 1], z - surfaces.origin[p, 2]
     ax, ay, az = surfaces.axis[p, 0], surfaces.axis[p, 1], surfaces.axis[p, 2]
     along, shape, size = px * ax + py * ay + pz * az, surfaces.shape[p], surfaces.size[p]
@@ -43,21 +46,30 @@ def signed_distance(surfaces, p, x, y, z):
 
 
 @inner_kernel
-def has_formula(surfaces, p):
-    """Whether a patch has one: others are known by projections in Python only."""
-    return surfaces.shape[p] != PROJECTED
+def height_above(samples, p, x, y, z):
+    """Signed distance from the paraboloid that touches a patch at its nearest sample, and the direction of that."""
+    row = nearest_sample(samples, p, x, y, z)
+    bend, nx, ny, nz = samples.bend, samples.normal[row, 0], samples.normal[row, 1], samples.normal[row, 2]
+    px, py, pz = x - samples.point[row, 0], y - samples.point[row, 1], z - samples.point[row, 2]
+    bx = bend[row, 0, 0] * px + bend[row, 0, 1] * py + bend[row, 0, 2] * pz
+    by = bend[row, 1, 0] * px + bend[row, 1, 1] * py + bend[row, 1, 2] * pz
+    bz = bend[row, 2, 0] * px + bend[row, 2, 1] * py + bend[row, 2, 2] * pz
+    height = px * nx + py * ny + pz * nz - 0.5 * (px * bx + py * by + pz * bz)
+    nx, ny, nz = nx - bx, ny - by, nz - bz
+    slope = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return slope * height, slope * nx, slope * ny, slope * nz
 
 
 @inner_kernel
 def onto_patch(surfaces, p, x, y, z):
-    """The nearest point of a patch with a formula."""
+    """The nearest point of a patch."""
     distance, nx, ny, nz = signed_distance(surfaces, p, x, y, z)
     return x - distance * nx, y - distance * ny, z - distance * nz
 
 
 @inner_kernel
 def onto_ridge(surfaces, r, x, y, z):
-    """The nearest point of a line or circle; a near one of the intersection of two patches with formulas."""
+    """The nearest point of a line or circle; a near one of the intersection of two patches."""
     px, py, pz = x - surfaces.ridge_origin[r, 0], y - surfaces.ridge_origin[r, 1], z - surfaces.ridge_origin[r, 2]
     ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
     along = px * ax + py * ay + pz * az
@@ -124,14 +136,12 @@ def bulges(mesh, p, a, b):
     """Whether the middle of the edge ab would be farther off a curved patch than any may be."""
     if mesh.surfaces.shape[p] == PLANE:
         return False
-    if not has_formula(mesh.surfaces, p):
-        return True
     return off_patch(mesh, p, a, b) > mesh.origins.bulge[p]
 
 
 @inner_kernel
 def off_patch(mesh, p, a, b):
-    """How far the middle of the edge ab is off a patch with a formula."""
+    """How far the middle of the edge ab is off a patch."""
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     return abs(signed_distance(mesh.surfaces, p, 0.5 * x, 0.5 * y, 0.5 * z)[0])
@@ -149,7 +159,7 @@ def slid(position, constraints, v, dx, dy, dz):
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     if number == INSIDE:
         return x + dx, y + dy, z + dz
-    if number == HELD or (number == ON_PATCH and surfaces.shape[place] == PROJECTED):
+    if number == HELD:
         return x, y, z
     if number == ON_PATCH:
         if surfaces.shape[place] != PLANE:
@@ -171,7 +181,7 @@ def within_reach(position, elements, star, surfaces, v, x, y, z):
         e = np.int64(star.element[k])
         for j in range(4):
             p = np.int64(elements.patch[e, j])
-            if p < 0 or elements.node[e, j] == v or surfaces.shape[p] == PLANE or surfaces.shape[p] == PROJECTED:
+            if p < 0 or elements.node[e, j] == v or surfaces.shape[p] == PLANE:
                 continue
             _, nx, ny, nz = signed_distance(surfaces, p, x, y, z)
             _, ux, uy, uz = signed_distance(surfaces, p, position[v, 0], position[v, 1], position[v, 2])
@@ -186,14 +196,14 @@ def within_reach(position, elements, star, surfaces, v, x, y, z):
 
 @kernel
 def measure_bulges(mesh, bulge):
-    """Measure how far middles of edges are off each patch with a formula, at most, (p,)."""
+    """Measure how far middles of edges are off each patch, at most, (p,)."""
     elements = mesh.elements
     for e in range(elements.node.shape[0]):
         if elements.node[e, 0] < 0:
             continue
         for k in range(4):
             p = elements.patch[e, k]
-            if p < 0 or mesh.surfaces.shape[p] == PLANE or not has_formula(mesh.surfaces, p):
+            if p < 0 or mesh.surfaces.shape[p] == PLANE:
                 continue
             for i in range(4):
                 for j in range(i):

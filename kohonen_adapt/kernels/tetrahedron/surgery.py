@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     rounded,
     squared_distance,
 )
-from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, onto_patch, onto_ridge, ridge_distance
+from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, onto_patch, onto_ridge, ridge_distance
 
 NOWHERE = -1
 EQUAL = 1e-9  # relative: volumes this near to one another count as the same
@@ -187,12 +187,9 @@ def place_of_edge(mesh, shell, count, a, b):
         return INSIDE, NOWHERE
     p = np.int64(mesh.cavity.meeting[0])
     if faces == 2 and patches == 1:
-        return (ON_PATCH, p) if has_formula(mesh.surfaces, p) else (HELD, NOWHERE)
+        return ON_PATCH, p
     if patches > AT_ONCE:
         return HELD, NOWHERE
-    for i in range(patches):
-        if not has_formula(mesh.surfaces, mesh.cavity.meeting[i]):
-            return HELD, NOWHERE
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     r = ridge_of(mesh, 0.5 * x, 0.5 * y, 0.5 * z)
@@ -263,16 +260,13 @@ def may_leave(mesh, v, w, count):
 
     The `count` elements with that edge stand in `cavity.around_other`.
     """
-    freedom, origins, surfaces = mesh.freedom, mesh.origins, mesh.surfaces
+    freedom, origins = mesh.freedom, mesh.origins
     number = freedom.number[v]
     if number == HELD or freedom.pinned[v] or origins.pinched[v] or origins.pinched[w]:
         return False
     faces, patches = patches_at(mesh, mesh.cavity.around_other, count, v, w)
     if number == INSIDE:
         return faces == 0
-    for i in range(min(patches, AT_ONCE)):
-        if not has_formula(surfaces, mesh.cavity.meeting[i]):
-            return False
     if number == ON_PATCH:
         return faces == 2 and patches == 1 and mesh.cavity.meeting[0] == freedom.place[v]
     return not (faces == 2 and patches == 1) and patches <= AT_ONCE and is_ridge(mesh, freedom.place[v])

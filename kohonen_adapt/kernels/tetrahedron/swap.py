@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, RING
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, face_stands, fourth_node
 from kohonen_adapt.kernels.tetrahedron.energy import element_energy
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, cubed_quality, element_quality, element_volumes
-from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, has_formula, off_patch
+from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, off_patch
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
 BETTER = 1.02  # times the cube of the quality: less is not worth a swap, and may be rounding
@@ -203,8 +203,6 @@ def other_fan(mesh, queue, a, b, nodes):
 @inner_kernel
 def stays(mesh, patch, a, b, nodes):
     """Whether an edge on a patch stays, because the one instead of it would be farther off the patch than any is."""
-    if not has_formula(mesh.surfaces, patch):
-        return True
     p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
     return bulges(mesh, patch, p, q) and off_patch(mesh, patch, p, q) > off_patch(mesh, patch, a, b)
 

@@ -1,0 +1,40 @@
+"""Look up the sample of a surface that is nearest to a point, in a k-d tree without a stack.
+
+The trees are complete: below row i stand rows 2 i + 1 and 2 i + 2, cut across x, y, z and x again as the depth says.
+Where the last step came from tells the way on (Wald, "A Stack-Free Traversal Algorithm for Left-Balanced k-d Trees",
+2022).
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+
+
+@inner_kernel
+def nearest_sample(samples, p, x, y, z):
+    """The row of the sample of patch p that is nearest to a point."""
+    point, root, rows = samples.point, np.int64(samples.start[p]), samples.start[p + 1] - samples.start[p]
+    here, before, depth, found, least = np.int64(0), np.int64(-1), 0, root, np.inf
+    while here >= 0:
+        above = (here + 1) // 2 - 1
+        if here >= rows:
+            here, before, depth = above, here, depth - 1
+            continue
+        row = root + here
+        dx, dy, dz = x - point[row, 0], y - point[row, 1], z - point[row, 2]
+        if before < here:
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < least:
+                found, least = row, squared
+        way = dx if depth % 3 == 0 else dy if depth % 3 == 1 else dz
+        near = 2 * here + (2 if way > 0.0 else 1)
+        far = 4 * here + 3 - near
+        if before < here:
+            onward = near
+        elif before == near and way * way < least:
+            onward = far
+        else:
+            onward = above
+        depth += -1 if onward == above else 1
+        here, before = onward, here
+    return found

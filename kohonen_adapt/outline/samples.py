@@ -1,0 +1,90 @@
+"""Sample surfaces that are known by projections only, for loops, which cannot ask for these."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels.tetrahedron.arrays import NO_SAMPLES, PROJECTED, Samples
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.outline.faces import Faces
+from kohonen_adapt.outline.patches import Patches
+
+__all__ = ["samples_of"]
+
+CUTS = 4  # of every edge
+STEP = 1e-2  # of an edge, to both sides, for derivatives
+
+
+def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
+    """Points of such patches, with normals away from their fronts and second derivatives, a complete tree for each."""
+    if not np.any(patches.shape == PROJECTED):
+        return NO_SAMPLES
+    start, samples = [0], []
+    for p in range(len(patches.shape)):
+        rows = 0
+        if patches.shape[p] == PROJECTED:
+            own = np.flatnonzero(patches.of_face == p)
+            point, face = lattice(position[faces.nodes[own]])
+            found = shaped(
+                patches, p, point, position[faces.nodes[own]][face], out_of(faces, patches, own, position)[face]
+            )
+            order = in_tree(found[0])
+            samples.append([array[order] for array in found])
+            rows = len(order)
+        start.append(start[-1] + rows)
+    return Samples(np.array(start, dtype=np.int32), *map(np.concatenate, zip(*samples, strict=True)))
+
+
+def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Floats:
+    """Normals of faces, away from the front of their patch, (f, 3)."""
+    nodes, patch = faces.nodes[own], patches.of_face[own]
+    normal = normals(position, nodes)
+    away = faces.regions[own, 0] == patches.front[patch]
+    sheet = patches.front[patch] < 0
+    away[sheet] = patches.sheet.looks_back(position[nodes[sheet]].mean(axis=1), patch[sheet], normal[sheet])
+    return np.where(away[:, None], normal, -normal)
+
+
+def lattice(corners: Floats) -> tuple[Floats, Ints]:
+    """Points of a lattice on faces (f, 3, 3), and which face each is of."""
+    a, b, c = corners.transpose(1, 0, 2)
+    shares = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
+    point, rows = np.unique(
+        np.concatenate([a + s * (b - a) + t * (c - a) for s, t in shares]), axis=0, return_index=True
+    )
+    return point, rows % len(corners)
+
+
+def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats) -> tuple[Floats, Floats, Floats]:
+    """Of a patch the points nearest to some (k, 3), with unit normals to the side of `out`, and the second derivatives
+    of its height along them (k, 3, 3): by differences along the edges of faces with these corners (k, 3, 3).
+    """
+    patch = np.full(len(near), p)
+    point = patches.project(patch, near)
+    along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    ways = along, aside, along + aside
+    ends = [[patches.project(patch, point + step * way) - point for step in (STEP, -STEP)] for way in ways]
+    tangent = np.stack([ahead - back for ahead, back in ends[:2]], axis=2) / (2.0 * STEP)
+    normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
+    flat = ~(np.einsum("ij,ij->i", normal, normal) > 0.0)  # beyond the rim of what is projected on
+    normal[flat] = out[flat]
+    normal[np.einsum("ij,ij->i", normal, out) < 0.0] *= -1.0
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    first, second, both = (np.einsum("ij,ij->i", ahead + back, normal) / STEP**2 for ahead, back in ends)
+    mixed = 0.5 * (both - first - second)
+    bend = np.stack([first, mixed, mixed, second], axis=1).reshape(-1, 2, 2)
+    inverse = np.linalg.pinv(tangent)
+    return point, normal, inverse.transpose(0, 2, 1) @ bend @ inverse
+
+
+def in_tree(point: Floats) -> Ints:
+    """Rows of points in the order of a complete tree cut across x, y, z in turn; some are there more than once."""
+    depth = len(point).bit_length()
+    rows = np.minimum(np.arange(2**depth - 1), len(point) - 1)
+    tree = np.empty(0, dtype=np.int64)
+    for level in range(depth):
+        block = rows.reshape(2**level, -1)
+        block = np.take_along_axis(block, np.argsort(point[block, level % 3], axis=1, kind="stable"), axis=1)
+        half = block.shape[1] // 2
+        tree = np.append(tree, block[:, half])
+        rows = np.delete(block, half, axis=1).ravel()
+    return tree
