@@ -10,18 +10,18 @@ BITS = 20  # per coordinate
 MARGIN = 0.0173  # of the extent of a mesh
 
 
-def along_curve(points: Floats) -> NDArray[np.int64]:
+def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
     """The order of the rows of (k, 2) or (k, 3) along a space-filling curve, (k,).
 
-    The square or cube that the curve fills is a little larger than need be, so that what halves it again and again
-    misses the nodes of regular meshes: rounding must not decide on which side of that a node lies.
+    The square or cube that the curve fills is larger than need be by a `margin` of the extent, so that what halves it
+    again and again misses the nodes of regular meshes: rounding must not decide on which side of that a node lies.
     """
     keys = np.empty(len(points), dtype=np.int64)
     # column by column, which is many times faster
     low, high = (np.array([bound(column) for column in points.T]) for bound in (np.min, np.max))
     size = max(np.max(high - low), np.finfo(float).tiny)
     fill_keys = hilbert_keys if points.shape[1] == 2 else hilbert_keys_in_space
-    fill_keys(points, low - MARGIN * size, (1.0 + 3.0 * MARGIN) * size, keys)
+    fill_keys(points, low - margin * size, (1.0 + 3.0 * margin) * size, keys)
     return np.argsort(keys, kind="stable")
 
 

@@ -6,6 +6,7 @@ The kernels release Python's global lock, so plain threads run them side by side
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.kernels.compilation import number_of_threads
 
-__all__ = ["Nodes", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
+__all__ = ["Nodes", "by_turns", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
 
 Nodes = NDArray[np.int32]
 Result = TypeVar("Result")
@@ -49,24 +50,44 @@ def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list
     return [first, *results]
 
 
-def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, part: Nodes, deep: NDArray[np.bool_]) -> float:
+def by_turns(task: Callable[[int, int], Result], count: int) -> list[Result]:
+    """Call ``task(thread, i)`` for every i below `count`, each by the first thread that is free; the results in order.
+
+    What a task gives must depend on i alone. Ctrl-C and exceptions come through when no thread is at work any more, and
+    none takes a turn after them.
+    """
+    turns, results = iter(range(count)), dict[int, Result]()
+
+    def take(thread: int, first: int, last: int) -> None:
+        try:
+            for i in turns:
+                results[i] = task(thread, i)
+        except BaseException:
+            list(turns)
+            raise
+
+    shared(take, range(min(number_of_threads(), max(1, count)) + 1))
+    return [results[i] for i in range(count)]
+
+
+def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, *ways: tuple[Nodes, NDArray[np.bool_]]) -> float:
     """Call ``task(thread, nodes)`` for nodes in their order, part by part, and add up what it returns.
 
-    Threads take parts side by side; the nodes that are not `deep` in their part, so that they have neighbours in
-    another one, come last. What a task does to a node must depend on the neighbours alone: then nothing depends on the
-    number of threads. The parts are stretches of the order.
+    `ways` of cutting nodes into parts are the part of each, (n,), and whether it is deep there, so that all neighbours
+    are of its part. Threads take the parts of one way side by side, in each the nodes that are deep; those that are so
+    in no way come last. What a task does to a node must depend on the neighbours alone: then nothing depends on the
+    number of threads.
     """
-    alone = deep[order]
-    inside, across = order[alone], order[~alone]
-    parts = int(part[order[-1]]) + 1
-    cuts = np.searchsorted(part[inside], np.arange(parts + 1))
-    gains = np.zeros(parts + 1)
+    gains = list[float]()
+    for part, deep in ways:
+        alone = deep[order]
+        inside, order = order[alone], order[~alone]
+        inside = inside[np.argsort(part[inside], kind="stable")]
+        cuts = np.searchsorted(part[inside], np.arange(part.max() + 2)).tolist()
+        gains += by_turns(partial(_one_part, task, inside, cuts), len(cuts) - 1)
+    gains += [task(0, order[first : first + NODES]) for first in range(0, len(order), NODES)]
+    return float(np.sum(gains))
 
-    def several(thread: int, first: int, last: int) -> None:
-        for i in range(first, last):
-            gains[i] = task(thread, inside[cuts[i] : cuts[i + 1]])
 
-    shared(several, even_cuts(parts, 1))
-    for first in range(0, len(across), NODES):
-        gains[parts] += task(0, across[first : first + NODES])
-    return float(gains.sum())
+def _one_part(task: Callable[[int, Nodes], float], nodes: Nodes, cuts: Sequence[int], thread: int, i: int) -> float:
+    return task(thread, nodes[cuts[i] : cuts[i + 1]])

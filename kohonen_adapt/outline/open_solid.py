@@ -24,6 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinch
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
+from kohonen_adapt.outline.parts import Parts, wait_in
 
 __all__ = ["OpenSolid", "swap_elements"]
 
@@ -102,14 +103,15 @@ class OpenSolid:
 
     def swap(self) -> int:
         """Swap until no swap makes the worst of what it touches better; returns how often."""
-        swaps = 0
-        while self.queue.state[1]:
-            swaps += swap_waiting(self.mesh, self.queue, 1.0, LOOKS)
-        return swaps
+        return round(self.parts().work_off(self.mesh, self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
 
     def look_again(self) -> None:
         """Have the elements that are not good looked at, because nodes have moved."""
         enter_worse(self.mesh, self.queue, GOOD**3)
+
+    def parts(self) -> Parts:
+        """The mesh as it is now, cut into parts for threads."""
+        return Parts.of(self.mesh)
 
     def star(self) -> Star:
         """The elements around every row of nodes, as they are now."""
@@ -130,10 +132,7 @@ class OpenSolid:
         """
         mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
         mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
-        waiting = np.flatnonzero(queue.waiting[elements])
-        queue.waiting[:] = False
-        queue.waiting[waiting] = True
-        queue.element[: len(waiting)], queue.state[:] = waiting, (0, len(waiting))
+        wait_in(queue, np.flatnonzero(queue.waiting[elements]))
         nodes = np.append(nodes, np.flatnonzero(mesh.pool.anchor < 0))
         elements = np.append(elements, np.flatnonzero(mesh.elements.node[:, 0] < 0))
         for name, array in self.state.items():

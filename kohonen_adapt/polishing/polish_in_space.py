@@ -7,14 +7,13 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, padded
 from kohonen_adapt.kernels.arrays import Neurons
-from kohonen_adapt.kernels.ordering import along_curve, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
 from kohonen_adapt.kernels.tetrahedron.descend import descend_nodes
-from kohonen_adapt.kernels.tetrahedron.stars import mark_deep
-from kohonen_adapt.kernels.threads import Nodes, shared_in_parts
+from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.outline.parts import Parts
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
@@ -26,8 +25,6 @@ __all__ = ["PLAN_IN_SPACE", "SETTLED", "descend_and_recycle_in_space", "descend_
 # with one recycling in a pass, (4, 4), and mostly 1 % with two, (4, 4, 4).
 PLAN_IN_SPACE = (2, 2, 2, 2)
 SETTLED = 0.01  # share of the nodes: a recycling that exchanges fewer is the last of its pass
-STRIPS = 0.25  # share of the nodes that may be so near the cuts between parts that they have to wait
-LEAST = 1_000  # nodes in a part: fewer are not worth a thread
 
 
 def descend_in_space(
@@ -130,45 +127,30 @@ class Descent:
     def descend(self, sweeps: int, eager: bool) -> float:
         """Sweep so often, and swap after every sweep, before them, too, if `eager`; returns the functional's fall."""
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
-        gain = self.swap() if eager else 0.0
-        nodes = self.opened.nodes()
-        order = nodes[along_curve(self.opened.mesh.position[nodes])].astype(np.int32)
+        parts = self.opened.parts()
+        gain = self.swap(parts) if eager else 0.0
         for _ in range(sweeps):
-            gain += self.sweep(freedom, order)
-            gain += self.swap()
+            gain += self.sweep(parts, freedom)
+            gain += self.swap(parts)
         return gain
 
-    def swap(self) -> float:
+    def swap(self, parts: Parts) -> float:
         """Swap where that is allowed and lowers the functional; returns by how much."""
         if not self.swaps:
             return 0.0
-        return swap_in_space(self.opened, self.functional, self.trial, self.seen, self.floor)
+        return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
 
     def recycle(self) -> tuple[int, float]:
         """Exchange nodes by energy; returns how many, and what that took off the functional, or added if negative."""
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 
-    def sweep(self, freedom: Freedom, order: Nodes) -> float:
-        """Move nodes in this order, the parts of the mesh side by side, and then what is at their cuts."""
+    def sweep(self, parts: Parts, freedom: Freedom) -> float:
+        """Move every node once, the parts of the mesh side by side, and then what is at their cuts."""
         mesh, star = self.opened.mesh, self.opened.star()
-        part = parts_along(order, len(mesh.position), parts_for(len(order)))
-        deep = np.empty(len(part), dtype=np.bool_)
-        mark_deep(star, part, 1, deep, np.empty_like(part))
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
         neurons = Neurons(mesh.position, mesh.elements, star, constraints)
 
         def task(thread: int, nodes: Nodes) -> float:
             return float(descend_nodes(neurons, self.trial, nodes, self.floor**3))
 
-        return shared_in_parts(task, order, part, deep)
-
-
-def parts_for(nodes: int) -> int:
-    """The largest power of two of parts, p, beside whose cuts, 6 (p^(1/3) - 1) n^(2/3) nodes, no more are than allowed.
-
-    So many lie beside the planes that cut a cube of n nodes into p cubes.
-    """
-    parts = 1
-    while 2 * parts * LEAST <= nodes and 6.0 * ((2 * parts) ** (1 / 3) - 1.0) <= STRIPS * nodes ** (1 / 3):
-        parts *= 2
-    return parts
+        return parts.sweep(star, task)

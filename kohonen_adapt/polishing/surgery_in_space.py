@@ -3,12 +3,13 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Trial
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Queue, Trial
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.energy_recycle import exchange, weigh_collapses, weigh_splits
 from kohonen_adapt.kernels.tetrahedron.swap_by_energy import enter_changed, swap_downhill
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.outline.parts import Parts
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 
 __all__ = ["recycle_in_space", "swap_in_space"]
@@ -25,18 +26,22 @@ CHANGED = 0.1  # share of its volume or energy by which an element has changed t
 MARGIN = 0.2
 
 
-def swap_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, seen: Floats, floor: float) -> float:
+def swap_in_space(
+    opened: OpenSolid, parts: Parts, functional: SolidFunctional, trial: Trial, seen: Floats, floor: float
+) -> float:
     """Swap until no swap lowers the functional of a function on the rows of nodes; returns what that took off.
 
     `seen` (m, 2) has what elements were when they were looked at; those are looked at again that have changed since.
     Edges on patches go where that changes no given value, and not the domain.
     """
-    mesh, queue, lowered = opened.mesh, opened.queue, 0.0
+    mesh, queue = opened.mesh, opened.queue
     free = (mesh.surfaces.shape == PLANE) & ~functional.held[: functional.patches]
     enter_changed(mesh, trial, queue, seen, CHANGED)
-    while queue.state[1]:
-        lowered += swap_downhill(mesh, trial, queue, seen, free, floor**3, LOOKS)[1]
-    return lowered
+
+    def swap(part: OpenTetrahedra, own: Queue) -> float:
+        return float(swap_downhill(part, trial, own, seen, free, floor**3, LOOKS)[1])
+
+    return parts.work_off(mesh, queue, swap)
 
 
 def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, floor: float) -> tuple[int, float]:

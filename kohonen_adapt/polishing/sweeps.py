@@ -70,7 +70,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
         mark_deep(movable.triangulation.star, part, 1, deep, np.empty_like(order))
-        gain += shared_in_parts(downhill.descend_nodes, order, part, deep)
+        gain += shared_in_parts(downhill.descend_nodes, order, (part, deep))
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
         bend = movable.bent_sides() if movable.curved else None

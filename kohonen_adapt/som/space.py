@@ -4,17 +4,18 @@ import logging
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
-from kohonen_adapt.kernels.threads import number_of_threads, shared
+from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
+from kohonen_adapt.outline.parts import Parts
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
@@ -33,8 +34,6 @@ ROUNDS = 6  # what could not be collapsed at first may be when its surroundings 
 SETTLED = 0.005  # share of the nodes: a round with fewer splits is the last
 MIXED = 0.1  # share of the nodes: after a round with more splits rows are put in order again
 POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the mass of all elements alike
-LEAST = 1_000  # nodes in a part: fewer are not worth a thread
-STRIPS = 0.4  # share of the nodes that may be so near the cuts between parts that they have to wait
 PAIRS, NODES = 10_000, 50_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 
@@ -136,8 +135,9 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
 
 def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
     """Sweep with the weight of a density, and swap after every sweep where that is allowed."""
+    parts = opened.parts()
     for _ in range(sweeps):
-        sweep(opened, weights(opened, density), cubed(movable.floor))
+        sweep(opened, parts, weights(opened, density), cubed(movable.floor))
         if movable.flips:
             opened.look_again()
             opened.swap()
@@ -151,51 +151,17 @@ def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
     return weight
 
 
-def sweep(opened: OpenSolid, weight: Floats, floor: float) -> None:
-    """Smooth every node once, the slabs into which the mesh is cut side by side, and then what is near the cuts.
-
-    What moves deep in a slab touches nothing of the others, and slabs do not depend on the number of threads.
-    """
-    mesh = opened.mesh
-    order, starts, deep = slabs(mesh.position, opened.nodes(), mesh.elements.node)
+def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None:
+    """Smooth every node once."""
+    mesh, star = opened.mesh, opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
-    neurons = Neurons(mesh.position, mesh.elements, opened.star(), constraints)
+    neurons = Neurons(mesh.position, mesh.elements, star, constraints)
 
-    def task(thread: int, first: int, last: int) -> None:
-        smooth_nodes(neurons, weight, floor, order[first:last], deep, True)
+    def task(thread: int, nodes: Nodes) -> float:
+        smooth_nodes(neurons, weight, floor, nodes)
+        return 0.0
 
-    for first in range(0, len(starts) - 1, number_of_threads()):
-        shared(task, starts[first : first + number_of_threads() + 1])
-    rest = order[~deep[order]]
-    for first in range(0, len(rest), NODES):
-        smooth_nodes(neurons, weight, floor, rest[first : first + NODES], deep, False)
-
-
-def slabs(position: Floats, nodes: Ints, node: Ints) -> tuple[NDArray[np.int32], list[int], Mask]:
-    """Rows of nodes slab by slab across the longest way through the mesh, where each slab begins, and the end; and
-    which rows, (rows,), have neighbours in their own slab only.
-    """
-    coordinate = position[nodes, np.argmax(np.ptp(position[nodes], axis=0))]
-    parts = parts_for(len(nodes))
-    rank = np.empty(len(nodes), dtype=np.int64)
-    rank[np.argsort(coordinate, kind="stable")] = np.arange(len(nodes))
-    part = np.zeros(len(position), dtype=np.int64)
-    part[nodes] = rank * parts // len(nodes)
-    order = nodes[np.argsort(part[nodes], kind="stable")].astype(np.int32)
-    starts = np.searchsorted(part[order], np.arange(parts + 1)).tolist()
-    elements = node[node[:, 0] >= 0]
-    across = elements[np.any(part[elements] != part[elements[:, :1]], axis=1)]
-    deep = np.ones(len(position), dtype=np.bool_)
-    deep[across] = False
-    return order, starts, deep
-
-
-def parts_for(nodes: int) -> int:
-    """The largest power of two of slabs beside whose cuts, n^(2/3) nodes on each side, are no more than is allowed."""
-    parts = 1
-    while 2 * parts * LEAST <= nodes and 2 * (2 * parts - 1) * nodes ** (2 / 3) <= STRIPS * nodes:
-        parts *= 2
-    return parts
+    parts.sweep(star, task)
 
 
 def cubed(floor: float) -> float:

@@ -50,7 +50,7 @@ def sweep(mesh, density):
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
     before = mesh.position.copy()
     neurons = Neurons(mesh.position, mesh.elements, star, constraints)
-    smooth_nodes(neurons, weight, FLOOR**3, order, np.ones(n, dtype=bool), True)
+    smooth_nodes(neurons, weight, FLOOR**3, order)
     return int(np.count_nonzero(np.any(mesh.position != before, axis=1)))
 
 

@@ -22,7 +22,7 @@ from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt import Rules
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, WAITS
 from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
@@ -362,7 +362,7 @@ def test_rows_put_in_order_are_the_same_mesh(build):
             n, m = len(opened.nodes()), len(opened.elements())
             assert opened.nodes()[-1] == n - 1 and opened.elements()[-1] == m - 1
         check_arrays(opened.mesh)
-        corners = opened.mesh.position[opened.mesh.elements.node[opened.queue.waiting]]
+        corners = opened.mesh.position[opened.mesh.elements.node[opened.queue.waiting == WAITS]]
         copy, height = solid.copy(), opened.mesh.pool.height.tolist()
         old = opened.mesh.origins.old[opened.hand_back(copy, renumbered=True)]
         found.append((copy.mesh(), height, sorted(corners.tolist()), old.tolist()))

@@ -9,11 +9,9 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules
-from kohonen_adapt.kernels.ordering import along_curve, parts_along
-from kohonen_adapt.kernels.threads import shared_in_parts
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.surgery import unchanged
-from kohonen_adapt.polishing.polish_in_space import descend_and_recycle_in_space, descend_in_space, parts_for
+from kohonen_adapt.polishing.polish_in_space import descend_and_recycle_in_space, descend_in_space
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -166,22 +164,3 @@ def test_what_polish_refuses_on_tetrahedra():
 def test_adapt_goes_on_without_a_polish_and_says_why(stated, reason):
     result = ka.adapt(cube((2, 2, 2)), Stated(**stated), passes=1)
     assert all(reason in step.unpolished and bool(reason) == bool(step.unpolished) for step in result.history)
-
-
-def test_parts_are_taken_side_by_side_and_what_is_at_their_cuts_comes_last():
-    nodes = box(12)
-    order = along_curve(nodes.p.T).astype(np.int32)
-    part = parts_along(order, nodes.nvertices, parts_for(nodes.nvertices))
-    assert part.max() > 0 and np.all(np.diff(part[order]) >= 0)
-    deep = np.ones(nodes.nvertices, dtype=bool)
-    deep[::7] = False
-    seen = []
-
-    def task(thread, rows):
-        seen.append(rows)
-        return float(len(rows))
-
-    assert shared_in_parts(task, order, part, deep) == nodes.nvertices
-    assert sorted(np.concatenate(seen)) == list(range(nodes.nvertices))
-    assert all(len(set(part[rows])) == 1 for rows in seen if deep[rows[:1]].all())
-    assert not deep[seen[-1]].any()

@@ -62,7 +62,7 @@ class Setting:
         self.seen = np.zeros((len(self.opened.mesh.elements.node), 2))
 
     def swap(self):
-        return swap_in_space(self.opened, self.functional, self.trial, self.seen, FLOOR)
+        return swap_in_space(self.opened, self.opened.parts(), self.functional, self.trial, self.seen, FLOOR)
 
     def recycle(self):
         return recycle_in_space(self.opened, self.functional, self.trial, FLOOR)

@@ -18,6 +18,7 @@ HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: how many direct
 
 MOST = 1024  # elements around a node that surgery takes on: nodes with more stay what they are
 RING = 8  # nodes in a ring around an edge that swaps take on
+FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; what is ELSEWHERE is WANTED once it has been in the way
 
 # Columns of `Trial.data`.
 TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
@@ -151,14 +152,14 @@ class OpenTetrahedra(NamedTuple):
 class Queue(NamedTuple):
     """Elements whose edges and faces are to be looked at, the first come the first."""
 
-    waiting: np.ndarray  # (m,) bool
+    waiting: np.ndarray  # (m,) int8: FREE, WAITS; ELSEWHERE or WANTED where a part must not touch it
     element: np.ndarray  # (m,) int32: a ring
     state: np.ndarray  # (2,) int64: where the first is, and how many there are
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
         """An empty queue for a mesh with rows for so many elements."""
-        return cls(np.zeros(elements, dtype=np.bool_), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
+        return cls(np.zeros(elements, dtype=np.int8), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
 
 
 @record

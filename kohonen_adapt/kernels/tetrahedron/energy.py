@@ -37,12 +37,44 @@ def element_energy(position, trial, region, a, b, c, d):
     nx = alpha * px + beta * qx + gamma * rx
     ny = alpha * py + beta * qy + gamma * ry
     nz = alpha * pz + beta * qz + gamma * rz
-    square = nx * nx + ny * ny + nz * nz
-    law = trial.laws.number[region]
-    if law >= 0:
-        energy = six * stored(trial.laws, law, square / (six * six))[0] / 6.0
-    else:
-        energy = data[region, TWELFTH_COEFFICIENT] * square / six
+    energy = stored_in(trial, region, six, nx * nx + ny * ny + nz * nz)
     pull = data[region, SOURCE_24TH] * six * (value[a] + value[b] + value[c] + value[d])
     push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
     return energy - pull - push, energy + abs(pull) + abs(push)
+
+
+@inner_kernel
+def stored_in(trial, region, six, square):
+    """What is stored in an element with six times the volume `six` and |n|^2."""
+    law = trial.laws.number[region]
+    if law >= 0:
+        return six * stored(trial.laws, law, square / (six * six))[0] / 6.0
+    return trial.data[region, TWELFTH_COEFFICIENT] * square / six
+
+
+@inner_kernel
+def tilts_along(trial, ways, p, q, r):
+    """What the function has to do with the energy of any tetrahedron on a triangle: be U - al V, which is the same for
+    all apexes, and the sum of its three values. `ways` are those of `ways_along`.
+    """
+    (ux, uy, uz), (vx, vy, vz), _, _ = ways
+    value = trial.value
+    alpha, beta = value[q] - value[p], value[r] - value[p]
+    tilt = beta * ux - alpha * vx, beta * uy - alpha * vy, beta * uz - alpha * vz
+    return tilt, value[p], value[p] + value[q] + value[r]
+
+
+@inner_kernel
+def energy_on(trial, region, ways, tilts, way, value, side):
+    """The functional of the tetrahedron of a triangle and the node with that value at the end of the way W from its
+    first one, on the `side` that U x V points to (1) or on the other (-1): n = W x (be U - al V) + ga U x V.
+    """
+    (tx, ty, tz), at_first, values = tilts
+    wx, wy, wz = way
+    _, _, (px, py, pz), _ = ways
+    data, gamma = trial.data, value - at_first
+    nx, ny, nz = wy * tz - wz * ty + gamma * px, wz * tx - wx * tz + gamma * py, wx * ty - wy * tx + gamma * pz
+    six = side * (wx * px + wy * py + wz * pz)
+    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
+    energy = stored_in(trial, region, six, nx * nx + ny * ny + nz * nz)
+    return energy - data[region, SOURCE_24TH] * six * (values + value) - side * push

@@ -34,7 +34,7 @@ ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, R1))
 I3 = int32[:, :, ::1]
 CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
 OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
-QUEUE = RecordType(arrays.Queue, (B1, I1, L1))
+QUEUE = RecordType(arrays.Queue, (int8[::1], I1, L1))
 LAWS = RecordType(shared.Laws, (I1, int64, R3))
 TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2))
 OFFERS = RecordType(arrays.Offers, (R2, R1, B1, B1, B1, B1))
@@ -45,13 +45,15 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
         Entry(connectivity.fill_star, I2, STAR),
+        Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(stars.find_parts, I2, I1, I1),
     ),
     "space moves": (
         Entry(connectivity.mark_pinched, OPEN_TETRAHEDRA, STAR, B1),
         Entry(surfaces.measure_bulges, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
         Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
-        Entry(smooth.smooth_nodes, NEURONS, R1, float64, I1, B1, boolean),
+        Entry(smooth.smooth_nodes, NEURONS, R1, float64, I1),
     ),
     "space recycling": (
         Entry(recycle.fill_heaps, OPEN_TETRAHEDRA, HEAP, HEAP, int64, int64),
@@ -60,7 +62,6 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(stars.mark_sound, R2, STAR, float64, int64, int64, B1),
-        Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
         Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),

@@ -40,6 +40,34 @@ def cubed_quality_at(position, x, y, z, b, c, d):
 
 
 @inner_kernel
+def ways_along(position, p, q, r):
+    """The ways u and v from node p to two others, u x v, and 3 (|u|^2 + |v|^2) - 2 u . v.
+
+    That is what tetrahedra on the triangle have in common.
+    """
+    px, py, pz = position[p, 0], position[p, 1], position[p, 2]
+    ux, uy, uz = position[q, 0] - px, position[q, 1] - py, position[q, 2] - pz
+    vx, vy, vz = position[r, 0] - px, position[r, 1] - py, position[r, 2] - pz
+    across = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    squares = 3.0 * ((ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz))
+    return (ux, uy, uz), (vx, vy, vz), across, squares - 2.0 * (ux * vx + uy * vy + uz * vz)
+
+
+@inner_kernel
+def cubed_quality_on(ways, way, side):
+    """Cube of the quality of the tetrahedron of a triangle, as `ways_along` has it, and the node at the end of a `way`
+    from its first one, on the `side` to which u x v points (1) or on the other (-1); 0 where it is flat or overturned.
+    """
+    (ux, uy, uz), (vx, vy, vz), (nx, ny, nz), squares = ways
+    wx, wy, wz = way
+    volume = side * (wx * nx + wy * ny + wz * nz)
+    if not volume > 0.0:
+        return 0.0
+    squares += 3.0 * (wx * wx + wy * wy + wz * wz) - 2.0 * (wx * (ux + vx) + wy * (uy + vy) + wz * (uz + vz))
+    return 432.0 * volume * volume / (squares * squares * squares)
+
+
+@inner_kernel
 def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
     """Of the lengths of the six edges of the tetrahedron that three vectors span."""
     x, y, z = ux + vx + wx, uy + vy + wy, uz + vz + wz

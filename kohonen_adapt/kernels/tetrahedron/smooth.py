@@ -149,17 +149,16 @@ def is_curved(surfaces, freedom, v):
 
 
 @kernel
-def smooth_nodes(neurons, weight, floor, order, deep, which):
-    """Take Newton's step, or half of it and so on, where it lowers the sum and the guard lets it.
+def smooth_nodes(neurons, weight, floor, order):
+    """Take Newton's step at nodes in order, or half of it and so on, where it lowers the sum and the guard lets it.
 
-    `weight` (m,) is rho^(5/3) up to a factor, `floor` is cubed. Of the nodes in `order` those move for which `deep` is
-    as `which` says.
+    `weight` (m,) is rho^(5/3) up to a factor, `floor` is cubed.
     """
     position, elements, star = neurons.position, neurons.elements, neurons.star
     surfaces, freedom = neurons.constraints.surfaces, neurons.constraints.freedom
     for node in order:
         v = np.int64(node)
-        if deep[v] != which or freedom.number[v] == HELD or freedom.pinned[v]:
+        if freedom.number[v] == HELD or freedom.pinned[v]:
             continue
         x, y, z = position[v, 0], position[v, 1], position[v, 2]
         before, worst_before = star_energy(position, star, weight, v, x, y, z)

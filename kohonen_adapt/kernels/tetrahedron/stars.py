@@ -1,8 +1,10 @@
-"""Guard the elements around a node: no move leaves one worse than the rule allows; mark nodes deep in a part."""
+"""Guard the elements around a node: no move leaves one worse than the rule allows; find what is deep in a part."""
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
+
+ACROSS, UNUSED = -1, -2  # instead of the part of an element
 
 
 @inner_kernel
@@ -80,3 +82,14 @@ def mark_deep(star, part, rings, deep, queue):
                         queue[end] = other
                         end += 1
         first, last = last, end
+
+
+@kernel
+def find_parts(node, part, of_element):
+    """Find the part of every element, (m,): that of all of its nodes, ACROSS if they differ, UNUSED for free rows."""
+    for e in range(node.shape[0]):
+        own = UNUSED if node[e, 0] < 0 else part[node[e, 0]]
+        for k in range(1, 4):
+            if own >= 0 and part[node[e, k]] != own:
+                own = ACROSS
+        of_element[e] = own

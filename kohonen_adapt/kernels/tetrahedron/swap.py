@@ -11,10 +11,16 @@ either by itself.
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, RING
+from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, face_stands, fourth_node
-from kohonen_adapt.kernels.tetrahedron.energy import element_energy
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, cubed_quality, element_quality, element_volumes
+from kohonen_adapt.kernels.tetrahedron.energy import energy_on, tilts_along
+from kohonen_adapt.kernels.tetrahedron.geometry import (
+    FLAT,
+    cubed_quality_on,
+    element_quality,
+    element_volumes,
+    ways_along,
+)
 from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, off_patch
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
@@ -25,11 +31,11 @@ RULED_OUT = -np.inf  # what a part of a ring is worth that no allowed elements f
 @inner_kernel
 def enter(queue, e):
     """Put an element at the end of the queue, unless it waits already."""
-    if not queue.waiting[e]:
+    if queue.waiting[e] == FREE:
         rows = queue.element.shape[0]
         queue.element[(queue.state[0] + queue.state[1]) % rows] = e
         queue.state[1] += 1
-        queue.waiting[e] = True
+        queue.waiting[e] = WAITS
 
 
 @inner_kernel
@@ -38,24 +44,30 @@ def take_first(queue):
     e = np.int64(queue.element[queue.state[0]])
     queue.state[0] = (queue.state[0] + 1) % queue.element.shape[0]
     queue.state[1] -= 1
-    queue.waiting[e] = False
+    queue.waiting[e] = FREE
     return e
+
+
+@inner_kernel
+def is_in_the_way(queue, e):
+    """Whether an element waits for its turn, or for the part of the mesh that it is in."""
+    if queue.waiting[e] == ELSEWHERE:
+        queue.waiting[e] = WANTED
+    return queue.waiting[e] != FREE
 
 
 @inner_kernel
 def first_of_fan(mesh, e, a, b, first, second):
     """The first element of the fan around the edge ab that e = (a, b, first, second) is in, from one constrained face
-    to the next, and its two other nodes; e itself where there is none. -1 if the fan has too many elements.
+    to the next, and its two other nodes. -1 if the fan has too many elements.
     """
-    elements, start = mesh.elements, e
+    elements = mesh.elements
     for _ in range(RING):
         k = corner_of(elements.node, e, second)
         across = np.int64(elements.neighbour[e, k])
         if elements.patch[e, k] >= 0 or across < 0:
             return e, first, second
         e, first, second = across, fourth_node(elements.node, across, a, b, first), first
-        if e == start:
-            return e, first, second
     return NOWHERE, first, second
 
 
@@ -68,7 +80,7 @@ def walk_fan(mesh, queue, side, e, a, b, first, second):
     """
     elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
     start, count = e, 0
-    while count < RING - 1 and not queue.waiting[e]:
+    while count < RING - 1 and not is_in_the_way(queue, e):
         fan[side, count], ring[side, count] = e, first
         count += 1
         k = corner_of(elements.node, e, first)
@@ -81,7 +93,7 @@ def walk_fan(mesh, queue, side, e, a, b, first, second):
         e, first, second = across, second, fourth_node(elements.node, across, a, b, second)
     if (
         count == RING - 1
-        and not queue.waiting[e]
+        and not is_in_the_way(queue, e)
         and elements.neighbour[e, corner_of(elements.node, e, first)] == start
     ):
         fan[side, count], ring[side, count] = e, first
@@ -117,25 +129,25 @@ def worth_with(mesh, trial, side, i, j, k, a, b, least):
     """
     position, ring, worth = mesh.position, mesh.cavity.ring, mesh.cavity.worth
     p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], worth[side, i, j], worth[side, j, k]
+    value = min(before, after)
+    if value == RULED_OUT or (trial is None and not value > least):
+        return RULED_OUT
+    ways = ways_along(position, p, q, r)
+    x, y, z = position[p, 0], position[p, 1], position[p, 2]
+    to_b = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+    to_a = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+    above = cubed_quality_on(ways, to_b, 1.0)
+    if not above >= least:
+        return RULED_OUT
+    worst = min(above, cubed_quality_on(ways, to_a, -1.0))
+    if not worst >= least:
+        return RULED_OUT
     if trial is None:
-        value = min(before, after)
-        if not value > least:
-            return RULED_OUT
-        value = min(value, cubed_quality(position, p, q, r, b))
-        if not value > least:
-            return RULED_OUT
-        value = min(value, cubed_quality(position, p, r, q, a))
+        value = min(value, worst)
         return value if value > least else RULED_OUT
-    if before == RULED_OUT or after == RULED_OUT or not cubed_quality(position, p, q, r, b) >= least:
-        return RULED_OUT
-    if not cubed_quality(position, p, r, q, a) >= least:
-        return RULED_OUT
-    region = mesh.elements.region[mesh.cavity.fan[side, 0]]
-    one, other = (
-        element_energy(position, trial, region, p, q, r, b),
-        element_energy(position, trial, region, p, r, q, a),
-    )
-    return before + after - one[0] - other[0]
+    region, tilts = mesh.elements.region[mesh.cavity.fan[side, 0]], tilts_along(trial, ways, p, q, r)
+    above = energy_on(trial, region, ways, tilts, to_b, trial.value[b], 1.0)
+    return before + after - above - energy_on(trial, region, ways, tilts, to_a, trial.value[a], -1.0)
 
 
 @inner_kernel
@@ -218,12 +230,15 @@ def rings_around(mesh, queue, e, edge):
     elements = mesh.elements
     a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
     first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
+    nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
+    if nodes == found:
+        return a, b, (nodes, found, 0, 0, NOWHERE)
     e, first, second = first_of_fan(mesh, e, a, b, first, second)
     if e < 0:
         return a, b, (0, 0, 0, 0, NOWHERE)
     nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
-    if nodes < 3 or nodes == found:
-        return a, b, (nodes if nodes == found else 0, found, 0, 0, NOWHERE)
+    if nodes < 3:
+        return a, b, (0, 0, 0, 0, NOWHERE)
     other, found_other, patch = other_fan(mesh, queue, a, b, nodes)
     return a, b, (nodes if patch >= 0 else 0, found, other, found_other, patch)
 
@@ -294,7 +309,7 @@ def enter_pair(mesh, queue, e, k):
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     across = np.int64(elements.neighbour[e, k])
-    if across < 0 or elements.patch[e, k] >= 0 or queue.waiting[across]:
+    if across < 0 or elements.patch[e, k] >= 0 or is_in_the_way(queue, across):
         return RULED_OUT
     a, b = np.int64(elements.node[e, OPPOSITE[k, 0]]), np.int64(elements.node[e, OPPOSITE[k, 1]])
     c, top = np.int64(elements.node[e, OPPOSITE[k, 2]]), np.int64(elements.node[e, k])
