@@ -5,9 +5,11 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.threads import even_cuts, shared
 
 BITS = 20  # per coordinate
 MARGIN = 0.0173  # of the extent of a mesh
+FEW = 2_000  # points that are not worth another thread
 
 
 def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
@@ -21,7 +23,11 @@ def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
     low, high = (np.array([bound(column) for column in points.T]) for bound in (np.min, np.max))
     size = max(np.max(high - low), np.finfo(float).tiny)
     fill_keys = hilbert_keys if points.shape[1] == 2 else hilbert_keys_in_space
-    fill_keys(points, low - margin * size, (1.0 + 3.0 * margin) * size, keys)
+
+    def fill(thread: int, first: int, last: int) -> None:
+        fill_keys(points[first:last], low - margin * size, (1.0 + 3.0 * margin) * size, keys[first:last])
+
+    shared(fill, even_cuts(len(points), FEW))
     return np.argsort(keys, kind="stable")
 
 

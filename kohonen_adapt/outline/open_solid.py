@@ -103,7 +103,7 @@ class OpenSolid:
 
     def swap(self) -> int:
         """Swap until no swap makes the worst of what it touches better; returns how often."""
-        return round(self.parts().work_off(self.mesh, self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
+        return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
 
     def look_again(self) -> None:
         """Have the elements that are not good looked at, because nodes have moved."""
@@ -111,7 +111,7 @@ class OpenSolid:
 
     def parts(self) -> Parts:
         """The mesh as it is now, cut into parts for threads."""
-        return Parts.of(self.mesh)
+        return Parts(self.mesh)
 
     def star(self) -> Star:
         """The elements around every row of nodes, as they are now."""

@@ -8,6 +8,7 @@ of theirs knows of this face: as three nodes of it are of the part, no other par
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,32 +25,36 @@ __all__ = ["Parts", "wait_in"]
 MARGINS = MARGIN, 0.4  # of the curves that are cut: they halve the mesh at different places
 STRIPS = 0.25  # share of the nodes that may be so near the cuts of one way that they have to wait
 LEAST = 1_000  # nodes in a part: fewer are not worth a thread
-FEW = 1_000  # elements that wait: fewer are not worth to be shared out
+FEW = 2_000  # elements that wait: fewer are not worth to be shared out
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The nodes of a mesh, cut into parts.
+    """A mesh, whose nodes are cut into parts when that is first asked for; until nodes are made or taken away.
 
     Attributes
     ----------
-    order
-        Rows of nodes in use along a space-filling curve.
-    ways
-        The part that each row of nodes belongs to, (n,), 0 for those not in use: in each of two ways, or in none where
-        there are too few.
+    mesh
+        The mesh.
     """
 
-    order: Nodes
-    ways: tuple[Nodes, ...]
+    mesh: OpenTetrahedra
 
-    @classmethod
-    def of(cls, mesh: OpenTetrahedra) -> "Parts":
-        """The parts of a mesh as it is now; they may be used until nodes are taken away or made."""
-        nodes = np.flatnonzero(mesh.pool.anchor >= 0).astype(np.int32)
-        count, rows = parts_for(len(nodes)), len(mesh.position)
-        orders = [nodes[along_curve(mesh.position[nodes], margin)] for margin in MARGINS[: 2 if count > 1 else 1]]
-        return cls(orders[0], tuple(parts_along(order, rows, count) for order in orders) if count > 1 else ())
+    @cached_property
+    def order(self) -> Nodes:
+        """Rows of nodes in use along a space-filling curve."""
+        return self._along(MARGINS[0])
+
+    @cached_property
+    def ways(self) -> tuple[Nodes, ...]:
+        """The part that each row of nodes belongs to, (n,), 0 for those not in use; in two ways, or none for few."""
+        count = parts_for(len(self.order))
+        orders = [self.order, self._along(MARGINS[1])] if count > 1 else []
+        return tuple(parts_along(order, len(self.mesh.position), count) for order in orders)
+
+    def _along(self, margin: float) -> Nodes:
+        nodes = np.flatnonzero(self.mesh.pool.anchor >= 0).astype(np.int32)
+        return nodes[along_curve(self.mesh.position[nodes], margin)]
 
     def sweep(self, star: Star, task: Callable[[int, Nodes], float]) -> float:
         """Call ``task(thread, nodes)`` for all nodes; adds up what it returns, and may depend on neighbours alone."""
@@ -60,17 +65,16 @@ class Parts:
             ways.append((part, deep))
         return shared_in_parts(task, self.order, *ways)
 
-    def work_off(self, mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
+    def work_off(self, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
         """Call ``task(mesh, queue)`` with a part and its own queue, again and again until no element waits, and then
         with what is left of them; returns the sum of what it returns.
 
         It swaps elements, as many as it likes in a call, and makes and takes away no node.
         """
         gain = 0.0
-        for part in self.ways:
-            if queue.state[1] >= FEW:
-                gain += share_out(mesh, queue, part, task)
-        return gain + until_none_waits(mesh, queue, task)
+        for part in self.ways if queue.state[1] >= FEW else ():
+            gain += share_out(self.mesh, queue, part, task)
+        return gain + until_none_waits(self.mesh, queue, task)
 
 
 def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:

@@ -41,7 +41,7 @@ def swap_in_space(
     def swap(part: OpenTetrahedra, own: Queue) -> float:
         return float(swap_downhill(part, trial, own, seen, free, floor**3, LOOKS)[1])
 
-    return parts.work_off(mesh, queue, swap)
+    return parts.work_off(queue, swap)
 
 
 def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, floor: float) -> tuple[int, float]:
