@@ -1,6 +1,7 @@
 """Recycling by energy: nodes whose loss costs the functional little go where a new one lowers it more."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,18 +20,27 @@ from kohonen_adapt.outline.surgery import Recycled, Surgery
 from kohonen_adapt.polishing.elements import shapes_of
 from kohonen_adapt.polishing.functional import Functional
 
-__all__ = ["recycle_by_energy"]
+__all__ = ["Exchange", "recycle_by_energy"]
 
 PART = 5_000  # elements or nodes per compiled call: Python hears Ctrl-C in between
 
 
+class Exchange(NamedTuple):
+    """What recycling by energy has done."""
+
+    trial: TrialFunction  # the function that it leaves
+    recycled: Recycled  # in all, that of before included
+    lowered: float  # what it took off the functional
+    # What a split of every edge, each for itself, would have: about what the functional is above its least.
+    offered: float
+
+
 def recycle_by_energy(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
-) -> tuple[TrialFunction, Recycled, float]:
+) -> Exchange:
     """Split edges and collapse others, in pairs, as long as a split gains more than its collapse costs.
 
-    Returns the function that it leaves, what was recycled in all, and what it took off the functional. Outlines that
-    nodes may not slide on, for the functional is not known there or would be another one, keep theirs.
+    Outlines that nodes may not slide on, for the functional is not known there or would be another one, keep theirs.
     """
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
@@ -38,19 +48,24 @@ def recycle_by_energy(
     judging = judge_of(movable, functional, trial, mesh, offers)
     most = weighed(judging, offers)
     edges, nodes = in_order(-offers.gain.ravel(), 0.0), in_order(offers.cost, most)
-    pairs, lowered = judging.exchange(edges, nodes)
+    offered, (pairs, lowered) = float(offers.gain.sum()), judging.exchange(edges, nodes)
     if not pairs:
-        return trial, recycled, 0.0
+        return Exchange(trial, recycled, 0.0, offered)
     kept, used = surgery.hand_back(movable)
     known = {"old": mesh.origins.old[kept], "hint": mesh.origins.hint[kept]}
     recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
-    return judging.left(kept, used), recycled, lowered
+    return Exchange(judging.left(kept, used), recycled, lowered, offered)
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
-    """Room for what splits and collapses are worth, with those ruled out that would change what is given."""
+    """Room for what splits and collapses are worth, with those ruled out that would change what is given.
+
+    Where values are given linearly along a chain, halves of its edges have the same; of order 1 that gains nothing.
+    """
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
-    is_open = ~(functional.held | functional.given | movable.constraints.chains.paired)
+    is_open = ~(functional.held | movable.constraints.chains.paired)
+    if functional.ritz.order == 1:
+        is_open &= ~functional.given
     removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.twins.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)

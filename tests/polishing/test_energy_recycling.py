@@ -73,7 +73,7 @@ class Setting:
 
     def recycle(self):
         trial = TrialFunction(self.values, self.fixed, None)
-        trial, self.recycled, self.lowered = recycle_by_energy(self.movable, self.functional, trial, self.recycled)
+        trial, self.recycled, self.lowered, _ = recycle_by_energy(self.movable, self.functional, trial, self.recycled)
         self.values, self.fixed = trial.values, trial.fixed
         return self
 

@@ -113,13 +113,57 @@ def test_sweeps_and_recycling_take_off_what_they_say(letter, order):
         after = setting.value()
         assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)  # what better values gain at the same place is not in it
         now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, lowered = recycle_by_energy(*now)
+        setting.trial, recycled, lowered, _ = recycle_by_energy(*now)
         before = setting.value()
         assert after - before == pytest.approx(lowered, rel=1e-7)
         assert setting.torn() <= 1e-14
         assert setting.solved() <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still
     assert recycled.splits == recycled.collapses > 0
     assert setting.movable.triangulation.areas().sum() == pytest.approx(areas, rel=1e-12)
+
+
+@each_order
+def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
+    setting = at("L", order)
+    before, recycled, legs = setting.value(), unchanged(setting.movable.triangulation), []
+    for _ in range(4):
+        now = setting.movable, setting.functional, setting.trial, recycled
+        setting.trial, recycled, lowered, _ = recycle_by_energy(*now)
+        after = setting.value()
+        assert before - after == pytest.approx(lowered, rel=1e-7)
+        before, (x, y) = after, setting.movable.triangulation.position.T
+        legs.append(np.flatnonzero(((x == 0.0) & (y < 0.0)) | ((y == 0.0) & (x > 0.0))))
+    assert len(legs[0]) < len(legs[3])
+    assert setting.trial.fixed[legs[3]].all() and np.abs(setting.trial.values[legs[3]]).max() <= 1e-15
+    elements, modes = setting.movable.triangulation.elements, setting.trial.modes
+    on_legs = np.isin(elements.node, legs[3])
+    e, k = np.nonzero((elements.neighbour < 0) & np.roll(on_legs, -1, axis=1) & np.roll(on_legs, -2, axis=1))
+    assert len(e) >= len(legs[3]) - 2
+    assert modes.given[e, k].all() and np.abs(modes.side[e, k]).max() <= 1e-15
+    e, k = np.nonzero(elements.neighbour >= 0)
+    assert not modes.given[e, k].any()
+
+
+@each_order
+def test_what_splits_offer_is_about_what_is_left(order):
+    mesh, given = l_shaped_mesh(6), problem("F", order)
+    mesh = ka.adapt(mesh, given, passes=2).mesh
+    offered = recycle_by_energy(*taken(Setting(mesh, given))).offered
+    assert 0.5 <= offered / (0.5 * given.error(mesh, given.solve(mesh)) ** 2) <= 4.0
+
+
+def taken(setting):
+    """What recycling starts from."""
+    return setting.movable, setting.functional, setting.trial, unchanged(setting.movable.triangulation)
+
+
+def test_two_passes_are_nearly_as_good_as_four():
+    mesh, given, errors = l_shaped_mesh(6), problem("L", 3), []
+    for seed in range(3):
+        history = ka.adapt(mesh, given, passes=4, seed=seed).history
+        errors.append([given.error(done.mesh, given.solve(done.mesh)) for done in (history[2], history[-1])])
+    two, four = np.median(errors, axis=0)
+    assert two <= 1.06 * four
 
 
 @each_order
@@ -132,7 +176,7 @@ def test_nonlinear_material_is_swept_downhill(order):
         gain = descend(setting.movable, setting.functional, setting.trial, 2)
         after = setting.value()
         assert 0.0 < gain <= before - after + TABLE * abs(before)
-        setting.trial, recycled, lowered = recycle_by_energy(
+        setting.trial, recycled, lowered, _ = recycle_by_energy(
             setting.movable, setting.functional, setting.trial, recycled
         )
         before = setting.value()

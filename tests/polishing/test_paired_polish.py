@@ -173,7 +173,7 @@ def test_sweeps_and_recycling_take_off_what_they_say(order, iron, times):
         gain = descend(movable, functional, trial, 2)
         after = functional.value(movable.triangulation, trial)
         assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
-        trial, recycled, lowered = recycle_by_energy(movable, functional, trial, recycled)
+        trial, recycled, lowered, _ = recycle_by_energy(movable, functional, trial, recycled)
         before = functional.value(movable.triangulation, trial)
         assert after - before == pytest.approx(lowered, rel=1e-6)
         now = movable.mesh()

@@ -147,7 +147,7 @@ def test_sweeps_and_recycling_take_off_what_they_say(case):
         gain = descend(movable, at.functional, at.trial, 2)
         after = at.value()
         assert 0.0 < gain <= before - after + table * abs(before)
-        at.trial, recycled, lowered = recycle_by_energy(movable, at.functional, at.trial, recycled)
+        at.trial, recycled, lowered, _ = recycle_by_energy(movable, at.functional, at.trial, recycled)
         before = at.value()
         assert after - before == pytest.approx(lowered, rel=1e-7, abs=table * abs(before))
         assert at.torn() <= 1e-14

@@ -109,7 +109,7 @@ def test_recycling_takes_off_what_it_says(build):
     at = Setting(build())
     fixed, before = at.trial.fixed, at.value()
     trial = TrialFunction(at.values, fixed, None)
-    left, recycled, lowered = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
+    left, recycled, lowered, _ = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
     assert recycled.splits > 0
     assert before - at.functional.value(at.tri, left) == pytest.approx(lowered, rel=1e-9)
 

@@ -1,7 +1,8 @@
 """Weigh splits of edges against collapses for functions of order 2 or 3, new coefficients eliminated; do both in pairs.
 
 As in `energy_recycle.py`. A split keeps the function, a polynomial in every half, and then lowers the functional over
-the value of the new node, the sides at it and the bubbles around it. A collapse leaves sides that begin straight.
+the value of the new node, the sides at it and the bubbles around it, where values are given along the edge, and are
+linear, over the others of these. A collapse leaves sides that begin straight.
 """
 
 import numpy as np
@@ -42,18 +43,18 @@ ENDS = ((2, 0), (1, 2), (3, 1), (0, 3))
 
 
 @inner_kernel
-def number_split(block, degrees, both):
-    """Number the unknowns of a split, the value of its node first, in the elements that it leaves; returns how many."""
-    place, sign, rows = block.place, block.sign, 4 if both else 2
-    count = 1 + degrees * (4 if both else 3)
+def number_split(block, degrees, both, known):
+    """Number the unknowns of a split, the value of its node first, but none on an edge that is `known`; how many."""
+    place, sign, rows, halves = block.place, block.sign, 4 if both else 2, 2 if known else 0
+    count = 1 + degrees * ((4 if both else 3) - halves)
     for j in range(rows):
         for i in range(place.shape[1]):
             place[j, i], sign[j, i] = -1, 1.0
         place[j, 0] = 0
         for side in range(1, 3 if degrees > 0 else 1):
-            s = ENDS[j][2 - side]
-            place[j, EVEN + side] = 1 + degrees * s
-            if degrees == 2:
+            s = ENDS[j][2 - side] - halves  # those of the ends of the edge come first
+            place[j, EVEN + side] = 1 + degrees * s if s >= 0 else -1
+            if degrees == 2 and s >= 0:
                 place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
         if degrees == 2:
             place[j, BUBBLE] = count
@@ -120,10 +121,10 @@ def gain_of_split(descent, e, k, x, y, own):
 
     The best coefficients of the halves are left in `Block.local`; in nonlinear material those after one step of
     Newton's method. Values are relative to `own`. Halves of an element with curved sides, or at an axis, need not have
-    its function, and in nonlinear material the points of halves find another energy of it: there the gain is over what
-    the element had.
+    its function, and in nonlinear material their points find another energy of it: there it gains over what was.
     """
-    block, other = descent.block, np.int64(descent.elements.neighbour[e, k])
+    block, other, known = descent.block, np.int64(descent.elements.neighbour[e, k]), descent.modes.given[e, k]
+    first = 1 if known else 0  # of the unknowns that are free
     special, bent, was = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
     if other >= 0:
         special |= descent.shapes.special[other]
@@ -133,17 +134,17 @@ def gain_of_split(descent, e, k, x, y, own):
     halve_coefficients(descent, e, k, own, 0)
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
-    count = number_split(block, descent.modes.side.shape[2], other >= 0)
+    count = number_split(block, descent.modes.side.shape[2], other >= 0, known)
     size, before = derivatives_of_split(descent, e, k, x, y, count)
     if not before < np.inf:
         return 0.0
-    solved, square = factorise(block, 0, count)
+    solved, square = factorise(block, first, count)
     if not solved:
         return 0.0
-    solve_upper(block, 0, count, 0.0, 0.0)
+    solve_upper(block, first, count, 0.0, 0.0)
     for j in range(4 if other >= 0 else 2):
         for i in range(block.local.shape[1]):
-            if block.place[j, i] >= 0:
+            if block.place[j, i] >= first:
                 block.local[j, i] += block.sign[j, i] * block.still[block.place[j, i]]
     gain = 0.5 * square
     if bent:
@@ -160,11 +161,11 @@ def weigh_splits_higher(mesh, descent, offers, floor, first, last):
     for e in range(first, last):
         for k in range(3):
             offers.gain[e, k] = 0.0
-            c = np.int64(elements.chain[e, k])
-            if elements.neighbour[e, k] >= e or (c >= 0 and not offers.open[c]):  # the outer boundary is -1
+            c, known = np.int64(elements.chain[e, k]), descent.modes.given[e, k]
+            if elements.neighbour[e, k] >= e or (not offers.open[c] if c >= 0 else known):  # the outer boundary is -1
                 continue
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-            if descent.modes.given[e, k] or (fixed[a] and fixed[b] and (inner[a] or inner[b])):
+            if not known and fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue
             x, y, _ = midpoint(mesh, c, a, b)
             gain = gain_of_split(descent, e, k, x, y, value_near(descent, a))
@@ -328,16 +329,13 @@ def exchange_higher(mesh, descent, offers, edges, nodes, floor):
         other = np.int64(elements.neighbour[e, k])
         if locked[e] or (other >= 0 and locked[other]):
             continue
-        locked[e] = True
-        if other >= 0:
-            locked[other] = True
-        gain = offers.gain[e, k]
+        locked[e], gain = True, offers.gain[e, k]
+        locked[other if other >= 0 else e] = True
         at = cheapest_left(mesh, offers, nodes, at, gain, floor)
         if at < 0:
             return pairs, lowered  # what follows gains less
         v = nodes[at]
-        w = np.int64(offers.into[v])
-        at += 1
+        w, at = np.int64(offers.into[v]), at + 1
         lowered += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         put_merged(descent, v, w)
@@ -346,9 +344,9 @@ def exchange_higher(mesh, descent, offers, edges, nodes, floor):
         x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
         own = value_near(descent, a)
         gain_of_split(descent, e, k, x, y, own)
-        given = outer_given(descent, e, k)
+        given, known = outer_given(descent, e, k), descent.modes.given[e, k]
         p = split(mesh, e, k, x, y, parameter)
-        trial.value[p], trial.fixed[p] = own + descent.block.local[0, 0], False
+        trial.value[p], trial.fixed[p] = own + descent.block.local[0, 0], known
         put_split(mesh, descent, p, a, b, given)
         lock_around(mesh, p, locked)
         pairs += 1
@@ -398,3 +396,4 @@ def put_split(mesh, descent, p, a, b, given):
         put(modes, f, k, local[row])
         put_bends(descent.shapes, f, k, descent.block.bend[row])
         modes.given[f, k], modes.given[f, (k + 1) % 3], modes.given[f, (k + 2) % 3] = given[row], False, False
+        modes.given[f, (k + 1 + row % 2) % 3] = descent.trial.fixed[p]  # the half of the edge
