@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Basis, BilinearForm, ElementTriP2, LinearForm, MeshTri, condense, solve
+from skfem import Basis, BilinearForm, ElementTriP2, LinearForm, Mesh, MeshTri, condense, solve
 from skfem.helpers import dot, grad
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.equilibration import check_plane, equilibrated_correction, fixed_nodes, weighted_product
-from kohonen_adapt.estimators.explicit import DiscreteFlux, mean_and_rest
+from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes, weighted_product
+from kohonen_adapt.estimators.explicit import DiscreteFlux, mean_and_rest, recovered_correction
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
 
 __all__ = ["goal_error", "goal_oriented"]
 
@@ -19,7 +20,7 @@ Given = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, so
 
 
 def goal_oriented(
-    mesh: MeshTri,
+    mesh: Mesh,
     potential: ArrayLike,
     dual: ArrayLike,
     reluctivity: ArrayLike,
@@ -29,6 +30,7 @@ def goal_oriented(
     dual_source: ArrayLike | None = None,
     dual_flux: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
+    region: ArrayLike | None = None,
 ) -> Floats:
     """Goal-oriented indicators of a P1 solution: where the error of ``J(u)`` comes from.
 
@@ -40,6 +42,8 @@ def goal_oriented(
     Mech. Engrg. 288, 2015)::
 
         eta_K^2 = |int_K t_u . t_z / nu|.
+
+    On tetrahedra, where no fluxes are equilibrated, t is what the averages of `recovery` have beyond sigma_h.
 
     (For a linear J and data that are constant per element, the error of J differs from half the sum of these integrals
     by at most half the product of the `equilibrated` estimates of both problems; but mostly by far less than that.)
@@ -53,12 +57,14 @@ def goal_oriented(
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux, fixed
-        As of `equilibrated`, of the problem that u solves.
+        As of `equilibrated`, of the problem that u solves; or a `MeshTet`, on which `fixed` has no say.
+    region : (nelements,) of integers, optional
+        As of `recovery`, for both problems on a `MeshTet`; in the plane it has no say.
     dual : (nnodes,)
         Nodal values of the dual solution z_h.
     dual_source : (nelements,), optional
         Right-hand side of the dual problem; None is zero.
-    dual_flux : (2, nelements), optional
+    dual_flux : (d, nelements), optional
         Its prescribed flux; None is zero. For ``J(u) = int w . grad u`` with a weight w that is not constant in the
         elements, the mean of w in each.
 
@@ -72,7 +78,7 @@ def goal_oriented(
     Raises
     ------
     ValueError
-        As `equilibrated` does, for either problem.
+        As `equilibrated` does, on tetrahedra as `recovery`, for either problem.
 
     Examples
     --------
@@ -82,13 +88,13 @@ def goal_oriented(
     >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=np.ones(8), dual_source=np.ones(8))  # of int u
     >>> density = ka.density_from_indicators(mesh, eta)
     """
-    check_plane(mesh)
+    check_kind(mesh, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
-    return np.sqrt(np.abs(_contributions(mesh, reluctivity, fixed, primal, weight)))
+    return np.sqrt(np.abs(_contributions(mesh, reluctivity, (fixed, region), primal, weight)))
 
 
 def goal_error(
-    mesh: MeshTri,
+    mesh: Mesh,
     potential: ArrayLike,
     dual: ArrayLike,
     reluctivity: ArrayLike,
@@ -98,6 +104,7 @@ def goal_error(
     dual_source: ArrayLike | None = None,
     dual_flux: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
+    region: ArrayLike | None = None,
 ) -> float:
     """Estimate of ``J(u) - J(u_h)`` with its sign: the residual of u_h, weighted by a dual of quadratic elements.
 
@@ -107,17 +114,20 @@ def goal_error(
     part of a yoke, with `dual_flux` at the corners, it was 0.77 to 1.7 times the error on the mesh there was and on
     those adapted for the goal.
 
+    On tetrahedra it is the sum of the integrals of `goal_oriented`, with their signs, by recovery: of the force between
+    two magnets 1.1 to 1.4 times the error on adapted meshes of 2730 nodes and more, 0.6 to 1.2 times on uniform ones.
+
     Two things are no part of it. Of a J that is not linear, all but the first derivative: of a quadratic one
     ``J''(u - u_h, u - u_h) / 2``, up to a third of the error in those cases. And what the mesh cuts off curved
     outlines: the error is that on its polygon.
 
     Parameters
     ----------
-    mesh, potential, dual, reluctivity, source, flux, dual_source, fixed
+    mesh, potential, dual, reluctivity, source, flux, dual_source, fixed, region
         As of `goal_oriented`.
-    dual_flux : (2, nelements) or (2, 3, nelements), optional
-        As of `goal_oriented`; or at the three corners of every element, in the order of ``mesh.t``, and linear between
-        them. Give that where the weight w of ``J(u) = int w . grad u`` is not constant in the elements, as the arm of a
+    dual_flux : (d, nelements) or (d, d + 1, nelements), optional
+        As of `goal_oriented`; or at the corners of every element, in the order of ``mesh.t``, and linear between them.
+        Give that where the weight w of ``J(u) = int w . grad u`` is not constant in the elements, as the arm of a
         torque is not: the means leave out a part as large as the error, which on meshes adapted for a torque made the
         estimate up to 13 times too large, or of the wrong sign.
 
@@ -141,7 +151,10 @@ def goal_error(
     >>> bool(0.9 * true < missing < true)
     True
     """
-    check_plane(mesh)
+    check_kind(mesh, space=True)
+    if cell_of(mesh) is not TRIANGLE:
+        primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
+        return float(np.sum(_contributions(mesh, reluctivity, (fixed, region), primal, weight)))
     mean, varying = mean_and_rest(mesh, "dual_flux", dual_flux)
     given, _ = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
     wanted, _ = _of_dual(mesh, reluctivity, fixed, (dual, dual_source, mean))
@@ -170,9 +183,14 @@ def _given_unknowns(basis: Basis, held: Mask) -> Ints:
 
 
 def _contributions(
-    mesh: MeshTri, reluctivity: ArrayLike, fixed: ArrayLike | None, primal: Given, dual: Given
+    mesh: Mesh, reluctivity: ArrayLike, places: tuple[ArrayLike | None, ArrayLike | None], primal: Given, dual: Given
 ) -> Floats:
-    """``int_K t_u . t_z / nu`` of every element, with its sign, in the unit of J."""
+    """``int_K t_u . t_z / nu`` of every element, with its sign, in the unit of J; `places` are `fixed` and `region`."""
+    fixed, region = places
+    if cell_of(mesh) is not TRIANGLE:
+        discrete, one, number = recovered_correction(mesh, primal[0], reluctivity, *primal[1:], region)
+        _, other, _ = recovered_correction(mesh, dual[0], reluctivity, *dual[1:], number)
+        return weighted_product(discrete, one, other)
     flux, varying = mean_and_rest(mesh, "flux", primal[2])
     dual_flux, dual_varying = mean_and_rest(mesh, "dual_flux", dual[2])
     discrete, one = equilibrated_correction(mesh, primal[0], reluctivity, primal[1], flux, fixed)

@@ -17,7 +17,6 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
-    "check_plane",
     "duality_gap",
     "equilibrated",
     "equilibrated_correction",
@@ -187,7 +186,7 @@ def duality_gap(
     >>> np.allclose(eta, ka.estimators.equilibrated(*given, source=np.ones(8)))  # of linear material
     True
     """
-    check_plane(mesh)
+    _check_plane(mesh)
     check_mesh(mesh)
     nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
@@ -223,7 +222,7 @@ def equilibrated_correction(
     fixed: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats]:
     """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
-    check_plane(mesh)
+    _check_plane(mesh)
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     held = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, held)
@@ -236,20 +235,11 @@ def equilibrated_correction(
     return discrete, correction.T
 
 
-def check_plane(mesh: object) -> None:
-    """Refuse what is not a plain mesh of triangles; of tetrahedra it is said what estimates their error."""
-    if type(mesh) is TETRAHEDRON.mesh:
-        raise ValueError(
-            "mesh must be a skfem.MeshTri: fluxes are not equilibrated in space; got MeshTet1. Take "
-            "estimators.residual or estimators.recovery."
-        )
-    check_kind(mesh)
-
-
 def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floats:
     """``int_K one . other / nu``, (nelements,), of two fluxes that are linear in every element, by their corners."""
     product = np.sum(one * other, axis=(0, 1)) + np.sum(one.sum(axis=1) * other.sum(axis=1), axis=0)
-    return discrete.area / 12.0 * product / discrete.reluctivity
+    corners = one.shape[1]
+    return discrete.area / (corners * (corners + 1)) * product / discrete.reluctivity
 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
@@ -265,6 +255,16 @@ def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
             f"got an array of {held.dtype} of shape {held.shape}."
         )
     return held
+
+
+def _check_plane(mesh: object) -> None:
+    """Refuse what is not a plain mesh of triangles; of tetrahedra it is said what estimates their error."""
+    if type(mesh) is TETRAHEDRON.mesh:
+        raise ValueError(
+            "mesh must be a skfem.MeshTri: fluxes are not equilibrated in space; got MeshTet1. Take "
+            "estimators.residual or estimators.recovery."
+        )
+    check_kind(mesh)
 
 
 def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxData, NDArray[np.int64]]:

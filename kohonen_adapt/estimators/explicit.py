@@ -20,6 +20,7 @@ __all__ = [
     "DiscreteFlux",
     "corner_averages",
     "discrete_flux",
+    "recovered_correction",
     "recovery",
     "residual",
 ]
@@ -212,15 +213,28 @@ def recovery(
     >>> bool(ka.estimators.recovery(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
     True
     """
-    mean, rest = mean_and_rest(mesh, "flux", flux)
-    discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
-    values = discrete.values[:, None] - rest
-    averages = corner_averages(mesh, values, _regions(mesh, _data(discrete, region)))
+    discrete, correction, _ = recovered_correction(mesh, potential, reluctivity, source, flux, region)
     squared, dim = np.zeros(mesh.t.shape[1]), cell_of(mesh).dim
-    for average, component in zip(averages, values, strict=True):
-        difference = average - component
+    for difference in correction:
         squared += np.sum(difference**2, axis=0) + np.sum(difference, axis=0) ** 2
     return np.sqrt(discrete.area / ((dim + 1) * (dim + 2)) * squared / discrete.reluctivity)
+
+
+def recovered_correction(
+    mesh: Mesh,
+    potential: ArrayLike,
+    reluctivity: ArrayLike,
+    source: ArrayLike | None,
+    flux: ArrayLike | None,
+    region: ArrayLike | None,
+) -> tuple[DiscreteFlux, Floats, Ints]:
+    """The discrete flux, what it lacks of its averages at the corners, (d, d + 1, nelements), and the number of the
+    region of every element that they are taken in; arguments as of `recovery`.
+    """
+    mean, rest = mean_and_rest(mesh, "flux", flux)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
+    values, number = discrete.values[:, None] - rest, _regions(mesh, _data(discrete, region))
+    return discrete, corner_averages(mesh, values, number) - values, number
 
 
 def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
