@@ -60,7 +60,8 @@ class Pass(Work):
     seconds
         Wall time under the keys ``solve`` and ``estimate`` (on this mesh), ``relocate`` and ``polish`` (that made it).
     functional
-        Ritz functional of the solution, in the problem's unit of energy; None where there is no polish.
+        Ritz functional of the solution, in the problem's unit of energy; None where there is no polish, or it is for
+        shapes only.
     comparable
         Whether its functional may be compared with that of other passes.
     share

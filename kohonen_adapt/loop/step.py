@@ -108,10 +108,10 @@ class Adaptation:
     steps: Steps
     order: int
 
-    @property
-    def plan(self) -> tuple[int, ...]:
+    def plan(self, functional: Functional) -> tuple[int, ...]:
         """Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off."""
-        return self.room.plan if self.settings.rules.topology == "recycle" else (SWEEPS,)
+        recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
+        return self.room.plan if recycles else (SWEEPS,)
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
         """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
@@ -163,9 +163,10 @@ class Adaptation:
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
             density = equidistributing(record.mesh, record.indicators, order, norm)
             settings, number = self.settings, self.steps.number
-            by_energy = solved.functional is not None and number > self.room.by_density
-            recycles = not by_energy or settings.growth.nodes(number) != self.movable.nnodes
             estimate, functional = record.estimate, solved.functional
+            steers = functional is not None and not functional.ritz.shapes_only
+            by_energy = steers and number > self.room.by_density
+            recycles = not by_energy or settings.growth.nodes(number) != self.movable.nnodes
             return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
@@ -175,7 +176,7 @@ class Adaptation:
                 return moved, 0.0
             functional = solved.functional
             trial = self.room.carried(functional, moved.before, self.movable, moved.recycled.hint)
-            recycled, gain = self.room.lowered(self.movable, functional, trial, moved.recycled, self.plan)
+            recycled, gain = self.room.lowered(self.movable, functional, trial, moved.recycled, self.plan(functional))
             return replace(moved, recycled=recycled), gain
 
     def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
@@ -189,7 +190,7 @@ class Adaptation:
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
     ) -> tuple[Functional | None, float | None, str]:
-        """What the solution minimises and its value, None where there is no polish, and then why not.
+        """What the solution minimises, its value unless it only shapes elements, None without a polish, and why not.
 
         A dual has its share of an earlier pass, where there is one.
         """
@@ -200,7 +201,8 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
-            return *self.room.stated(ritz, self.movable, mesh), ""
+            functional, value = self.room.stated(ritz, self.movable, mesh)
+            return functional, None if ritz.shapes_only else value, ""
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:

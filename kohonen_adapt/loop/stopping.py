@@ -174,6 +174,8 @@ def _polish_remark(passes: Passes, settings: Settings) -> str:
         return ""
     if unpolished:
         return f"there was no polish: {unpolished}"
+    if passes[0].functional is None:
+        return "the polish gave elements their shapes only, and passes were compared by the estimate"
     return (
         "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
         "nodes were not polished, and passes were compared by the estimate"

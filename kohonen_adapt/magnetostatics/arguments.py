@@ -12,7 +12,7 @@ from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
@@ -183,18 +183,12 @@ class Arguments:
     def _check_goal(self) -> None:
         if self.goal is None:
             return
-        if isinstance(self.goal, type) or not isinstance(self.goal, Goal):
-            raise ValueError(
-                "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
-                f"goal.derivative(field), or None; got {self.goal!r}."
-            )
+        check_goal(self.goal, 2, self.estimator)
         if self.order > 1:
             raise ValueError(
                 f"a goal needs elements of order 1; got order {self.order}. Adapt for the goal at order 1, then "
                 f"solve on that mesh with order={self.order}."
             )
-        if self.estimator != "residual":
-            raise ValueError(f"a goal has its own indicators; leave the estimator out, got {self.estimator!r}.")
 
 
 def check_plane_mesh(mesh: Any, bent: bool) -> None:

@@ -9,26 +9,26 @@ from skfem import MeshTet
 from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators import recovery, residual
-from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, checked_field, drive_on, field_at
+from kohonen_adapt.estimators import goal_error, goal_oriented
+from kohonen_adapt.magnetostatics.equations.applied_field import checked_field, drive_on, field_at
 from kohonen_adapt.magnetostatics.equations.coenergy import CoenergyFunctional
-from kohonen_adapt.magnetostatics.equations.conditions import Value
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
 from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
+from kohonen_adapt.magnetostatics.solid_estimation import estimated_in_space, primal_and_dual
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 
-__all__ = ["RESIDUAL_SCALE", "MagneticScalarPotential"]
+__all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS = ("residual", "recovery")
-# The bare estimate overrates the error 3.5 to 3.8 times on balls (`benchmarks magnets`), as in the plane.
-RESIDUAL_SCALE = 1.0 / 3.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,11 @@ class MagneticScalarPotential:
         plane mirrors; also said so that forces know of the plane) or "normal" (of magnets whose mirror image is
         magnetised the other way round; phi is 0 there).
     estimator
-        "residual", multiplied by `RESIDUAL_SCALE`, or "recovery".
+        "residual", multiplied by 1 / 3.6, by which the bare estimate overrates the error, or "recovery".
+    goal
+        What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or an object of
+        one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, and there is no
+        `energy_norm`. At equal nodes the force between two magnets has half the error (`benchmarks magnets`).
 
     Raises
     ------
@@ -84,6 +88,7 @@ class MagneticScalarPotential:
     applied_field: Any = None
     symmetry: Mapping[str, str] | None = None
     estimator: str = "residual"
+    goal: Goal | None = None
     norm: ClassVar[str] = "energy"
     order: ClassVar[int] = 1
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # a subclass may have another
@@ -100,15 +105,13 @@ class MagneticScalarPotential:
                 )
         if self.potential is not None and not isinstance(self.potential, Mapping):
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
+        if self.goal is not None:
+            check_goal(self.goal, 3, self.estimator)
         checked_field(self.applied_field)
         # Copies: what the caller does to the mappings later must not change a problem that has been solved.
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
-
-    @property
-    def _function(self) -> AppliedField | None:
-        return checked_field(self.applied_field)
 
     def solve(self, mesh: MeshTet) -> SolidField:
         """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
@@ -186,14 +189,15 @@ class MagneticScalarPotential:
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
         check_mesh(mesh, space=True)
         given, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
-        closed = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
-        drive = drive_on(mesh, given, self._function, np.concatenate([np.zeros(0, dtype=np.int64), *closed]))
+        parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
+        closed, function = np.concatenate([np.zeros(0, dtype=np.int64), *parallel]), checked_field(self.applied_field)
+        drive = drive_on(mesh, given, function, closed)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional(drive.elements, given, conditions, drive.inside, drive.load)
         return energy, SolidField(mesh, conditions.values, given, drive, planes)
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
-        """Error indicators of a solution in the energy norm.
+        """Error indicators of a solution in the energy norm, with a goal those of its error.
 
         For nonlinear material the norm is that of the linearised problem, ``sqrt(int dB/dH |H - H_h|^2)``.
 
@@ -205,20 +209,52 @@ class MagneticScalarPotential:
         Returns
         -------
         ndarray (nelements,)
-            Unsquared, in sqrt(J).
+            Unsquared, in sqrt(J). With a goal in the root of its unit.
         """
-        secant, differential = field.permeabilities
-        weight = np.sqrt(secant * differential) if self.estimator == "residual" else differential
-        slope = field.elements.gradient(field.unknown)
-        if field.drive.function is None and not field.coefficients.turning:
-            flux = weight * slope + field.flux_density
-        else:
-            flux = (weight * slope)[:, None] + field.at_corners.flux_density.reshape(3, 4, -1)
-        if self.estimator == "residual":
-            return RESIDUAL_SCALE * residual(mesh, field.unknown, weight, flux=flux)
-        filled = list(self.materials.values())
-        alike = np.array([filled.index(material) for material in filled])[field.coefficients.number]
-        return recovery(mesh, field.unknown, weight, flux=flux, region=alike)
+        if self.goal is None:
+            return estimated_in_space(field, self.estimator, self.materials)
+        return goal_oriented(mesh, **self._pair(field, self.goal))
+
+    def goal_error(self, field: SolidField) -> float:
+        """Estimate of what the goal's value falls short of the exact one, with its sign.
+
+        By `ka.estimators.goal_error`, which says how near that comes.
+
+        Parameters
+        ----------
+        field
+            What `solve` returned.
+
+        Returns
+        -------
+        float
+            In the unit of the goal.
+
+        Raises
+        ------
+        ValueError
+            If there is no goal, or as it does itself.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material, StoredEnergy
+        >>> mesh = skfem.MeshTet.init_tensor(*[np.linspace(0.0, 1.0, 9)] * 3).with_defaults()
+        >>> mesh = mesh.with_subdomains({"a": lambda x: x[2] < 0.5, "b": lambda x: x[2] > 0.5})
+        >>> materials = dict.fromkeys("ab", Material())
+        >>> problem = MagneticScalarPotential(materials, {"left": 1.0, "right": 0.0}, goal=StoredEnergy("a"))
+        >>> abs(problem.goal_error(problem.solve(mesh))) < 1e-15  # of a uniform field there is none
+        True
+        """
+        if self.goal is None:
+            raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
+        return goal_error(field.mesh, **self._pair(field, self.goal))
+
+    def _conditions(self, field: SolidField) -> Conditions:
+        return conditions_in_space(field.drive, self.potential or {}, field.planes)
+
+    def _pair(self, field: SolidField, goal: Goal) -> dict[str, Any]:
+        return primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
 
     def energy_norm(self, mesh: MeshTet, field: SolidField) -> float:
         """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with.
@@ -232,7 +268,14 @@ class MagneticScalarPotential:
         -------
         float
             In sqrt(J).
+
+        Raises
+        ------
+        NotOffered
+            If there is a goal: no share of the energy is its error.
         """
+        if self.goal is not None:
+            raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
@@ -249,14 +292,15 @@ class MagneticScalarPotential:
         Returns
         -------
         Ritz
-            In J, one number per material; its flux is a function where a magnet turns or a field is applied.
+            In J, one number per material; its flux is a function where a magnet turns or a field is applied. With a
+            goal it shapes elements only.
 
         Raises
         ------
         NotOffered
             For nonlinear material with a remanence, or in an applied field.
         """
-        given, function = field.coefficients, self._function
+        given, function = field.coefficients, field.drive.function
         present, first, place = given.present(self.materials)
         if given.pieces and function is not None:
             raise NotOffered("its nonlinear material is in an applied field, so no W(|grad phi|) is its energy")
@@ -271,5 +315,6 @@ class MagneticScalarPotential:
                 return mu[number] * (coercivity_at(present, x, number) + applied)
 
         laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
-        fixed = conditions_in_space(field.drive, self.potential or {}, field.planes).fixed
-        return Ritz(field.potential, fixed, mu, 0.0, flux, place, laws if given.pieces else ())
+        fixed = self._conditions(field).fixed
+        ritz = Ritz(field.potential, fixed, mu, 0.0, flux, place, laws if given.pieces else ())
+        return ritz if self.goal is None else replace(ritz, comparable=False, shapes_only=True)

@@ -95,6 +95,10 @@ class Ritz:
     comparable
         Whether values of the functional on different meshes may be compared; not where it was linearised at a solution,
         as the dual of a goal that is not linear.
+    shapes_only
+        Whether it is not what the mesh is for, as without the dual of a goal, and only gives elements their shapes: all
+        passes of `adapt` exchange nodes by the indicators then, and the polish moves nodes and flips edges. Such a
+        functional is not comparable.
     signs
         Pairs of names of boundaries, as of `Rules.periodic`, to 1 where the function is the same on both (periodic), or
         -1 where it is the other's negative (antiperiodic). What is `fixed` has no part in that. Values on boundaries
@@ -130,6 +134,7 @@ class Ritz:
     dual: "Ritz | None" = None
     share: float = 1.0
     comparable: bool = True
+    shapes_only: bool = False
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -167,6 +172,11 @@ def _check_dual(ritz: Ritz) -> None:
         raise ValueError(f"share of Ritz must be a finite number > 0; got {ritz.share!r}.")
     if not isinstance(ritz.comparable, bool):
         raise ValueError(f"comparable of Ritz must be True or False; got {ritz.comparable!r}.")
+    if not isinstance(ritz.shapes_only, bool) or (ritz.shapes_only and ritz.comparable):
+        raise ValueError(
+            f"shapes_only of Ritz must be False, or True with comparable=False; got {ritz.shapes_only!r} with "
+            f"comparable={ritz.comparable}."
+        )
     if ritz.dual is None:
         return
     if not isinstance(ritz.dual, Ritz) or ritz.dual.dual is not None:

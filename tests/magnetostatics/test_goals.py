@@ -321,8 +321,21 @@ def test_goals_that_are_not_polished_say_why(case, reason):
     ("make", "message"),
     [
         (lambda: Force("bar", (0.0, 0.0)), "direction of Force must not be zero; got (0.0, 0.0)."),
-        (lambda: Force("bar", 1.0), "direction of Force must be a vector (x, y); got 1.0."),
-        (lambda: Torque("bar", (np.nan, 0.0)), "centre of Torque must be a point (x, y) in m; got (nan, 0.0)."),
+        (lambda: Force("bar", 1.0), "direction of Force must be a vector (x, y), in space (x, y, z); got 1.0."),
+        (
+            lambda: Torque("bar", (np.nan, 0.0)),
+            "centre of Torque must be a point (x, y), in space (x, y, z), in m; got (nan, 0.0).",
+        ),
+        (
+            lambda: Torque("bar", (0.0, 0.0, 0.0)),
+            "Torque takes a centre (x, y) in the plane, and in space a centre (x, y, z) and an axis (x, y, z); got the "
+            "centre (0.0, 0.0, 0.0) and the axis None.",
+        ),
+        (
+            lambda: actuator(goal=Force("bar", (1.0, 0.0, 0.0))),
+            "a Force must have vectors (x, y) in the plane as a goal; got Force(body='bar', direction=(1.0, 0.0, "
+            "0.0)).",
+        ),
         (lambda: FluxLinkage("go"), "circuit must map subdomains to turns, for instance {'coil': 100}; got 'go'."),
         (lambda: FluxLinkage({"go": 0}), "turns of 'go' must be a finite number other than 0; got 0."),
         (

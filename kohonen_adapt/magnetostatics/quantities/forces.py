@@ -1,7 +1,5 @@
 """Integrate forces and torques: of the stress tensor around a body, of an air gap by Arkkio, of currents by Lorentz."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,16 +13,13 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     isolated_body,
     mirror_cut,
     sector_cut,
-    weight_gradient,
 )
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.magnetostatics.quantities.stress import Component, component_value, pull, weight_gradient
 
 __all__ = [
-    "Component",
     "arkkio_torque",
     "checked_point",
-    "component_change",
-    "component_value",
     "eggshell_force",
     "eggshell_torque",
     "force_component",
@@ -35,13 +30,6 @@ __all__ = [
 
 NARROW = 1e-6  # of the radius: a gap of less width is none
 ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
-
-
-class Component(NamedTuple):
-    """One component of an eggshell force, ``-int arm . T slope`` over the volume, at the quadrature points."""
-
-    slope: Floats  # (2, npoints) in 1/m: gradient of the weight
-    arm: Floats  # (2, npoints): the direction of a force; of a torque (-y, x) in m, from the centre
 
 
 def force_component(field: LocalField, body: Names, direction: Floats) -> Component:
@@ -60,25 +48,10 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
     return Component(slope, np.stack((-y, x)))
 
 
-def component_change(field: LocalField, component: Component) -> Floats:
-    """How ``-arm . T slope`` changes with B, (2, npoints): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
-    / mu0``.
-    """
-    b, (slope, arm) = field.at_quadrature.flux_density, component
-    normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
-    return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
-
-
-def component_value(field: LocalField, component: Component) -> float:
-    """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
-    change = component_change(field, component)
-    return 0.5 * float(np.sum(field.point_volumes * change * field.at_quadrature.flux_density))
-
-
 def eggshell_force(field: LocalField, body: Names) -> Floats:
     """See `Field.force`."""
     slope, cut = _shell(field, body)
-    return _along(field, cut, -np.sum(_pull(field, slope), axis=1))
+    return _along(field, cut, np.sum(pull(field, slope), axis=1))
 
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
@@ -191,13 +164,6 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
     return float(np.sum(x * force[1] - y * force[0]))
 
 
-def _pull(field: LocalField, slope: Floats) -> Floats:
-    """``T grad w`` times the volume of every quadrature point, (2, npoints), with Maxwell's stress tensor T of air."""
-    b = field.at_quadrature.flux_density
-    normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
-    return field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
-
-
 def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
     """Gradient of the weight around a body that a mirror plane may cut, (2, npoints) in 1/m."""
     inside = isolated_body(field, body)
@@ -254,9 +220,12 @@ def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[f
     return inner, outer
 
 
-def checked_point(name: str, given: ArrayLike, kind: str = "point (x, y) in m") -> Floats:
-    """A point or vector (2,) as floats."""
+def checked_point(
+    name: str, given: ArrayLike, kind: str = "point (x, y) in m", sizes: tuple[int, ...] = (2,)
+) -> Floats:
+    """A point or vector of so many components as floats."""
     point = np.asarray(given)
-    if point.shape != (2,) or point.dtype.kind not in "iuf" or not np.isfinite(point).all():
+    fits = point.ndim == 1 and point.size in sizes and point.dtype.kind in "iuf"
+    if not fits or not np.isfinite(point).all():
         raise ValueError(f"{name} must be a {kind}; got {given!r}.")
     return point.astype(float)

@@ -2,67 +2,101 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
+from kohonen_adapt.magnetostatics.quantities import forces, solid_forces
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.forces import (
-    Component,
-    checked_point,
-    component_change,
-    component_value,
-    force_component,
-    torque_component,
-)
+from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
 
-__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque"]
+__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque", "check_goal"]
+
+VECTOR, POINT = "vector (x, y), in space (x, y, z)", "point (x, y), in space (x, y, z), in m"
+SIZES = (2, 3)
 
 
 @runtime_checkable
 class Goal(Protocol):
-    """A number J of a field, and how it changes with the field: for `Magnetostatics(goal=)`.
+    """A number J of a field, and how it changes with the field: for ``goal=`` of `Magnetostatics`, and in space of
+    `MagneticScalarPotential`.
 
-    A change w of ``field.unknown`` (planar of A, axisymmetric of r A) changes J by
-    ``int source w + flux . grad w`` over the plane of the mesh.
+    A change w of ``field.unknown`` (planar of A, axisymmetric of r A, in space of the scalar potential) changes J by
+    ``int source w + flux . grad w`` over the plane of the mesh, or its volume.
     """
 
-    def __call__(self, field: Field) -> float:
+    def __call__(self, field: Any) -> float:
         """J of a field; `Magnetostatics.goal_error` asks for that of a `QuadraticField`, too."""
 
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """`source` (nelements,) and `flux` (2, nelements) at a field, constant in every element.
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+        """`source` (nelements,) and `flux` (d, nelements) at a field in d dimensions, constant in every element.
 
-        Around an axis, where B is not, the flux may be at the quadrature points, (2, npoints) as `Field.at_quadrature`.
+        Where B is not, around an axis and in space beside an applied field and magnets that turn, the flux may be at
+        the quadrature points, (d, npoints) as ``field.at_quadrature``.
         """
+
+
+def check_goal(goal: Any, dim: int, estimator: str) -> None:
+    """Refuse what is no goal of a problem in so many dimensions, or does without the estimator asked for."""
+    if estimator != "residual":
+        raise ValueError(f"a goal has its own indicators; leave the estimator out, got {estimator!r}.")
+    if isinstance(goal, type) or not isinstance(goal, Goal):
+        linkage = "FluxLinkage, " if dim == 2 else ""
+        raise ValueError(
+            f"goal must be a Force, Torque, {linkage}StoredEnergy or another object with goal(field) and "
+            f"goal.derivative(field), or None; got {goal!r}."
+        )
+    if dim == 3 and isinstance(goal, FluxLinkage):
+        raise ValueError(
+            "a FluxLinkage is a goal in the plane, for in space no coils are meshed; take a Force, a Torque or a "
+            "StoredEnergy."
+        )
+    if isinstance(goal, _ComponentGoal):
+        goal.check_dimension(dim)
 
 
 class _ComponentGoal:
     """A component of a force or torque as a goal."""
 
-    _component: Callable[[Field], Component]
+    _component: Callable[[Any], Component]
+    _vector: ClassVar[str]  # the name of one of its vectors
 
-    def __call__(self, field: Field) -> float:
-        """In N/m, of a torque in N m/m; with `depth`, and axisymmetric, in N or N m."""
+    def __call__(self, field: Any) -> float:
+        """In N/m, of a torque in N m/m; with `depth`, axisymmetric, and in space, in N or N m."""
+        self.check_dimension(len(field.mesh.p))
         return component_value(field, self._component(field))
 
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
         """See `Goal`."""
+        self.check_dimension(len(field.mesh.p))
         return _of_flux_density(field, component_change(field, self._component(field)))
+
+    @property
+    def dimension(self) -> int:
+        """Of the fields that it is a goal of."""
+        return len(getattr(self, self._vector))
+
+    def check_dimension(self, dim: int) -> None:
+        """Refuse a field in so many dimensions where the goal has vectors of another number of components."""
+        if self.dimension != dim:
+            kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
+            raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
 
 
 @dataclass(frozen=True)
 class Force(_ComponentGoal):
-    """Component of `Field.force` along a direction.
+    """Component of `Field.force`, or of `SolidField.force`, along a direction.
 
     Parameters
     ----------
     body
         As of `Field.force`.
-    direction : (2,)
+    direction : (2,), in space (3,)
         Of any length but 0.
 
     Raises
@@ -87,16 +121,15 @@ class Force(_ComponentGoal):
     """
 
     body: Names
-    direction: tuple[float, float]
+    direction: tuple[float, ...]
+    _vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
-        along = checked_point("direction of Force", self.direction, "vector (x, y)")
-        if not along.any():
-            raise ValueError(f"direction of Force must not be zero; got {self.direction!r}.")
-        object.__setattr__(self, "direction", tuple((along / np.hypot(*along)).tolist()))
+        object.__setattr__(self, "direction", _unit("direction of Force", self.direction))
 
-    def _component(self, field: Field) -> Component:
-        component = force_component(field, self.body, np.array(self.direction))
+    def _component(self, field: Any) -> Component:
+        tell = forces.force_component if self.dimension == 2 else solid_forces.force_component
+        component = tell(field, self.body, np.array(self.direction))
         if not component.arm.any():
             raise ValueError(
                 f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric one is along z, "
@@ -107,17 +140,20 @@ class Force(_ComponentGoal):
 
 @dataclass(frozen=True)
 class Torque(_ComponentGoal):
-    """`Field.torque` on a body about a centre.
+    """`Field.torque` on a body about a centre, in space the component of `SolidField.torque` along an axis.
 
     Parameters
     ----------
     body, centre
-        As of `Field.torque`.
+        As of `Field.torque`, in space of `SolidField.torque`, the centre (3,).
+    axis : (3,)
+        In space only, of any length but 0: the direction of the component.
 
     Raises
     ------
     ValueError
-        For a centre that is none; at a field as `Field.torque`.
+        For a centre or an axis that is none; at a field as `Field.torque`, and where the torque has no component along
+        the axis: along a plane of symmetry that cuts the body.
 
     Examples
     --------
@@ -126,13 +162,39 @@ class Torque(_ComponentGoal):
     """
 
     body: Names
-    centre: tuple[float, float] = (0.0, 0.0)
+    centre: tuple[float, ...] = (0.0, 0.0)
+    axis: tuple[float, ...] | None = None
+    _vector: ClassVar[str] = "centre"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", tuple(checked_point("centre of Torque", self.centre).tolist()))
+        centre = checked_point("centre of Torque", self.centre, POINT, SIZES)
+        object.__setattr__(self, "centre", tuple(centre.tolist()))
+        if (self.axis is None) != (len(self.centre) == 2):
+            raise ValueError(
+                "Torque takes a centre (x, y) in the plane, and in space a centre (x, y, z) and an axis (x, y, z); got "
+                f"the centre {self.centre} and the axis {self.axis!r}."
+            )
+        if self.axis is not None:
+            object.__setattr__(self, "axis", _unit("axis of Torque", self.axis))
 
-    def _component(self, field: Field) -> Component:
-        return torque_component(field, self.body, self.centre)
+    def _component(self, field: Any) -> Component:
+        if self.dimension == 2:
+            return forces.torque_component(field, self.body, self.centre)
+        component = solid_forces.torque_component(field, self.body, np.array(self.centre), np.array(self.axis))
+        if not component.arm.any():
+            raise ValueError(
+                f"the torque on {self.body!r} has no component along {self.axis}: that on a body cut by a plane of "
+                "symmetry is across the plane. Give another axis."
+            )
+        return component
+
+
+def _unit(name: str, given: tuple[float, ...]) -> tuple[float, ...]:
+    """A vector of length 1."""
+    along = checked_point(name, given, VECTOR, SIZES)
+    if not along.any():
+        raise ValueError(f"{name} must not be zero; got {given!r}.")
+    return tuple((along / magnitude(along)).tolist())
 
 
 @dataclass(frozen=True)
@@ -193,11 +255,11 @@ class StoredEnergy:
 
     part: Names
 
-    def __call__(self, field: Field) -> float:
-        """In J/m; with `depth`, and axisymmetric, in J."""
+    def __call__(self, field: Any) -> float:
+        """In J/m; with `depth`, axisymmetric, and in space, in J."""
         return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
         """See `Goal`."""
         inside = elements_in(field.mesh, self.part)
         if inside.all():
@@ -206,10 +268,9 @@ class StoredEnergy:
                 "goal out: what a problem has then are indicators of that."
             )
         at = field.at_quadrature
-        return _of_flux_density(field, np.where(inside[at.element], at.field_strength, 0.0))
+        return _of_flux_density(field, np.where(inside[field.elements.element], at.field_strength, 0.0))
 
 
-def _of_flux_density(field: Field, weight: Floats) -> tuple[Floats, Floats]:
-    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (2, npoints) in A/m."""
-    total = weight * (1.0 if field.depth is None else field.depth)
-    return np.zeros(field.mesh.t.shape[1]), field.symmetry.flux(total)
+def _of_flux_density(field: Any, weight: Floats) -> tuple[Floats, Floats]:
+    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (d, npoints) in A/m."""
+    return np.zeros(field.mesh.t.shape[1]), field.load_of(weight)

@@ -109,6 +109,13 @@ class LocalField:
         elements = self.elements
         return self.symmetry.volume(elements.points, elements.weights) * (1.0 if self.depth is None else self.depth)
 
+    def load_of(self, weight: Floats) -> Floats:
+        """The load of which a change w of `unknown` makes ``int load . grad w`` over the plane.
+
+        That is ``int weight . dB`` over the volume, (2, npoints) each, the weight in A/m.
+        """
+        return self.symmetry.flux(weight * (1.0 if self.depth is None else self.depth))
+
     def at_shares(self, element: Ints, share: Floats) -> PointField:
         """The field at points of these elements (n,) that have these barycentric coordinates (3, n).
 

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["LocalSolid", "Strength"]
@@ -36,6 +36,16 @@ class Strength:
     def flux_density(self) -> Floats:
         """``B = mu (H + Hc)``, (3, n) in T."""
         return self.permeabilities[0] * (self.field_strength + self.coefficients.coercivity)
+
+    def change_of_flux_density(self, change: Floats) -> Floats:
+        """How B changes, (3, n) in T, with a small change of H, (3, n) in A/m: differential along H + Hc, secant
+        across.
+        """
+        driven = self.field_strength + self.coefficients.coercivity
+        size = magnitude(driven)
+        along = driven / np.where(size > 0.0, size, 1.0)
+        secant, differential = self.permeabilities
+        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
 
     @cached_property
     def energy_density(self) -> Floats:
@@ -85,6 +95,18 @@ class LocalSolid:
     def point_volumes(self) -> Floats:
         """What the quadrature points stand for, (npoints,) in m^3."""
         return self.elements.weights
+
+    @property
+    def volume(self) -> Floats:
+        """Of every element, (nelements,) in m^3."""
+        return self.elements.volumes
+
+    def load_of(self, weight: Floats) -> Floats:
+        """The load of which a change w of `unknown` makes ``int load . grad w``, which is ``int weight . dB``.
+
+        (3, npoints) each, the weight in A/m.
+        """
+        return -self.at_quadrature.change_of_flux_density(weight)
 
     @cached_property
     def at_corners(self) -> Strength:

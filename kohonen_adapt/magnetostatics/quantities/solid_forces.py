@@ -1,6 +1,7 @@
 """Integrate forces and torques of a field in space around a body, and the flux through surfaces."""
 
 from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
 from skfem import MeshTet
@@ -8,38 +9,63 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import (
     Cut,
     Names,
+    Surroundings,
     isolated_body,
-    weight_gradient,
 )
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.stress import Component, Stressed, pull, weight_gradient
 from kohonen_adapt.mesh.cells import normals
 
-__all__ = ["eggshell", "flux_through"]
+__all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
 
 EDGEWISE = 0.1  # cosine between a facet and the way through its surface, below which it has no side
 
 
-def eggshell(field: LocalSolid, body: Names, centre: Floats | None = None) -> Floats:
+class Solid(Surroundings, Stressed, Protocol):
+    """What of a field in space tells the force on a body in it."""
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]: ...
+
+
+def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
     """Force (3,) on a body in N, or the torque about a centre in N m; see `SolidField.force`."""
+    slope, cuts = _shell(field, body)
+    parts = pull(field, slope)
+    if centre is not None:
+        parts = np.cross(field.at_quadrature.x - centre[:, None], parts, axis=0)
+    return _kept(cuts, np.sum(parts, axis=1), centre is not None)
+
+
+def force_component(field: Solid, body: Names, direction: Floats) -> Component:
+    """The component of a force along a unit vector (3,)."""
+    slope, cuts = _shell(field, body)
+    return Component(slope, np.tile(_kept(cuts[::-1], direction, False)[:, None], slope.shape[1]))
+
+
+def torque_component(field: Solid, body: Names, centre: Floats, axis: Floats) -> Component:
+    """The component along a unit vector (3,) of the torque about a centre (3,) in m."""
+    slope, cuts = _shell(field, body)
+    across = _kept(cuts[::-1], axis, True)
+    return Component(slope, np.cross(across, field.at_quadrature.x - centre[:, None], axisb=0).T)
+
+
+def _shell(field: Solid, body: Names) -> tuple[Floats, list[Mirror]]:
+    """Gradient of the weight around a body, (3, npoints) in 1/m, and the planes of symmetry that cut it."""
     mesh, inside = field.mesh, isolated_body(field, body)
     cuts = _cuts(mesh, inside, field.mirrors)
     facets = np.concatenate([mirror.facets for mirror in cuts]) if cuts else np.zeros(0, dtype=np.int64)
-    twin = np.arange(mesh.p.shape[1])
-    slope, at = weight_gradient(field, inside, Cut(facets, None, twin)), field.at_quadrature
-    b = at.flux_density
-    normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
-    pull = -field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
-    if centre is not None:
-        pull = np.cross(at.x - centre[:, None], pull, axis=0)
-    total = np.sum(pull, axis=1)
-    for mirror in cuts:  # what its image takes away: of a force the part across, of a torque the part along the plane
-        across = mirror.normal * (mirror.normal @ total)
-        total = total - across if centre is None else across
-    return total
+    return weight_gradient(field, inside, Cut(facets, None, np.arange(mesh.p.shape[1]))), cuts
+
+
+def _kept(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
+    """What the images leave of a vector: of a force the part along the planes, of a torque the part across."""
+    for mirror in cuts:
+        across = mirror.normal * (mirror.normal @ vector)
+        vector = across if torque else vector - across
+    return vector
 
 
 def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror]:

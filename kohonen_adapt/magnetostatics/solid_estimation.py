@@ -1,0 +1,77 @@
+"""Estimate the error of a field in space: of its energy by jumps or averages, and weigh it for a goal by the dual."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.estimators import recovery, residual
+from kohonen_adapt.magnetostatics.equations.coenergy import CoenergyFunctional
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+
+__all__ = ["estimated_in_space", "primal_and_dual"]
+
+# The bare estimate overrates the error 3.5 to 3.8 times on balls (`benchmarks magnets`), as in the plane.
+RESIDUAL_SCALE = 1.0 / 3.6
+
+
+def estimated_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
+    """Indicators in the energy norm by the estimator of that name, (nelements,), unsquared."""
+    secant, differential = field.permeabilities
+    weight = np.sqrt(secant * differential) if estimator == "residual" else differential
+    flux = _flux_beside(field, weight)
+    if estimator == "residual":
+        return RESIDUAL_SCALE * residual(field.mesh, field.unknown, weight, flux=flux)
+    return recovery(field.mesh, field.unknown, weight, flux=flux, region=_kinds(field, materials))
+
+
+def primal_and_dual(
+    field: LocalSolid, goal: Goal, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
+) -> dict[str, Any]:
+    """A field and its dual as two problems ``-div(mu grad u - flux) = 0`` of one scalar mu, for `goal_oriented`.
+
+    Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
+    fluxes make ``mu grad u - flux`` what -B is, and of the dual its change and the load, whatever mu is.
+    """
+    elements, (_, load) = field.elements, goal.derivative(field)
+    load = elements.mean(load) if load.shape == field.at_quadrature.x.shape else load
+    dual = _dual(field, load, conditions, newton)
+    weight = np.sqrt(np.multiply(*field.permeabilities))
+    change = elements.mean(field.at_quadrature.change_of_flux_density(elements.slope_of_corners(dual)))
+    return {
+        "potential": field.unknown,
+        "dual": dual,
+        "reluctivity": weight,
+        "flux": _flux_beside(field, weight),
+        "dual_flux": weight * elements.gradient(dual) - change + load,
+        "region": _kinds(field, materials),
+    }
+
+
+def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
+    """The change of ``field.unknown``, (nnodes,), that ``int load . grad v`` makes, the load (3, nelements).
+
+    It solves the problem linearised at the field, with zeros for the values given.
+    """
+    drive, terms = field.drive, field.elements.against_gradients(load)
+    energy = CoenergyFunctional(drive.elements, field.coefficients, conditions, drive.inside, drive.load)
+    return newton.whole_step(energy, field.unknown, -terms[conditions.free])
+
+
+def _flux_beside(field: LocalSolid, weight: Floats) -> Floats:
+    """The flux that makes ``weight grad u - flux`` what -B is: in every element, or where B varies at its corners."""
+    slope = field.elements.gradient(field.unknown)
+    if field.drive.function is None and not field.coefficients.turning:
+        return weight * slope + field.flux_density
+    return (weight * slope)[:, None] + field.at_corners.flux_density.reshape(3, 4, -1)
+
+
+def _kinds(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
+    """Number of the first material that equals an element's, (nelements,)."""
+    filled = list(materials.values())
+    return np.array([filled.index(material) for material in filled])[field.coefficients.number]

@@ -1,0 +1,246 @@
+"""Goals of fields in space: their derivatives and duals, what is told of their errors, and meshes adapted for them."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import kohonen_adapt as ka
+from benchmarks.problems.magnets_in_space import blocks, graded
+from kohonen_adapt.magnetostatics import (
+    FluxLinkage,
+    Force,
+    Froehlich,
+    Goal,
+    MagneticScalarPotential,
+    Material,
+    StoredEnergy,
+    Torque,
+)
+from kohonen_adapt.magnetostatics.solid_estimation import primal_and_dual
+
+AIR = Material()
+PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
+MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
+POLES = {"a": Material(remanence=(0.0, 0.0, 1.2)), "b": Material(remanence=(0.0, 0.5, 1.0)), "air": AIR}
+PULL = np.array([-10.77767, 8.95397, -33.30058])  # N on the second of the cuboids, by magpylib 5.1
+WHOLE = float(np.linalg.norm(PULL))
+AXIS = (0.6, 0.0, 0.8)
+
+
+def cuboids(step, far=0.06):
+    """Two cuboid magnets in air."""
+    return blocks([graded(each, step, far, max(2, round(0.011 / step))) for each in MARKS], PLACES)
+
+
+def under_iron(step=0.005):
+    """A magnet under a plate of iron that saturates."""
+    parts = {"a": POLES["a"], "b": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
+    return cuboids(step), MagneticScalarPotential(parts, {"outer": 0.0})
+
+
+def applied():
+    """A permeable block beside a magnet in a field that is not uniform."""
+    parts = {"a": POLES["a"], "b": Material(50.0), "air": AIR}
+
+    def saddle(x):
+        return 1e6 * np.stack((x[1], x[0], 0.0 * x[0]))
+
+    return cuboids(0.006), MagneticScalarPotential(parts, {"outer": 0.0}, applied_field=saddle)
+
+
+def halved():
+    """Two magnets that a plane of symmetry cuts."""
+    axes = [graded([-0.02, -0.01, 0.01, 0.02], 0.01, 0.04, 2), graded([-0.01, 0.01], 0.01, 0.04, 2), [0.0, 0.01, 0.03]]
+    mesh = blocks(
+        axes, {"a": ((-0.02, -0.01, 0.0), (-0.01, 0.01, 0.01)), "b": ((0.01, -0.01, 0.0), (0.02, 0.01, 0.01))}
+    )
+    parts = {"a": Material(remanence=(1.0, 0.5, 0.0)), "b": Material(remanence=(1.0, 0.0, 0.0)), "air": AIR}
+    return mesh, MagneticScalarPotential(parts, {"x-": 0.0, "z+": 0.0}, symmetry={"z-": "parallel"})
+
+
+def magnets():
+    return cuboids(0.006), MagneticScalarPotential(POLES, {"outer": 0.0})
+
+
+GOALS = {
+    "force": Force("b", (1.0, -2.0, 3.0)),
+    "torque": Torque("b", (0.004, 0.001, 0.015), AXIS),
+    "energy": StoredEnergy("a"),
+}
+CASES = {make.__name__: (make, make()[1].solve(make()[0])) for make in (magnets, under_iron, applied, halved)}
+every_goal = pytest.mark.parametrize("goal", GOALS.values(), ids=GOALS)
+every_case = pytest.mark.parametrize("case", CASES)
+
+
+# --- theorems ----------------------------------------------------------------------------------------------------
+
+
+@every_case
+def test_goals_have_the_values_of_the_field(case):
+    field = CASES[case][1]
+    assert GOALS["force"](field) == pytest.approx(field.force("b") @ GOALS["force"].direction, rel=1e-9)
+    torque = field.torque("b", GOALS["torque"].centre) @ AXIS
+    assert GOALS["torque"](field) == pytest.approx(torque, rel=1e-9, abs=1e-12)
+    assert StoredEnergy(("a", "b", "air"))(field) == pytest.approx(field.energy, rel=1e-12)
+
+
+@every_goal
+@every_case
+def test_derivatives_are_those_of_the_values(case, goal):
+    field = CASES[case][1]
+    change = 1e-6 * np.random.default_rng(0).normal(size=field.unknown.size) * np.abs(field.unknown).max()
+    one, other = (goal(replace(field, unknown=field.unknown + sign * change)) for sign in (1.0, -1.0))
+    source, load = goal.derivative(field)
+    assert not source.any()
+    parts = np.sum(load * field.elements.slope_of_corners(change), axis=0) * field.point_volumes
+    assert parts.sum() == pytest.approx(0.5 * (one - other), abs=1e-5 * np.abs(parts).sum())
+
+
+@every_goal
+@pytest.mark.parametrize("case", ["magnets", "under_iron", "halved"])
+def test_the_dual_tells_what_a_magnet_does_to_the_goal(case, goal):
+    """A change of the remanence of air far from the bodies: dJ = int dBr . grad z."""
+    (make, field), size = CASES[case], 1e-4
+    mesh, problem = make()
+    far = np.flatnonzero(np.isin(np.arange(mesh.nelements), mesh.subdomains["air"]) & (_reach(mesh) > 0.035))
+    parts = {**mesh.subdomains, "far": far, "air": np.setdiff1d(mesh.subdomains["air"], far)}
+    mesh, way = mesh.with_subdomains(parts), np.array([0.3, 0.5, 1.0])
+
+    def value(sign):
+        materials = {**problem.materials, "far": Material(remanence=tuple(sign * size * way))}
+        return goal(replace(problem, materials=materials).solve(mesh))
+
+    dual = primal_and_dual(field, goal, problem._conditions(field), problem.materials, problem.method)["dual"]
+    slope = field.elements.gradient(dual)[:, far] @ field.elements.volumes[far]
+    assert size * way @ slope == pytest.approx(0.5 * (value(1.0) - value(-1.0)), rel=2e-4)
+
+
+def _reach(mesh):
+    return np.abs(mesh.p[:, mesh.t]).max(axis=0).min(axis=0)
+
+
+def test_what_has_no_error_has_none_told():
+    """Of a uniform field the indicators are 0, and nothing is missing of a goal."""
+    axis = np.linspace(0.0, 1.0, 4)
+    mesh = blocks([axis] * 3, {"a": ((0.0, 0.0, 0.0), (1.0, 1.0, 0.4))})
+    problem = MagneticScalarPotential({"a": AIR, "air": AIR}, {"x-": 1.0, "x+": 0.0}, goal=StoredEnergy("a"))
+    field = problem.solve(mesh)
+    assert problem.indicators(mesh, field).max() ** 2 < 1e-12 * problem.goal(field)
+    assert abs(problem.goal_error(field)) < 1e-12 * problem.goal(field)
+
+
+def test_a_goal_of_ones_own():
+    """The square of a goal has twice its value for a factor of the derivative."""
+
+    class Squared:
+        def __call__(self, field):
+            return GOALS["force"](field) ** 2
+
+        def derivative(self, field):
+            return tuple(2.0 * GOALS["force"](field) * part for part in GOALS["force"].derivative(field))
+
+    mesh, problem = magnets()
+    assert isinstance(Squared(), Goal)
+    plain, square = (replace(problem, goal=goal) for goal in (GOALS["force"], Squared()))
+    field = plain.solve(mesh)
+    factor = 2.0 * plain.goal(field)
+    assert square.goal_error(field) == pytest.approx(factor * plain.goal_error(field), rel=1e-9)
+    wanted = np.sqrt(abs(factor)) * plain.indicators(mesh, field)
+    np.testing.assert_allclose(square.indicators(mesh, field), wanted, rtol=1e-6, atol=1e-9 * wanted.max())
+
+
+# --- adapted meshes ----------------------------------------------------------------------------------------------
+
+
+def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told():
+    """To less than on those for the energy; and with what is told there is less than half of the error."""
+    problem, nodes, errors = MagneticScalarPotential(POLES, {"outer": 0.0}, goal=Force("b", tuple(PULL))), [], []
+    for step in (0.005, 0.0033):
+        mesh = cuboids(step, far=0.15)
+        field = ka.adapt(mesh, problem, passes=2).solution
+        nodes.append(mesh.nvertices)
+        errors.append(WHOLE - problem.goal(field))
+    assert np.log(errors[0] / errors[1]) / np.log(nodes[1] / nodes[0]) > 0.6
+    assert abs(errors[1] - problem.goal_error(field)) < 0.5 * errors[1] < 0.0125 * WHOLE
+    energy = ka.adapt(mesh, replace(problem, goal=None), passes=2).solution
+    assert errors[1] < 0.8 * abs(WHOLE - problem.goal(energy))
+
+
+def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
+    """In the third pass, too, where it is by energy if the mesh is for that; by which passes are not compared."""
+    mesh, problem = magnets()
+    problem = replace(problem, goal=GOALS["force"])
+    result = ka.adapt(mesh, problem, passes=3)
+    steps = result.history
+    assert steps[3].collapses > 0 and not any(step.comparable for step in steps) and steps[1].polish_gain > 0.0
+    assert steps[0].energy_norm is None
+    assert "the polish gave elements their shapes only, and passes were compared by the estimate" in result.message
+    assert steps[1].functional is None and "Energy" not in str(result)
+    assert result.estimate == min(step.estimate for step in steps)
+    ritz = problem.ritz(mesh, problem.solve(mesh))
+    assert ritz.shapes_only and not ritz.comparable
+
+
+# --- refused -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("goal", "message"),
+    [
+        (
+            "force",
+            "goal must be a Force, Torque, StoredEnergy or another object with goal(field) and "
+            "goal.derivative(field), or None; got 'force'.",
+        ),
+        (
+            FluxLinkage({"a": 1}),
+            "a FluxLinkage is a goal in the plane, for in space no coils are meshed; take a Force, a Torque or a "
+            "StoredEnergy.",
+        ),
+        (
+            Force("b", (1.0, 0.0)),
+            "a Force must have vectors (x, y, z) in space as a goal; got Force(body='b', direction=(1.0, 0.0)).",
+        ),
+        (
+            Torque("b"),
+            "a Torque must have vectors (x, y, z) in space as a goal; got Torque(body='b', centre=(0.0, 0.0), "
+            "axis=None).",
+        ),
+    ],
+)
+def test_wrong_goals_are_named(goal, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        MagneticScalarPotential(POLES, {"outer": 0.0}, goal=goal)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda field: Force("b", (1.0, 0.0))(field), "a Force must have vectors (x, y, z) in space as a goal; got"),
+        (lambda field: Force("b", (0.0, 0.0, 2.0))(field), "the force on 'b' has no component along (0.0,"),
+        (
+            lambda field: Torque("b", (0.0,) * 3, (1, 0, 0))(field),
+            "the torque on 'b' has no component along (1.0,",
+        ),
+        (lambda field: Torque("b", (0.0,) * 3, (0, 0, 0))(field), "axis of Torque must not be zero; got (0, 0, 0)."),
+        (lambda field: halved()[1].goal_error(field), "goal_error needs a goal; give one, for instance goal=Force("),
+        (lambda field: StoredEnergy(("a", "b", "air")).derivative(field), "StoredEnergy needs a part of the mesh"),
+        (
+            lambda field: replace(halved()[1], goal=GOALS["force"], estimator="recovery"),
+            "a goal has its own indicators",
+        ),
+    ],
+)
+def test_what_a_half_cannot_tell_and_what_is_missing(call, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        call(CASES["halved"][1])
+
+
+def test_a_functional_that_shapes_only_does_not_compare():
+    values = np.zeros(4), np.zeros(4, dtype=bool)
+    assert ka.Ritz(*values, 1.0, comparable=False, shapes_only=True).shapes_only
+    for wrong in ({"shapes_only": True}, {"shapes_only": 1, "comparable": False}):
+        with pytest.raises(ValueError, match=r"^shapes_only of Ritz must be False, or True"):
+            ka.Ritz(*values, 1.0, **wrong)
