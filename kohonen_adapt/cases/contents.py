@@ -92,8 +92,8 @@ class Case:
 
     @property
     def goal(self) -> Goal | None:
-        """The goal of a problem in the plane."""
-        return self.problem.goal if isinstance(self.problem, Magnetostatics) else None
+        """The goal of the problem."""
+        return self.problem.goal
 
     def _with_points(self, stated: Magnetostatics) -> Magnetostatics:
         given = stated.boundaries
@@ -210,11 +210,11 @@ def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
 def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
     """What a case that could be one of the plane says of tetrahedra; refused is what it says of the plane alone."""
     plain = Magnetostatics(stated.materials, stated.potential or {"": 0.0}, estimator=stated.estimator)
-    shared = ("materials", "potential", "estimator")
+    shared = ("materials", "potential", "estimator", "goal")
     alone = [each.name for each in fields(stated) if each.name not in shared and not _same(each.name, stated, plain)]
     if alone:
         raise ValueError(f"{', '.join(alone)}: for meshes of the plane only, and the mesh is one of tetrahedra.")
-    return MagneticScalarPotential(stated.materials, stated.potential, estimator=stated.estimator)
+    return MagneticScalarPotential(**{name: getattr(stated, name) for name in shared})
 
 
 def _same(name: str, one: Magnetostatics, other: Magnetostatics) -> bool:

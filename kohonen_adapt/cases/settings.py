@@ -46,7 +46,7 @@ PROBLEM = kinds_of(
 PROBLEM["applied_field"] = VECTOR
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR})
+SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal})
 """The same of `MagneticScalarPotential`."""
 
 ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})
@@ -147,6 +147,7 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
     """
     vectors = [getattr(each, kind) for each in values["materials"].values() for kind in ("remanence", "coercivity")]
     solid = any(isinstance(each, tuple) and len(each) == 3 for each in [*vectors, values.get("applied_field")])
+    solid = solid or getattr(values.get("goal"), "dimension", 2) == 3
     if not solid and "symmetry" not in values:
         return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
@@ -200,7 +201,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # bent sides may fold elements over: `adapt` bends them anew
     blank = _blank(case.problem, mesh)
-    if isinstance(blank, Field) and case.goal is not None:
+    if case.goal is not None:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
                 "adapt.rtol is a share of the energy norm, which is no measure of a goal; leave it out, or give atol, "

@@ -32,7 +32,6 @@ from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.table import energy_error, word_for_estimate
-from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
@@ -132,7 +131,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
-    if isinstance(case.problem, Magnetostatics) and case.goal is not None:
+    if case.goal is not None:
         value, missing = case.goal(result.solution), case.problem.goal_error(result.solution)
         exact, unit = value + missing, case.goal_unit
         terminal.say(

@@ -1,6 +1,7 @@
 """The commands `init` and `run` on tetrahedra: magnets by the keys of the plane, with three components."""
 
 import csv
+import re
 import tomllib
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import blocks
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands import main as cli
-from kohonen_adapt.magnetostatics import MagneticScalarPotential, Magnetostatics, Material
+from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Magnetostatics, Material, StoredEnergy, Torque
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PICTURES = ["adaptation.png", "cut.png", "density.png", "estimate.png", "passes.gif", "quality.png", "surface.png"]
@@ -67,19 +68,25 @@ def folder(tmp_path):
 
 
 def test_run_adapts_as_python_does(folder, capsys):
+    """For a goal, of which it says what is missing."""
+    goal = 'goal = {quantity = "force", body = "magnet", direction = [0.0, 0.0, 2.0]}'
+    (folder / "case.toml").write_text(CASE.replace("scale", f"{goal}\nscale"))
     assert cli.main(["run", str(folder / "case.toml"), "--out", str(folder / "out")]) == 0
     said = capsys.readouterr().out
     names = {"adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html", *PICTURES}
     assert {file.name for file in (folder / "out").iterdir()} == names
     assert "pull (N)" in said and "through (Wb)" in said and "phi (A)" in said and "there (T)" in said
     materials = {"magnet": Material(1.05, remanence=(0.0, 0.0, 1.2)), "air": Material()}
-    problem = MagneticScalarPotential(materials, POTENTIAL, symmetry={"z-": "normal"})
+    pull = Force("magnet", (0.0, 0.0, 1.0))
+    problem = MagneticScalarPotential(materials, POTENTIAL, symmetry={"z-": "normal"}, goal=pull)
     result = ka.adapt(ka.read_mesh(folder / "half.msh", scale=1e-3), problem, passes=1)
     with (folder / "out" / "history.csv").open(newline="") as stream:
         last = list(csv.DictReader(stream))[-1]
     field = result.solution
     assert float(last["output pull (N)"]) == pytest.approx(field.force("magnet")[2], rel=1e-6)
     assert float(last["output through (Wb)"]) == pytest.approx(field.flux("z-"), rel=1e-6)
+    told = re.search(r"The goal is (\S+) N; by an estimate of its error the exact one is (\S+) N\.", said).groups()
+    assert np.allclose(np.array(told, float), pull(field) + np.array([0.0, problem.goal_error(field)]), rtol=1e-5)
     fields = meshio.read(folder / "out" / "adapted.vtu")
     np.testing.assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
     assert fields.cell_data["B (T)"][0].shape[1] == 3
@@ -112,6 +119,9 @@ def test_init_writes_a_case_that_runs(folder, capsys):
         ('surface = "z-"', 'surface = "air"', "flux has 'air', which is no surface of the mesh"),
         ('"z-" = "normal"', '"magnet" = "normal"', "symmetry has 'magnet', which is no surface"),
         ("at = [0.0, 0.0, 0.015]", "at = [0.0, 0.015]", r"x must have shape (3, n); got (2, 1)"),
+        ("scale", 'goal = {quantity = "force", body = "air", direction = [0, 1]}\nscale', "vectors (x, y, z) in"),
+        ("scale", 'goal = {quantity = "flux_linkage", circuit = {air = 1}}\nscale', "is a goal in the plane"),
+        ("scale", 'goal = {quantity = "energy", part = "rotor"}\nscale', "goal: subdomain 'rotor' is not in the mesh"),
         ("[adapt]", "[turn]\nmagnet = 3.0\n[adapt]", "turn is for meshes of the plane"),
     ],
 )  # fmt: skip
@@ -120,6 +130,21 @@ def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, befor
     (folder / "case.toml").write_text(CASE.replace(before, after, 1))
     assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_goals_by_their_keys(folder):
+    """One with vectors of three components makes it a case of space; an energy is one of either."""
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "GOAL").replace("remanence = [0.0, 0.0, 1.2]", "")
+    goals = {
+        'quantity = "torque", body = "magnet", centre = [0, 0, 0.01], axis = [0, 3, 4]': (
+            Torque("magnet", (0.0, 0.0, 0.01), (0.0, 0.6, 0.8)), MagneticScalarPotential, "N m"),
+        'quantity = "energy", part = "magnet"': (StoredEnergy("magnet"), Magnetostatics, "J"),
+    }  # fmt: skip
+    for keys, (goal, kind, unit) in goals.items():
+        (folder / "case.toml").write_text(plain.replace("GOAL", f"goal = {{{keys}}}"))
+        case = read_case(folder / "case.toml")
+        assert case.problem.goal == goal and isinstance(case.stated, kind) and case.goal_unit == unit
+        assert isinstance(case.problem, MagneticScalarPotential)
 
 
 def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
