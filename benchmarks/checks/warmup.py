@@ -59,7 +59,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
 
 
 def _dearest() -> str:
-    """The functions that take longest to compile, by one process."""
+    """The functions that take longest to compile, by one process, and the files."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "NUMBA_NUM_THREADS": "1"}
         command = [sys.executable, "-c", _EACH]
@@ -68,7 +68,17 @@ def _dearest() -> str:
     order = sorted(spent, key=spent.__getitem__, reverse=True)
     rows = [[name, spent[name]] for name in order[:DEAREST]]
     rows.append([f"all {len(order)}", sum(spent.values())])
-    return aligned(["the dearest functions", "seconds"], rows)
+    return f"{aligned(['the dearest functions', 'seconds'], rows)}\n\n{_files(spent)}"
+
+
+def _files(spent: dict[str, float]) -> str:
+    """Seconds by the file that functions stand in, the dearest first."""
+    files: dict[str, float] = {}
+    for name, seconds in spent.items():
+        file = name.rpartition(".")[0]
+        files[file] = files.get(file, 0.0) + seconds
+    order = sorted(files, key=files.__getitem__, reverse=True)
+    return aligned(["file", "seconds"], [[file, files[file]] for file in order])
 
 
 def seconds_of_first_use() -> float:
