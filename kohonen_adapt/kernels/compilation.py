@@ -11,6 +11,8 @@ from typing import Any
 import numba
 from numba import config, njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 
 __all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
 
@@ -26,8 +28,8 @@ def kernel(function: Callable) -> Callable:
 
 
 def inner_kernel(function: Callable) -> Callable:
-    """Compile a loop that only kernels call: it needs no wrapper for Python, which would take long to compile."""
-    return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True))
+    """Compile a loop that only kernels call: it needs no wrapper for Python, and no machine code of its own."""
+    return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True, pipeline_class=_InnerCompiler))
 
 
 def expect(*chapters: str) -> None:
@@ -62,6 +64,31 @@ def number_of_threads() -> int:
     The environment variable ``NUMBA_NUM_THREADS`` sets it. No result depends on it.
     """
     return max(1, config.NUMBA_NUM_THREADS)
+
+
+class _LinkedCode(JITCodeLibrary):
+    """The code of a loop that nobody runs but where it is linked in, which is where it is optimised."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to what it is linked into."""
+
+    def _finalize_final_module(self) -> None:
+        """Make machine code of variables only, which numba looks up."""
+        self._shared_module = self._final_module.clone()
+        for module, linkage in ((self._shared_module, "linkonce_odr"), (self._final_module, "available_externally")):
+            for each in module.functions:
+                if not each.is_declaration:
+                    each.linkage = linkage
+        super()._finalize_final_module()
+
+
+class _InnerCompiler(Compiler):
+    """numba's compiler, for loops that only kernels call."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+        library = _LinkedCode(targetctx.codegen(), "inner loop")
+        library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *rest)
 
 
 _njit = functools.partial(njit, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
