@@ -12,6 +12,7 @@ __all__ = ["left_out", "places_of", "settled"]
 
 STILL = 1e-13  # of the size of the mesh: a node so near to its place is left there
 HALVINGS = 4  # of ways that would leave elements too bad
+SMALL = 1e-5  # of the size of an element: how far a small way is
 
 
 def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
@@ -50,12 +51,14 @@ def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
 def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
     """Nodes moved to their targets (n, 3), all at once, where no element is left worse than the floor or than it was.
 
-    The nodes of those that would be go half of their way, a quarter, ..., at last none of it.
+    The nodes of those that would be go half of their way, a quarter, ..., at last none of it. What is worse than the
+    floor anyway may become worse by a hundred times the share of its size that its nodes go, if that is small.
     """
     node = elements.node[elements.node[:, 0] >= 0]
     far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
     touched = node[far[node].any(axis=1)]
-    least = np.minimum(floor, qualities(position, touched))
+    before = qualities(position, touched)
+    least = np.minimum(floor, before * (1.0 - 100.0 * small_ways(position, target, touched)))
     share = far.astype(np.float64)
     for step in range(HALVINGS + 1):
         moved = position + share[:, None] * (target - position)
@@ -67,6 +70,13 @@ def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float
         share[touched[bad]] = 0.0
         moved = position + share[:, None] * (target - position)
     return np.where(share[:, None] == 1.0, target, moved)
+
+
+def small_ways(position: Floats, target: Floats, node: Ints) -> Floats:
+    """How far the nodes of elements (k, 4) go at most, in sizes of the element, 0 where that is much, (k,)."""
+    size = np.ptp(position[node], axis=1).max(axis=1)
+    share = np.abs(target - position)[node].max(axis=(1, 2)) / size
+    return np.where(share <= SMALL, share, 0.0)
 
 
 def refused(position: Floats, node: Ints, least: Floats) -> Mask:
