@@ -86,8 +86,10 @@ def moved_tetrahedra(
 
 
 def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[SolidFunctional, float]:
-    """The functional and its value."""
-    return SolidFunctional.of(ritz, movable, mesh), functional_value(mesh, ritz)
+    """The functional, and its value with what is between faces and curved surfaces."""
+    functional, tet = SolidFunctional.of(ritz, movable, mesh), movable.tetrahedralization
+    beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
+    return functional, functional_value(mesh, ritz) + beyond
 
 
 ROOMS = {

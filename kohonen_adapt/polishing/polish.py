@@ -99,8 +99,12 @@ def polish(
     Other nodes on curves, and those whose given values are not linear along their piece of outline, stay where they
     are: elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing
     about the error. Energies of nonlinear material are looked up in
-    tables, which makes that true to 1e-10 of the functional. Nodes of tetrahedra stay on curved surfaces, and where
-    given values are not linear on their face or along their edge of the body.
+    tables, which makes that true to 1e-10 of the functional. Nodes of tetrahedra stay where given values are not linear
+    on their face or along their edge of the body. They slide on spheres, cylinders and cones: what lies between these
+    and faces is counted twice where it adds to the functional, which is more than either domain has, of any material.
+    The next solution does not know of it, so that the descent is that of a bound there. They stay on surfaces that are
+    known by projections only, where a source ends at the surface, and where values are given on one inside the mesh or
+    around a hole.
 
     The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).

@@ -35,8 +35,7 @@ def descend_in_space(
     Elements come after nodes in every sweep; an `eager` one begins with them. Returns what that took off the
     functional. Nodes keep their numbers.
     """
-    descent = Descent.of(movable, functional, trial)
-    gain = descent.descend(sweeps, eager)
+    descent, gain = Descent.of(movable, functional, trial).lowered(sweeps, eager)
     descent.opened.hand_back(movable)
     trial.values[:] = descent.trial.value[: len(trial.values)]
     return gain
@@ -58,13 +57,16 @@ def descend_and_recycle_in_space(
     eager = goes_on = len(plan) > 1
     descent, pairs = Descent.of(movable, functional, trial), 0
     descent.came_from(recycled)
-    gain = descent.descend(plan[0], eager)
+    descent, gain = descent.lowered(plan[0], eager)
     for sweeps in plan[1:]:
         before, more, lowered = descent, 0, 0.0
         if goes_on:
             before = descent.copy()
             more, lowered = descent.recycle()
-        lowered += descent.descend(sweeps, eager)
+            lowered += descent.descend(sweeps, eager)
+            lowered = before.value() - descent.value() if functional.nearly else lowered
+        else:
+            descent, lowered = descent.lowered(sweeps, eager)
         if lowered < 0.0:
             descent, more, lowered = before, 0, 0.0
         pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
@@ -133,6 +135,21 @@ class Descent:
             gain += self.sweep(parts, freedom)
             gain += self.swap(parts)
         return gain
+
+    def lowered(self, sweeps: int, eager: bool) -> tuple["Descent", float]:
+        """The descent after so many sweeps, and the functional's fall; as it was where swaps, which know nearly all of
+        the functional only, have raised it.
+        """
+        if not self.functional.nearly:
+            return self, self.descend(sweeps, eager)
+        before = self.copy()
+        self.descend(sweeps, eager)
+        fallen = before.value() - self.value()
+        return (self, fallen) if fallen > 0.0 else (before, 0.0)
+
+    def value(self) -> float:
+        """The functional of the function as it is now."""
+        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, self.trial.value)
 
     def swap(self, parts: Parts) -> float:
         """Swap where that is allowed and lowers the functional; returns by how much."""

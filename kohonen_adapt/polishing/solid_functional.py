@@ -8,11 +8,22 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.kernels.arrays import Laws
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, Freedom, Trial
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    LINE,
+    ON_PATCH,
+    ON_RIDGE,
+    PLANE,
+    Freedom,
+    Tetrahedra,
+    Trial,
+)
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.surface_values import given_on
@@ -47,18 +58,22 @@ class SolidFunctional:
     given
         Patches and ridges on which values are given, (p + r,) bool.
     held
-        Those whose nodes are not to slide, and that are not to be given other nodes: curved ones, with facets that are
-        chords; given values that are not linear there, or that only some of the nodes have; or no node within a patch
-        whose values all are given, so that nobody can tell whether they are on it. So are ridges of such patches.
+        Those whose nodes are not to slide, and that are not to be given other nodes: curved ones of which is not known
+        what their faces, which are chords, cut off; given values that are not linear there, or that only some of the
+        nodes have; or no node within a patch whose values all are given, so that nobody can tell whether they are on
+        it. So are ridges of such patches.
     rate
         Gradient of the given values along them, (p + r, 3); true where `given` and not `held`.
     comparable
-        Whether values of the functional on moved meshes may be compared: the admissible functions are the same, for all
-        surfaces are planes, and values are given on whole patches and ridges only, and linearly there.
+        Whether values of the functional on moved meshes may be compared: the admissible functions are the same, for of
+        all curved surfaces is known what faces cut off, and values are given on whole patches and ridges only, and
+        linearly there.
     law
         Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
     tables
         The energies of the laws.
+    faces
+        What lies between faces and curved surfaces.
     share
         None, for there is no dual.
     """
@@ -74,9 +89,9 @@ class SolidFunctional:
     comparable: bool
     law: NDArray[np.int32]
     tables: Tables
+    faces: CurvedFaces
     share: None = None
 
-    nearly = False  # loops over stars know all of it
     varies = False
 
     @classmethod
@@ -100,19 +115,28 @@ class SolidFunctional:
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         law, tables = laws_of_regions(ritz, number, steepest(tet, values) if any(ritz.laws) else 0.0)
         on = given_on(tet, surfaces, movable.freedom, values, fixed)
-        bent = np.append(surfaces.shape != PLANE, surfaces.ridge_shape != LINE)
+        patches, curved = len(surfaces.shape), surfaces.shape != PLANE
+        linear = (~on.unknown & (~on.given | on.linear))[:patches]
+        faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.given[:patches], on.rate[:patches])
+        rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
+        bent = np.append(curved & ~faces.counted, rims)
         held = bent | (on.given & ~on.linear) | on.unknown
-        patches = len(surfaces.shape)
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
         alike = not (bent.any() or np.any(on.given & ~on.linear) or np.any(fixed & (movable.freedom.number == INSIDE)))
         solution = TrialFunction(values.copy(), fixed.copy(), None)
         data = constants_of(ritz, number, TETRAHEDRON.dim) / PARTS
         places = on.given, held, on.rate
-        return cls(solution, ritz, number, data, patches, *places, ritz.comparable and alike, law, tables)
+        return cls(solution, ritz, number, data, patches, *places, ritz.comparable and alike, law, tables, faces)
+
+    @property
+    def nearly(self) -> bool:
+        """Whether swaps know nearly all of it only: not what is between faces and curved surfaces."""
+        return bool(self.faces.counted.any())
 
     def trial(self, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: loops change `values`, (n,)."""
-        return Trial(values, fixed, self.data, Laws(self.law, self.tables.first, self.tables.energy), self.rate)
+        laws = Laws(self.law, self.tables.first, self.tables.energy)
+        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows)
 
     def freedom(self, freedom: Freedom, fixed: Mask) -> Freedom:
         """What nodes may do when those are held whose given values no formula would carry along."""
@@ -125,10 +149,15 @@ class SolidFunctional:
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:
-        """The functional of a function."""
-        used, elements = tetrahedralization.used, tetrahedralization.elements
+        """The functional of a function, with what is counted between faces and curved surfaces."""
+        return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial.values)
+
+    def value_on(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
+        """The same of values at nodes, (n,), of elements some rows of which may be in no use."""
+        used = elements.node[:, 0] >= 0
         node, number = elements.node[used].T, self.number[elements.region[used]]
-        return value_in_space(tetrahedralization.position.T[:, node], trial.values[node], number, self.ritz)
+        own = value_in_space(position.T[:, node], values[node], number, self.ritz)
+        return own + self.faces.value(position, elements, values)
 
 
 def steepest(tet: Tetrahedralization, values: Floats) -> float:

@@ -21,7 +21,7 @@ from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of, unknown_in_sp
 from kohonen_adapt.problem.robin import added_on_sides, sides_of_boundary
 from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up
 
-__all__ = ["flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
+__all__ = ["density_in_space", "flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
 
 
 def integrated(ritz: Ritz) -> Reference:
@@ -98,6 +98,12 @@ def _value_by_points(corners: Floats, coefficients: Floats, number: Ints, ritz: 
 def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
     """The functional on tetrahedra with these corners (3, 4, m), values there (4, m) and region numbers (m,)."""
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
+    density = density_in_space(slope, number, ritz) - looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
+    return float(np.sum(np.abs(TETRAHEDRON.determinant(corners)) * density)) / 6.0
+
+
+def density_in_space(slope: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """What is integrated of gradients (3, m) in regions of these numbers, but for the source, (m,)."""
     square = np.sum(slope**2, axis=0)
     density = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * square
     for k, law in enumerate(ritz.laws):
@@ -106,8 +112,7 @@ def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) ->
             density[rows] = law.energy(np.sqrt(square[rows]))
     for part, along in zip(flux_table(np.asarray(ritz.flux), TETRAHEDRON.dim), slope, strict=True):
         density -= looked_up(part, number) * along
-    density -= looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
-    return float(np.sum(np.abs(TETRAHEDRON.determinant(corners)) * density)) / 6.0
+    return density
 
 
 def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:

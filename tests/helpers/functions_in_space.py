@@ -25,7 +25,12 @@ def on_nodes(mesh, seed=0, bent=False, value=None):
     number[-1] = 0 if bent else -1
     tables = tabulated([LAW], 10.0)
     places = len(mesh.surfaces.shape) + len(mesh.surfaces.ridge_shape)
-    return Trial(values, fixed, data, Laws(number, tables.first, tables.energy), np.zeros((places, 3)))
+    return Trial(values, fixed, data, Laws(number, tables.first, tables.energy), np.zeros((places, 3)), *plain(mesh))
+
+
+def plain(mesh):
+    """No patch with slivers, and none on which given values go on."""
+    return [np.zeros(len(mesh.surfaces.shape), dtype=bool) for _ in range(2)]
 
 
 def functional(mesh, trial, elements=None):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.boxes import jittered, opened, qualities
 from helpers.examples import examples
+from helpers.functions_in_space import plain
 from helpers.slow_solids import functional, slow_descent, star_parts
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,7 +60,7 @@ class Setting:
         tables = tabulated(distinct, 60.0)
         number = np.array([-1 if law is None else distinct.index(law) for law in laws], dtype=np.int32)
         data = self.constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0])
-        self.trial = Trial(value, fixed, data, Laws(number, tables.first, tables.energy), rate)
+        self.trial = Trial(value, fixed, data, Laws(number, tables.first, tables.energy), rate, *plain(self.mesh))
         star = Star.of(rows, len(self.mesh.elements.node))
         fill_star(self.mesh.elements.node, star)
         freedom = self.mesh.freedom

@@ -97,13 +97,21 @@ def test_linear_values_fluxes_and_laws(seed):
     assert all(step.comparable for step in history)
 
 
-def test_on_curved_surfaces_nodes_stay_in_the_polish_and_passes_compare_by_the_estimate():
-    """What lies between facets and the sphere is not known, so that another domain might only seem better."""
-    result = ka.adapt(ball(4), Minimised(), passes=1, min_quality=0.1)
-    assert not any(step.comparable for step in result.history) and result.history[1].polish_gain > 0.0
-    assert "outlines are curved" in result.message
-    rim = result.history[1].mesh.boundary_nodes()
-    assert np.linalg.norm(result.history[1].mesh.p[:, rim], axis=0) == pytest.approx(1.0, rel=1e-12)
+def test_on_curved_surfaces_passes_compare_by_the_functional_if_loops_know_these():
+    for surfaces, known in (({}, True), ({"rim": Asked()}, False)):
+        mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
+        result = ka.adapt(mesh, Minimised(), passes=1, min_quality=0.1, surfaces=surfaces)
+        assert all(step.comparable == known for step in result.history) and result.history[1].polish_gain > 0.0
+        assert ("outlines are curved" in result.message) == (not known)
+        rim = result.history[1].mesh.boundary_nodes()
+        assert np.linalg.norm(result.history[1].mesh.p[:, rim], axis=0) == pytest.approx(1.0, rel=1e-12)
+
+
+class Asked:
+    """A sphere of which loops know no formula, and nobody what its faces cut off."""
+
+    def project(self, x):
+        return x / np.linalg.norm(x, axis=0)
 
 
 def test_growing():

@@ -6,6 +6,7 @@ from helpers.solids import ball, box, two_regions
 from skfem import Basis, ElementTetP0, ElementTetP1, Functional, MeshTet, MeshTri
 from skfem.helpers import dot
 
+import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.outline.movable_solid import MovableSolid
@@ -135,7 +136,17 @@ def test_which_given_values_let_meshes_be_compared():
         assert functional_of(mesh, values, fixed)[1].comparable, name
     for name, (values, fixed) in not_comparable.items():
         assert not functional_of(mesh, values, fixed)[1].comparable, name
-    assert not functional_of(ball(4), ball(4).p[0], np.zeros(125, dtype=bool))[1].comparable
+    told = Rules(surfaces={"rim": ka.Sphere((0.0, 0.0, 0.0), 1.0)}), Rules(surfaces={"rim": Asked()})
+    for rules, known in zip(told, (True, False), strict=True):
+        mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
+        assert functional_of(mesh, mesh.p[0], np.zeros(125, dtype=bool), rules)[1].comparable == known
+
+
+class Asked:
+    """A sphere of which loops know no formula."""
+
+    def project(self, x):
+        return x / np.linalg.norm(x, axis=0)
 
 
 def freedoms(mesh, values, fixed, rules=None):
@@ -179,11 +190,13 @@ def test_a_face_without_a_node_of_its_own_may_be_given_or_not():
     assert np.array_equal(after[~on], before[~on])
 
 
-def test_nodes_stay_on_curved_surfaces_and_where_they_are_pinned():
-    mesh = ball(4)
+def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
+    mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
     fixed = np.zeros(mesh.nvertices, dtype=bool)
-    before, after, *_ = freedoms(mesh, mesh.p[0], fixed, Rules(surfaces={}))
+    before, after, *_ = freedoms(mesh, mesh.p[0], fixed, Rules(surfaces={"rim": Asked()}))
     np.testing.assert_array_equal(after, np.where(before == INSIDE, INSIDE, HELD))
+    before, after, *_ = freedoms(mesh, mesh.p[0], fixed)
+    np.testing.assert_array_equal(after, before)
     before, after, *_ = freedoms(box(3), box(3).p[0], np.zeros(64, dtype=bool), Rules(pinned=[21]))
     assert before[21] == after[21] == HELD
 

@@ -181,6 +181,8 @@ class Trial(NamedTuple):
     data: np.ndarray  # (regions, 5)
     laws: Laws  # numbers are those of regions, not of elements; where there is one, the coefficient has no say
     rate: np.ndarray  # (p + r, 3): gradient along patches, then along ridges, of values that are given there
+    counted: np.ndarray  # (p,) bool: curved patches of which what is between them and their faces is counted
+    follows: np.ndarray  # (p,) bool: patches on which values are given, that go on beyond the faces
 
 
 @record

@@ -29,7 +29,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.surfaces import slid
+from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, pull_of_slivers, slivers_around
+from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation
@@ -52,7 +53,7 @@ def descend_nodes(neurons, trial, order, floor):
         if number[v] != HELD:
             fall += move(neurons, trial, v, floor)
         elif not trial.fixed[v]:
-            fall += improve_value(neurons, trial, v)
+            fall += improve_value(neurons, trial, v, has_slivers(neurons, trial, v))
     return fall
 
 
@@ -191,32 +192,43 @@ def parabola(neurons, trial, v, x, y, z, w):
 
 
 @inner_kernel
-def best_value(neurons, trial, v, x, y, z, w, bent):
-    """The least functional of the star with v at (x, y, z), the change of value that has it, the worst cubed quality.
+def with_slivers(neurons, trial, v, x, y, z, w, near):
+    """The parabola, and what slivers add to it where v is `near` some."""
+    c, r, k, worst = parabola(neurons, trial, v, x, y, z, w)
+    if near:
+        more, by_w, ww = slivers_around(neurons, trial, v, x, y, z, w)
+        c, r, k = c + more, r + by_w, k + ww
+    return c, r, k, worst
+
+
+@inner_kernel
+def best_value(neurons, trial, v, place, w, bent, near):
+    """The least functional of the star with v at a place, the change of value that has it, the worst cubed quality.
 
     Beside nonlinear material, `bent`, it is the better one of w and of one step of Newton's method from there.
     """
-    c, r, k, worst = parabola(neurons, trial, v, x, y, z, w)
+    x, y, z = place
+    c, r, k, worst = with_slivers(neurons, trial, v, x, y, z, w, near)
     further = w - r / k
     least = c - 0.5 * r * r / k
     if bent:
-        least = parabola(neurons, trial, v, x, y, z, further)[0]
+        least = with_slivers(neurons, trial, v, x, y, z, further, near)[0]
         if not least < c:
             return c, w, worst
     return least, further, worst
 
 
 @inner_kernel
-def improve_value(neurons, trial, v):
+def improve_value(neurons, trial, v, near):
     """Change the value of v by Newton's step, beside nonlinear material half as far until it gains; returns the fall.
 
     The step that is taken is the first that does not add to the functional.
     """
     x, y, z = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
-    c, r, k, _ = parabola(neurons, trial, v, x, y, z, 0.0)
+    c, r, k, _ = with_slivers(neurons, trial, v, x, y, z, 0.0, near)
     w = -r / k
     for _ in range(TRIES):
-        least = parabola(neurons, trial, v, x, y, z, w)[0]
+        least = with_slivers(neurons, trial, v, x, y, z, w, near)[0]
         if least <= c:
             trial.value[v] += w
             return c - least
@@ -232,6 +244,13 @@ def move(neurons, trial, v, floor):
     """
     position, freedom, given = neurons.position, neurons.constraints.freedom, trial.fixed[v]
     (size, total, before, bent), gradient, by_w, hessian, mixed, ww = derivatives(neurons, trial, v)
+    near = has_slivers(neurons, trial, v)
+    px, py, pz = position[v, 0], position[v, 1], position[v, 2]
+    if near:
+        more, more_by_w, more_ww = slivers_around(neurons, trial, v, px, py, pz, 0.0)
+        total, by_w, ww, pull = total + more, by_w + more_by_w, ww + more_ww, pull_of_slivers(neurons, trial, v)
+        gradient = gradient[0] + pull[0], gradient[1] + pull[1], gradient[2] + pull[2]
+        size, bent = size + abs(more), True  # beyond a face there may be a law
     still, now = 0.0, total
     if given:
         row = rates_row(neurons.constraints, v)
@@ -241,20 +260,20 @@ def move(neurons, trial, v, floor):
         still, now = -by_w / ww, total - 0.5 * by_w * by_w / ww
     gradient, hessian = following(gradient, by_w, hessian, mixed, ww, rate)
     if freedom.number[v] != INSIDE:
-        gradient, hessian = within(neurons.constraints, v, gradient, hessian)
+        gradient, hessian = within(neurons, v, gradient, hessian)
     dx, dy, dz = newton_step(gradient, hessian)
     if -(dx * gradient[0] + dy * gradient[1] + dz * gradient[2]) > ROUNDING * size:
         if bent and not given:
-            now, still, _ = best_value(neurons, trial, v, position[v, 0], position[v, 1], position[v, 2], still, bent)
+            now, still, _ = best_value(neurons, trial, v, (px, py, pz), still, bent, near)
             now = min(now, total)
         for _ in range(HALVINGS + 1):
             x, y, z = slid(position, neurons.constraints, v, dx, dy, dz)
-            w = rate[0] * (x - position[v, 0]) + rate[1] * (y - position[v, 1]) + rate[2] * (z - position[v, 2])
+            w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
             if given:
-                least, _, _, worst = parabola(neurons, trial, v, x, y, z, w)
+                least, _, _, worst = with_slivers(neurons, trial, v, x, y, z, w, near)
             else:
-                least, w, worst = best_value(neurons, trial, v, x, y, z, still + w, bent)
-            if allowed(worst, before, floor) and now - least > ROUNDING * size:
+                least, w, worst = best_value(neurons, trial, v, (x, y, z), still + w, bent, near)
+            if allowed(worst, before, floor) and now - least > ROUNDING * size and reaches(neurons, v, near, x, y, z):
                 position[v, 0], position[v, 1], position[v, 2] = x, y, z
                 trial.value[v] += w
                 return total - least
@@ -262,9 +281,17 @@ def move(neurons, trial, v, floor):
     if given:
         return 0.0
     if bent:
-        return improve_value(neurons, trial, v)
+        return improve_value(neurons, trial, v, near)
     trial.value[v] += still
     return total - now
+
+
+@inner_kernel
+def reaches(neurons, v, near, x, y, z):
+    """Whether no face at v goes too far around a curved surface with v at (x, y, z)."""
+    if not near:
+        return True
+    return within_reach(neurons.position, neurons.elements, neurons.star, neurons.constraints.surfaces, v, x, y, z)
 
 
 @inner_kernel
@@ -300,12 +327,13 @@ def times(hessian, x, y, z):
 
 
 @inner_kernel
-def within(constraints, v, gradient, hessian):
-    """What of gradient and Hessian is in the plane or along the line of a node."""
-    surfaces, place = constraints.surfaces, np.int64(constraints.freedom.place[v])
+def within(neurons, v, gradient, hessian):
+    """What of gradient and Hessian is in the tangent plane or along the tangent of a node."""
+    surfaces, place = neurons.constraints.surfaces, np.int64(neurons.constraints.freedom.place[v])
+    px, py, pz = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
     gx, gy, gz = gradient
-    if constraints.freedom.number[v] == ON_PATCH:
-        x, y, z = surfaces.axis[place, 0], surfaces.axis[place, 1], surfaces.axis[place, 2]
+    if neurons.constraints.freedom.number[v] == ON_PATCH:
+        _, x, y, z = signed_distance(surfaces, place, px, py, pz)
         across = gx * x + gy * y + gz * z
         hx, hy, hz = times(hessian, x, y, z)
         half = 0.5 * (hx * x + hy * y + hz * z)
@@ -320,7 +348,7 @@ def within(constraints, v, gradient, hessian):
             zz - 2.0 * hz * z,
         )
         return (gx - across * x, gy - across * y, gz - across * z), hessian
-    x, y, z = surfaces.ridge_axis[place, 0], surfaces.ridge_axis[place, 1], surfaces.ridge_axis[place, 2]
+    x, y, z = tangent_of_ridge(surfaces, place, px, py, pz)
     along = gx * x + gy * y + gz * z
     hx, hy, hz = times(hessian, x, y, z)
     k = hx * x + hy * y + hz * z

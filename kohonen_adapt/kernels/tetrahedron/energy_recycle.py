@@ -28,6 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     element_quality,
 )
 from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
+from kohonen_adapt.kernels.tetrahedron.slivers import STILL, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare_collapse, prepare_split, split
 from kohonen_adapt.kernels.tetrahedron.swap_by_energy import energy_of
 
@@ -123,7 +124,21 @@ def gain_of_split(mesh, trial, shell, count, a, b):
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
     if bent:
         gain = before - split_parabola(mesh, trial, shell, count, a, b, w)[1]
+    gain += filled_slivers(mesh, trial, shell, count, a, b)
     return gain if gain > ROUNDING * size else 0.0, 0.5 * (trial.value[a] + trial.value[b]) + w
+
+
+@inner_kernel
+def filled_slivers(mesh, trial, shell, count, a, b):
+    """What the new node takes off for it is on the surface, and not half-way along an edge that is a chord of it."""
+    gain, elements = 0.0, mesh.elements
+    for i in range(count):
+        e = np.int64(shell[i])
+        for k in range(4):
+            p = elements.patch[e, k]
+            if p >= 0 and trial.counted[p] and elements.node[e, k] not in (a, b):
+                gain += filled_by_split(mesh, trial, e, k, a, b)
+    return gain
 
 
 @inner_kernel
@@ -218,6 +233,7 @@ def energy_around(mesh, trial, count):
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         total += energy_of(mesh, trial, node, e, mesh.elements.region[e])[0]
+        total += slivers_of(mesh.position, mesh.elements, mesh.surfaces, trial, e, STILL)[0]
         worst = min(worst, element_quality(mesh.position, node, e))
     return total, worst
 
@@ -227,16 +243,21 @@ def energy_merged(mesh, trial, v, w, count, least):
     """The functional of what is left of the elements in `cavity.old`, around v, when that has gone into w; inf where
     one were worse than `least`.
     """
-    node, total = mesh.elements.node, 0.0
+    position, elements, node, total = mesh.position, mesh.elements, mesh.elements.node, 0.0
+    moved = v, position[w, 0], position[w, 1], position[w, 2], trial.value[w] - trial.value[v]
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
-        if corner_of(node, e, w) >= 0:
-            continue
         k = corner_of(node, e, v)
+        if corner_of(node, e, w) >= 0:
+            p = elements.patch[e, k]
+            if p >= 0 and trial.counted[p]:  # of the face that the element beside this one has then
+                total += sliver(position, elements, mesh.surfaces, trial, e, k, STILL)[0]
+            continue
         a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
         if not cubed_quality(mesh.position, w, a, b, c) >= least:
             return np.inf
         total += element_energy(mesh.position, trial, mesh.elements.region[e], w, a, b, c)[0]
+        total += slivers_of(position, elements, mesh.surfaces, trial, e, moved)[0]
     return total
 
 

@@ -1,0 +1,229 @@
+"""Count what lies between faces and curved surfaces with the material that is there: slivers of a P1 function.
+
+A face on a sphere, cylinder or cone is a chord. On the outer side of the surface its element covers the sliver between
+both, which is of the material beyond the face, or of none; on the inner side of an outer boundary the element goes on
+into it, where values are given linearly as these do. So the functional of the same function in the true domain is that
+of the mesh and of every sliver S, its volume times the change of the density at one gradient. What is lowered is that
+and |S| more, S + |S| in all: no less than the functional of either domain. With S alone the long faces would be where
+the field does not jump, and what is worked out from the mesh would be worse for the volume that it lacks there.
+"""
+
+import math
+
+from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    SIXTH_FLUX_X,
+    SIXTH_FLUX_Y,
+    SIXTH_FLUX_Z,
+    TWELFTH_COEFFICIENT,
+)
+from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
+
+SHORT = 1e-4  # of an edge: half the way over which differences are taken
+STILL = (-1, 0.0, 0.0, 0.0, 0.0)  # in place of a node that is moved, where it is then, and how its value changes
+
+
+@inner_kernel
+def where(position, node, moved):
+    """Position of a node, which may be the one that is `moved`."""
+    if node == moved[0]:
+        return moved[1], moved[2], moved[3]
+    return position[node, 0], position[node, 1], position[node, 2]
+
+
+@inner_kernel
+def inwards(surfaces, p, a, b):
+    """How far the middle between two points is inside a curved surface."""
+    return -signed_distance(surfaces, p, 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))[0]
+
+
+@inner_kernel
+def gap(surfaces, p, a, b, c):
+    """The volume between a triangle and a curved surface through its corners: exact for a parabolic height."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    height = inwards(surfaces, p, a, b) + inwards(surfaces, p, b, c) + inwards(surfaces, p, c, a)
+    return math.sqrt(nx * nx + ny * ny + nz * nz) * height / 6.0
+
+
+@inner_kernel
+def density(trial, region, slope, hat):
+    """What a functional has per volume at a gradient, and both derivatives by the value whose function has that hat."""
+    (gx, gy, gz), (hx, hy, hz) = slope, hat
+    data, law = trial.data, trial.laws.number[region]
+    qx, qy, qz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
+    square, along = gx * gx + gy * gy + gz * gz, gx * hx + gy * hy + gz * hz
+    rate, curve = 6.0 * data[region, TWELFTH_COEFFICIENT], 0.0
+    held = rate * square
+    if law >= 0:
+        held, rate, curve = stored(trial.laws, law, square)
+    first = 2.0 * rate * along - (qx * hx + qy * hy + qz * hz)
+    second = 2.0 * rate * (hx * hx + hy * hy + hz * hz) + 4.0 * curve * along * along
+    return held - (qx * gx + qy * gy + qz * gz), first, second
+
+
+@inner_kernel
+def slopes(position, elements, trial, e, moved):
+    """The gradient in element e with a node moved, that of the function of this, and six
+    times the volume.
+    """
+    node, value = elements.node, trial.value
+    v, w = moved[0], moved[4]
+    i, j, k, o = node[e, 0], node[e, 1], node[e, 2], node[e, 3]
+    ox, oy, oz = where(position, o, moved)
+    ax, ay, az = where(position, i, moved)
+    bx, by, bz = where(position, j, moved)
+    cx, cy, cz = where(position, k, moved)
+    ax, ay, az, bx, by, bz = ax - ox, ay - oy, az - oz, bx - ox, by - oy, bz - oz
+    cx, cy, cz = cx - ox, cy - oy, cz - oz
+    px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+    qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
+    rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    six = ax * px + ay * py + az * pz
+    alpha, beta, gamma = value[i] - value[o], value[j] - value[o], value[k] - value[o]
+    one, two, three = (1.0 if i == v else 0.0), (1.0 if j == v else 0.0), (1.0 if k == v else 0.0)
+    if o == v:
+        one, two, three = -1.0, -1.0, -1.0
+    hx, hy, hz = one * px + two * qx + three * rx, one * py + two * qy + three * ry, one * pz + two * qz + three * rz
+    hx, hy, hz = hx / six, hy / six, hz / six
+    gx = (alpha * px + beta * qx + gamma * rx) / six + w * hx
+    gy = (alpha * py + beta * qy + gamma * ry) / six + w * hy
+    gz = (alpha * pz + beta * qz + gamma * rz) / six + w * hz
+    return (gx, gy, gz), (hx, hy, hz), six
+
+
+@inner_kernel
+def covers(surfaces, p, a, b, c, top):
+    """Whether the element of a face abc is on the outer side of its surface, where the sliver is."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    x, y, z = (a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0, (a[2] + b[2] + c[2]) / 3.0
+    _, sx, sy, sz = signed_distance(surfaces, p, x, y, z)
+    up = nx * (top[0] - a[0]) + ny * (top[1] - a[1]) + nz * (top[2] - a[2])
+    return up * (nx * sx + ny * sy + nz * sz) > 0.0
+
+
+@inner_kernel
+def sliver(position, elements, surfaces, trial, e, k, moved):
+    """S + |S| of the sliver at the face of element e opposite to its corner k, with a node moved, and both
+    derivatives by the value of this. One that an element covers is no larger than that.
+    """
+    p, node = elements.patch[e, k], elements.node
+    a = where(position, node[e, OPPOSITE[k, 0]], moved)
+    b = where(position, node[e, OPPOSITE[k, 1]], moved)
+    c = where(position, node[e, OPPOSITE[k, 2]], moved)
+    top, across = where(position, node[e, k], moved), elements.neighbour[e, k]
+    own, outer = elements.region[e], covers(surfaces, p, a, b, c, top)
+    if across >= 0 and not outer:
+        return 0.0, 0.0, 0.0  # the other element has it
+    volume = gap(surfaces, p, a, b, c)
+    slope, hat, six = slopes(position, elements, trial, e, moved)
+    if not outer and trial.follows[p]:
+        slope, hat = (trial.rate[p, 0], trial.rate[p, 1], trial.rate[p, 2]), (0.0, 0.0, 0.0)
+    there, by_w, ww = density(trial, own, slope, hat)
+    if outer:
+        there, by_w, ww, volume = -there, -by_w, -ww, min(volume, abs(six) / 6.0)
+        if across >= 0:
+            more, more_by_w, more_ww = density(trial, elements.region[across], slope, hat)
+            there, by_w, ww = there + more, by_w + more_by_w, ww + more_ww
+    if there < 0.0:
+        return 0.0, 0.0, 0.0
+    return 2.0 * volume * there, 2.0 * volume * by_w, 2.0 * volume * ww
+
+
+@inner_kernel
+def slivers_of(position, elements, surfaces, trial, e, moved):
+    """The same of all faces of an element."""
+    total = by_w = ww = 0.0
+    for k in range(4):
+        p = elements.patch[e, k]
+        if p >= 0 and trial.counted[p]:
+            one, two, three = sliver(position, elements, surfaces, trial, e, k, moved)
+            total, by_w, ww = total + one, by_w + two, ww + three
+    return total, by_w, ww
+
+
+@inner_kernel
+def has_slivers(neurons, trial, v):
+    """Whether an element around v has a face whose sliver is counted."""
+    for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
+        for k in range(4):
+            p = neurons.elements.patch[neurons.star.element[j], k]
+            if p >= 0 and trial.counted[p]:
+                return True
+    return False
+
+
+@inner_kernel
+def slivers_around(neurons, trial, v, x, y, z, w):
+    """The same of all elements around v."""
+    total = by_w = ww = 0.0
+    surfaces, moved = neurons.constraints.surfaces, (v, x, y, z, w)
+    for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
+        e = neurons.star.element[j]
+        one, two, three = slivers_of(neurons.position, neurons.elements, surfaces, trial, e, moved)
+        total, by_w, ww = total + one, by_w + two, ww + three
+    return total, by_w, ww
+
+
+@inner_kernel
+def pull_of_slivers(neurons, trial, v):
+    """The gradient of that by the place of v, by differences."""
+    position, other = neurons.position, neurons.star.link[neurons.star.start[v], 0]
+    x, y, z = position[v, 0], position[v, 1], position[v, 2]
+    dx, dy, dz = position[other, 0] - x, position[other, 1] - y, position[other, 2] - z
+    h = SHORT * math.sqrt(dx * dx + dy * dy + dz * dz)
+    gx = slivers_around(neurons, trial, v, x + h, y, z, 0.0)[0] - slivers_around(neurons, trial, v, x - h, y, z, 0.0)[0]
+    gy = slivers_around(neurons, trial, v, x, y + h, z, 0.0)[0] - slivers_around(neurons, trial, v, x, y - h, z, 0.0)[0]
+    gz = slivers_around(neurons, trial, v, x, y, z + h, 0.0)[0] - slivers_around(neurons, trial, v, x, y, z - h, 0.0)[0]
+    return 0.5 * gx / h, 0.5 * gy / h, 0.5 * gz / h
+
+
+@inner_kernel
+def mismatch(position, elements, trial, e, k):
+    """What fills a sliver wrongly per volume: half the coefficient of what is there times the square of the difference
+    between the gradient that it has and that of the element beyond its face; 0 where there is none.
+    """
+    across, p = elements.neighbour[e, k], elements.patch[e, k]
+    slope, _, _ = slopes(position, elements, trial, e, STILL)
+    if across >= 0:
+        there, own = slopes(position, elements, trial, across, STILL)[0], elements.region[across]
+    elif trial.follows[p]:
+        there, own = slope, elements.region[e]
+        slope = (trial.rate[p, 0], trial.rate[p, 1], trial.rate[p, 2])
+    else:
+        return 0.0
+    rate, law = 6.0 * trial.data[own, TWELFTH_COEFFICIENT], trial.laws.number[own]
+    if law >= 0:
+        rate = stored(trial.laws, law, there[0] ** 2 + there[1] ** 2 + there[2] ** 2)[1]
+    x, y, z = slope[0] - there[0], slope[1] - there[1], slope[2] - there[2]
+    return rate * (x * x + y * y + z * z)
+
+
+@inner_kernel
+def filled_by_split(mesh, trial, e, k, a, b):
+    """What a node on the surface half-way along the edge ab of a face takes off, for it fills the face's sliver.
+
+    In the wedge that changes hands the right gradient takes the place of the wrong one, and |S| has less to count.
+    """
+    position, elements, surfaces, p = mesh.position, mesh.elements, mesh.surfaces, mesh.elements.patch[e, k]
+    corners = OPPOSITE[k]
+    c = elements.node[e, corners[0]]
+    for i in range(1, 3):
+        if c in (a, b):
+            c = elements.node[e, corners[i]]
+    start = where(position, a, STILL)
+    end, third = where(position, b, STILL), where(position, c, STILL)
+    if elements.neighbour[e, k] >= 0 and not covers(
+        surfaces, p, start, end, third, where(position, elements.node[e, k], STILL)
+    ):
+        return 0.0
+    middle = onto_patch(surfaces, p, 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2]))
+    before = gap(surfaces, p, start, end, third)
+    after = gap(surfaces, p, start, middle, third) + gap(surfaces, p, middle, end, third)
+    own = sliver(position, elements, surfaces, trial, e, k, STILL)[0]
+    return (before - after) * mismatch(position, elements, trial, e, k) + (1.0 - after / before) * 0.5 * own
