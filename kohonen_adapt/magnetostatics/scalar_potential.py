@@ -62,7 +62,7 @@ class MagneticScalarPotential:
     goal
         What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or an object of
         one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, and there is no
-        `energy_norm`. At equal nodes the force between two magnets has half the error (`benchmarks magnets`).
+        `energy_norm`. At equal nodes that leaves 0.5 to 1.1 of the error of a force (`benchmarks magnets`).
 
     Raises
     ------
