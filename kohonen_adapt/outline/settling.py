@@ -12,7 +12,7 @@ __all__ = ["left_out", "places_of", "settled"]
 
 STILL = 1e-13  # of the size of the mesh: a node so near to its place is left there
 HALVINGS = 4  # of ways that would leave elements too bad
-SMALL = 1e-5  # of the size of an element: how far a small way is
+SMALL = 1e-4  # of the size of an element: how far a small way is
 
 
 def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
