@@ -92,6 +92,8 @@ def main() -> None:
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
+    if options.seeds < 1:
+        parser.error(f"--seeds must be at least 1, how many there are; got {options.seeds}")
     for name in options.what or PROBLEMS:
         if name in PROBLEMS:
             for case in cases(name, options.quick):

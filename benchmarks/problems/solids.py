@@ -5,14 +5,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import aslinearoperator, cg, splu
 from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet, condense
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
 
 WIDTH = 0.12  # of the bump, in a cube of side 1
+DIRECT, CLOSE = 20_000, 1e-10  # unknowns that are solved for directly; more by conjugate gradients to this residual
 ON = 1e-9  # coordinates nearer to a plane than this are on it
 TABLES = np.array([1.0, 1000.0, 1.0]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """nu and flux of what is neither, of iron and of a magnet."""
@@ -137,6 +138,10 @@ class Solid:
         """The solution at the nodes."""
         stiffness, load, u, fixed = self.system(mesh)
         matrix, right, u, free = condense(stiffness, load, x=u, D=fixed)
+        if right.size > DIRECT:
+            jacobi = aslinearoperator(diags_array(1.0 / matrix.diagonal()))
+            u[free], _ = cg(matrix, right, rtol=CLOSE, M=jacobi)
+            return u
         factors = splu(
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )
