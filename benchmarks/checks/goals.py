@@ -8,7 +8,13 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems import spot
-from benchmarks.problems.patch_mean import PatchMean, PolishedPatchMean, patched_mesh
+from benchmarks.problems.patch_mean import (
+    PatchMean,
+    PatchMeanOfOrder,
+    PolishedPatchMean,
+    PolishedPatchMeanOfOrder,
+    patched_mesh,
+)
 from benchmarks.table import aligned
 
 TARGET = 0.75  # of the map's product of both errors
@@ -23,9 +29,20 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         _row("F, mean over a patch", (patched_mesh(n), PatchMean(), PolishedPatchMean(), PatchMean().errors), seeds)
         for n in (SQUARES[:1] if quick else SQUARES)
     ]
+    rows += [_row(f"the same, order {order}", _of_order(order, n), seeds) for order, n in _higher(quick)]
     spots = [spot.spot_mesh(n) for n in (() if quick else (20, 40))]
     rows += [_row("M, B in a spot", (mesh, spot.MAP_ONLY, spot.PROBLEM, spot.errors), seeds) for mesh in spots]
     return aligned(header, rows)
+
+
+def _higher(quick: bool) -> tuple[tuple[int, int], ...]:
+    """Orders, and squares per unit: of order 2 225, 833 and 3201 nodes, of order 3 225 and 833."""
+    return ((2, 8),) if quick else ((2, 8), (2, 16), (2, 32), (3, 8), (3, 16))
+
+
+def _of_order(order: int, n: int) -> Case:
+    by_map = PatchMeanOfOrder(order)
+    return patched_mesh(n), by_map, PolishedPatchMeanOfOrder(order), by_map.errors
 
 
 def _row(name: str, case: Case, seeds: Sequence[int]) -> list[str | int | float]:

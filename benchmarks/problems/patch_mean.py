@@ -1,10 +1,14 @@
 """Solve problem F and its dual for a goal, the mean over a patch."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems import l_shape, p1, poisson_l
+from benchmarks.problems.orders import OfOrder, constants
 
 BOX = (-0.75, -0.5, 0.5, 0.75)  # of the patch: x from, to, y from, to
 WEIGHT = 16.0  # 1 / its area
@@ -21,6 +25,13 @@ def _inside(x: np.ndarray) -> np.ndarray:
     return (x[0] > BOX[0]) & (x[0] < BOX[1]) & (x[1] > BOX[2]) & (x[1] < BOX[3])
 
 
+def weights(mesh: MeshTri) -> np.ndarray:
+    """The source of the dual problem, (nelements,)."""
+    weight = np.zeros(mesh.t.shape[1])
+    weight[mesh.subdomains["patch"]] = WEIGHT
+    return weight
+
+
 Pair = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]  # solution and load, of both problems
 
 
@@ -29,8 +40,7 @@ class PatchMean:
 
     def sources(self, mesh: MeshTri) -> tuple[np.ndarray, np.ndarray]:
         """Of both problems, (nelements,)."""
-        weight = np.zeros(mesh.t.shape[1])
-        weight[mesh.subdomains["patch"]] = WEIGHT
+        weight = weights(mesh)
         return np.ones(weight.size), weight
 
     def solve(self, mesh: MeshTri) -> Pair:
@@ -68,3 +78,53 @@ class PolishedPatchMean(PatchMean):
         one, other = map(np.linalg.norm, self.estimates(mesh, solution))
         dual = ka.Ritz(z, fixed, 1.0, source=(0.0, WEIGHT), region=region)
         return ka.Ritz(u, fixed, 1.0, source=1.0, dual=dual, share=float(other / one))
+
+
+class PatchMeanOfOrder:
+    """The same by elements of order 2 or 3, by the map alone."""
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.primal = OfOrder(order, partial(constants, source=1.0), poisson_l.NORM_SQUARED, relative=False)
+        self.dual = OfOrder(order, _of_dual, DUAL_NORM_SQUARED, relative=False)
+
+    def solve(self, mesh: MeshTri) -> tuple[np.ndarray, np.ndarray]:
+        """Values of all unknowns of both solutions."""
+        return self.primal.solve(mesh), self.dual.solve(mesh)
+
+    def estimates(self, mesh: MeshTri, solution: tuple[np.ndarray, np.ndarray]) -> list[np.ndarray]:
+        """Residual indicators of both, (nelements,) each."""
+        pairs = zip((self.primal, self.dual), solution, strict=True)
+        return [one.indicators(mesh, values) for one, values in pairs]
+
+    def indicators(self, mesh: MeshTri, solution: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """The root of their product."""
+        one, other = self.estimates(mesh, solution)
+        return np.sqrt(one * other)
+
+    def each_error(self, mesh: MeshTri) -> tuple[float, float]:
+        """The errors of both solutions in the energy norm."""
+        u, z = self.solve(mesh)
+        return self.primal.error(mesh, u), self.dual.error(mesh, z)
+
+    def errors(self, mesh: MeshTri) -> tuple[float, float]:
+        """The product of the errors of both solutions in the energy norm, and the error of the goal."""
+        (one, other), basis = self.each_error(mesh), self.primal.basis(mesh)
+        mean = np.asarray(basis.interpolate(self.primal.solve(mesh)))
+        goal = np.sum(weights(mesh)[:, None] * mean * basis.dx)
+        return one * other, float(abs(GOAL - goal))
+
+
+class PolishedPatchMeanOfOrder(PatchMeanOfOrder):
+    """The same with both functionals, for the polish."""
+
+    def ritz(self, mesh: MeshTri, solution: tuple[np.ndarray, np.ndarray]) -> ka.Ritz:
+        """int |grad u|^2 / 2 - u, and that of the dual problem."""
+        one, other = map(np.linalg.norm, self.estimates(mesh, solution))
+        dual = self.dual.ritz(mesh, solution[1])
+        return replace(self.primal.ritz(mesh, solution[0]), dual=dual, share=float(other / one))
+
+
+def _of_dual(mesh: MeshTri) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    nu, _, flux = constants(mesh)
+    return nu, weights(mesh), flux

@@ -344,6 +344,8 @@ class Shapes(NamedTuple):
 class Block(NamedTuple):
     """Room for the unknowns that change with a node, or with an edge: d elements, u unknowns, b functions."""
 
+    unknowns: np.ndarray  # (1,) int32: how many there are
+    own: np.ndarray  # (1,): what values around the node are taken relative to
     place: np.ndarray  # (d, b) int32: the unknown that each coefficient of an element is, -1 for none
     sign: np.ndarray  # (d, b): of the coefficient, times the unknown
     spoke: np.ndarray  # (u,) int32: the other end of every side that is an unknown
@@ -363,10 +365,11 @@ class Block(NamedTuple):
         elements = max(elements, 4)  # of an edge that is split
         unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
         place, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
+        numbers = np.empty(1, dtype=np.int32), np.empty(1), place, sign
         local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
         table, mixed, spoke = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
         rooms = spoke, local[:4], local[4], np.empty((5, 3, 2)), across
-        return cls(place, sign, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
+        return cls(*numbers, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
 
 
 @record

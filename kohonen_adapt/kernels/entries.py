@@ -25,8 +25,10 @@ from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
     descend,
+    descend_higher,
     energy_recycle,
     energy_recycle_higher,
+    energy_split_higher,
     equilibrate,
     flip,
     flip_higher,
@@ -60,8 +62,9 @@ MODES = RecordType(arrays.Modes, (R3, R1, boolean[:, ::1]))
 REFERENCE = RecordType(arrays.Reference, (R3, R1, R1, R3))
 POINTS = RecordType(arrays.Points, (R2, R3, R3, R4, R4))
 SHAPES = RecordType(arrays.Shapes, (R3, B1, boolean))
-BLOCK = RecordType(arrays.Block, (I2, R2, I1, R2, R1, R3, R2, R2, R1, R2, R1, R1))
+BLOCK = RecordType(arrays.Block, (I1, R1, I2, R2, I1, R2, R1, R3, R2, R2, R1, R2, R1, R1))
 DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, POINTS, SHAPES, BLOCK))
+DESCENTS = RecordType(descend_higher.Descents, (DESCENT, DESCENT))
 OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
@@ -123,12 +126,14 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "polish of higher order": (
-        Entry(flip_higher.mark_gainful_higher, DESCENT, int64, int64, B1),
-        Entry(flip_higher.descend_flips_higher, DESCENT, float64, B1),
-        Entry(sweep_higher.descend_nodes_higher, DESCENT, I1, float64),
-        Entry(energy_recycle_higher.weigh_splits_higher, OPEN_MESH, DESCENT, OFFERS, float64, int64, int64),
-        Entry(energy_recycle_higher.weigh_collapses_higher, OPEN_MESH, DESCENT, OFFERS, float64, float64, int64, int64),
-        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENT, OFFERS, L1, L1, float64),
+        Entry(flip_higher.mark_gainful_higher, DESCENTS, int64, int64, B1),
+        Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1),
+        Entry(sweep_higher.descend_nodes_higher, DESCENTS, I1, float64),
+        Entry(energy_split_higher.weigh_splits_higher, OPEN_MESH, DESCENTS, OFFERS, float64, int64, int64),
+        Entry(
+            energy_recycle_higher.weigh_collapses_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64
+        ),
+        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
     "carrying": (

@@ -72,6 +72,11 @@ class TrialFunction(NamedTuple):
         modes = self.modes and Modes(*(array.copy() for array in self.modes))
         return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy())
 
+    @property
+    def all_modes(self) -> tuple[Modes, ...]:
+        """Its modes, and those of its dual; none of order 1."""
+        return tuple(one.modes for one in (self, self.dual) if one is not None and one.modes is not None)
+
     def restore(self, values: "TrialFunction") -> None:
         """Take back the values at the nodes that a copy has."""
         self.values[:] = values.values

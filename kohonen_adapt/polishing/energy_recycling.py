@@ -6,14 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask, padded
-from kohonen_adapt.kernels.arrays import HELD, Block, Descent, Modes, Offers, OpenMesh, SurgeryScratch
+from kohonen_adapt.kernels.arrays import HELD, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.descend_higher import Descents
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.triangle.energy_recycle_higher import (
-    exchange_higher,
-    weigh_collapses_higher,
-    weigh_splits_higher,
-)
+from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher, weigh_collapses_higher
+from kohonen_adapt.kernels.triangle.energy_split_higher import weigh_splits_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery
@@ -54,7 +52,7 @@ def recycle_by_energy(
     kept, used = surgery.hand_back(movable)
     known = {"old": mesh.origins.old[kept], "hint": mesh.origins.hint[kept]}
     recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
-    return Exchange(judging.left(kept, used), recycled, lowered, offered)
+    return Exchange(out_of_rows(judging.trial, kept, used), recycled, lowered, offered)
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
@@ -71,10 +69,18 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 
 
-def in_rows(trial: TrialFunction, rows: int) -> TrialFunction:
-    """The values of a function at the nodes, with rows to spare, of its dual likewise."""
-    dual = trial.dual and in_rows(trial.dual, rows)
-    return TrialFunction(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), None, dual)
+def in_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:
+    """A function with rows to spare, its dual likewise."""
+    dual = trial.dual and in_rows(trial.dual, nodes, elements)
+    modes = trial.modes and Modes(*(padded(array, elements, 0) for array in trial.modes))
+    return TrialFunction(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False), modes, dual)
+
+
+def out_of_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFunction:
+    """A function on the rows of nodes and elements that are in use in the end, its dual likewise."""
+    dual = trial.dual and out_of_rows(trial.dual, kept, used)
+    modes = trial.modes and Modes(*(array[used] for array in trial.modes))
+    return TrialFunction(trial.values[kept], trial.fixed[kept], modes, dual)
 
 
 class _Linear:
@@ -83,9 +89,10 @@ class _Linear:
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
     ) -> None:
-        rows, triangulation = len(mesh.position), movable.triangulation
+        triangulation = movable.triangulation
         self.mesh, self.star, self.floor, self.offers = mesh, triangulation.star, movable.floor, offers
-        self.trials = functional.trials(triangulation, in_rows(trial, rows))
+        self.trial = in_rows(trial, len(mesh.position), len(mesh.elements.node))
+        self.trials = functional.trials(triangulation, self.trial)
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
         weigh_splits(self.mesh, self.trials, self.offers, self.floor, first, last)
@@ -97,12 +104,6 @@ class _Linear:
     def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
         return exchange(self.mesh, self.trials, self.offers, edges, nodes, self.floor)
 
-    def left(self, kept: Ints, used: Ints) -> TrialFunction:
-        """The function on the rows of nodes and elements that are in use in the end."""
-        one, other = self.trials
-        dual = TrialFunction(other.value[kept], other.fixed[kept], None) if len(other.value) else None
-        return TrialFunction(one.value[kept], one.fixed[kept], None, dual)
-
 
 class _Higher(_Linear):
     """The same of functions of order 2 or 3, or around an axis."""
@@ -111,16 +112,14 @@ class _Higher(_Linear):
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
     ) -> None:
         super().__init__(movable, functional, trial, mesh, offers)
-        self.modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in trial.modes or ()))
-        arrays = mesh.position, mesh.elements, self.star, mesh.constraints, self.trials.one, self.modes
-        shapes = shapes_of(functional.ritz, movable.bent_sides(), len(mesh.elements.node))
-        self.shared = (*arrays, functional.reference, *shapes)
-        self.functions, self.rooms = functional.reference.slope.shape[1], dict[int, Descent]()
+        arrays, modes = (mesh.position, mesh.elements, self.star, mesh.constraints), self.trial.all_modes
+        shapes = functional.reference, *shapes_of(functional.ritz, movable.bent_sides(), len(mesh.elements.node))
+        self.shared = arrays, self.trials, modes, shapes, int(np.diff(self.star.start).max())
+        self.rooms = dict[int, Descents]()
 
-    def _room(self, thread: int) -> Descent:
+    def _room(self, thread: int) -> Descents:
         if thread not in self.rooms:
-            block = Block.of(int(np.diff(self.star.start).max()), self.functions)
-            self.rooms[thread] = Descent(*self.shared, block)
+            self.rooms[thread] = Descents.of(*self.shared)
         return self.rooms[thread]
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
@@ -133,10 +132,6 @@ class _Higher(_Linear):
     def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
         pairs, lowered = exchange_higher(self.mesh, self._room(0), self.offers, edges, nodes, self.floor)
         return int(pairs), float(lowered)
-
-    def left(self, kept: Ints, used: Ints) -> TrialFunction:
-        modes = Modes(*(array[used] for array in self.modes))
-        return super().left(kept, used)._replace(modes=modes)
 
 
 def judge_of(

@@ -188,7 +188,7 @@ class Functional:
         total += self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return total
-        return total + self.dual.value(triangulation, trial.dual)
+        return total + self.dual.value(triangulation, trial.dual, bend)
 
     def beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         """What of it is between chords and curves."""
@@ -203,14 +203,14 @@ class Functional:
         """Take the best values where there are Robin conditions, of a dual function, too."""
         self.boundary.improve(triangulation, trial, bend)
         if self.dual is not None and trial.dual is not None:
-            self.dual.improve_on_boundary(triangulation, trial.dual)
+            self.dual.improve_on_boundary(triangulation, trial.dual, bend)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
         """A function and its dual, each as `trial` has it."""
         one = self.trial(triangulation, trial.values, trial.fixed)
         if self.dual is None or trial.dual is None:
             return Trials(one, one._replace(value=one.value[:0]))
-        return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.dual.fixed))
+        return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""

@@ -42,7 +42,7 @@ class Patch(NamedTuple):
     star: Star
     constraints: Constraints
     trials: Trials
-    modes: Modes | None
+    modes: tuple[Modes, ...]
     shapes: Shapes | None
     nodes: NDArray[np.int32]  # the first of the rows of nodes: those that move
 
@@ -63,8 +63,8 @@ class Descending(Protocol):
         """The function and its functional, of a goal two."""
 
     @property
-    def modes(self) -> Modes | None:
-        """Its other unknowns, of order 2 and 3."""
+    def modes(self) -> tuple[Modes, ...]:
+        """The other unknowns of each, of order 2 and 3."""
 
     @property
     def shapes(self) -> Shapes | None:
@@ -109,14 +109,14 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
         one.values[couples.partner] = couples.sign * one.values[couples.node]
     if trial.modes is None or not len(couples.node):
         return
-    stars, side = Gathered.of(movable, couples), trial.modes.side
+    stars, degrees = Gathered.of(movable, couples), trial.modes.side.shape[2]
     (own, a), (beyond, b) = stars.joints(movable, couples)
     # odd ones run counter-clockwise in both elements, and beside one another in turn unless the pair folds the mesh
-    against = np.where((a == b)[:, None], 1.0, [1.0, -1.0])[:, : side.shape[2]]
-    times = against * stars.turns(side.shape[2], stars.signs(couples))[beyond, 0]
-    side[stars.element[beyond], stars.corner[beyond, 3 - b]] = (
-        times * side[stars.element[own], stars.corner[own, 3 - a]]
-    )
+    against = np.where((a == b)[:, None], 1.0, [1.0, -1.0])[:, :degrees]
+    times = against * stars.turns(degrees, stars.signs(couples))[beyond, 0]
+    for modes in trial.all_modes:
+        coefficients = modes.side[stars.element[own], stars.corner[own, 3 - a]]
+        modes.side[stars.element[beyond], stars.corner[beyond, 3 - b]] = times * coefficients
 
 
 def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
@@ -239,7 +239,7 @@ class Gathered(NamedTuple):
         trials = Trials(*(self.trial(each, couples, freedom, ends, found, node) for each in (one, other)))
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
-        modes = downhill.modes and self.modes(movable, downhill.modes, times, freedom.sign)
+        modes = tuple(self.modes(movable, own, times, freedom.sign) for own in downhill.modes)
         shapes = downhill.shapes and self.shapes(downhill.shapes, couples)
         elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
         return Patch(
@@ -312,7 +312,7 @@ class Gathered(NamedTuple):
             for function, now in zip(downhill.trials, patch.trials, strict=True):
                 if len(function.value):
                     function.value[nodes] = times * now.value[:count]
-        if downhill.modes is not None and patch.modes is not None:
-            times, modes = self.signs(couples), downhill.modes
-            modes.side[self.element[:, None], self.corner] = patch.modes.side * self.turns(modes.side.shape[2], times)
-            modes.bubble[self.element] = patch.modes.bubble * times
+        signs = self.signs(couples)
+        for modes, own in zip(downhill.modes, patch.modes, strict=True):
+            modes.side[self.element[:, None], self.corner] = own.side * self.turns(modes.side.shape[2], signs)
+            modes.bubble[self.element] = own.bubble * signs

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.kernels.arrays import HELD, Block, Constraints, Descent, Modes
+from kohonen_adapt.kernels.arrays import HELD, Constraints
 from kohonen_adapt.kernels.ordering import along_curve, mark_deep, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
+from kohonen_adapt.kernels.triangle.descend_higher import Descents
 from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
 from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainful
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
@@ -91,7 +92,7 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
-        self.trials, self.modes, self.shapes = functional.trials(self.triangulation, trial), trial.modes, None
+        self.trials, self.modes, self.shapes = functional.trials(self.triangulation, trial), (), None
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         position, star = self.triangulation.position, self.triangulation.star
@@ -115,25 +116,19 @@ class Higher:
     """Sweeps of functions of order 2 or 3, or around an axis; every thread has room of its own."""
 
     def __init__(
-        self,
-        movable: MovableMesh,
-        functional: Functional,
-        trial: TrialFunction,
-        modes: Modes,
-        constraints: Constraints,
+        self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         triangulation = movable.triangulation
-        self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descent]()
-        arrays = triangulation.position, triangulation.elements, triangulation.star, constraints
-        self.trials, self.modes = functional.trials(triangulation, trial), modes
-        points, self.shapes = shapes_of(functional.ritz, movable.bent_sides(), len(modes.bubble))
-        self.arrays = (*arrays, self.trials.one, modes, functional.reference, points, self.shapes)
-        self.functions = functional.reference.slope.shape[1]
+        self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descents]()
+        self.trials, self.modes = functional.trials(triangulation, trial), trial.all_modes
+        points, self.shapes = shapes_of(functional.ritz, movable.bent_sides(), len(triangulation.elements.node))
+        self.mesh = triangulation.position, triangulation.elements, triangulation.star, constraints
+        self.functions = functional.reference, points
 
-    def room(self, thread: int) -> Descent:
+    def room(self, thread: int) -> Descents:
         most = int(np.diff(self.triangulation.star.start).max())
-        if thread not in self.rooms or len(self.rooms[thread].block.place) < most:
-            self.rooms[thread] = Descent(*self.arrays, Block.of(most, self.functions))
+        if thread not in self.rooms or len(self.rooms[thread].one.block.place) < most:
+            self.rooms[thread] = Descents.of(self.mesh, self.trials, self.modes, (*self.functions, self.shapes), most)
         return self.rooms[thread]
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
@@ -147,18 +142,19 @@ class Higher:
         return float(gain), int(flips)
 
     def descend_patch(self, patch: Patch) -> float:
-        if patch.modes is None or patch.shapes is None:
-            raise TypeError("a patch of order 2 or 3, or around an axis, needs modes and shapes")
-        arrays = patch.position, patch.elements, patch.star, patch.constraints, patch.trials.one, patch.modes
-        block = Block.of(int(np.diff(patch.star.start).max()), self.functions)
-        room = Descent(*arrays, *self.arrays[-3:-1], patch.shapes, block)
+        if patch.shapes is None:
+            raise TypeError("a patch of order 2 or 3, or around an axis, needs shapes")
+        mesh, most = (
+            (patch.position, patch.elements, patch.star, patch.constraints),
+            int(np.diff(patch.star.start).max()),
+        )
+        room = Descents.of(mesh, patch.trials, patch.modes, (*self.functions, patch.shapes), most)
         return float(descend_nodes_higher(room, patch.nodes, self.floor))
 
 
 def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:
-    if trial.modes is None:
-        return _Linear(movable, functional, trial, constraints)
-    return Higher(movable, functional, trial, trial.modes, constraints)
+    kind = _Linear if trial.modes is None else Higher
+    return kind(movable, functional, trial, constraints)
 
 
 def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:

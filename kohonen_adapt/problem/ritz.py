@@ -88,8 +88,8 @@ class Ritz:
         The functional of the dual solution z of a goal J, where the mesh is to be adapted for that: with the
         coefficient of this one, J as its load, and zeros given where values are. What is lowered then is ``share Pi(u)
         + Pi_dual(z) / share``, which lies above its minimum by ``(share |e|^2 + |d|^2 / share) / 2``, and that is no
-        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Order 1, no laws;
-        its signs are those of this one.
+        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Both have the same
+        order, in the plane, no laws and the signs of this one.
     share
         > 0: best ``|d| / |e|``, as estimated. `adapt` keeps that of the first mesh, so that passes compare.
     comparable
@@ -108,8 +108,8 @@ class Ritz:
     ------
     ValueError
         If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
-        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws, an order above 1 or
-        an axis, or the dual other places where values are given or a dual of its own.
+        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws or an axis, or the
+        dual another order, other places where values are given or a dual of its own.
 
     Examples
     --------
@@ -185,8 +185,8 @@ def _check_dual(ritz: Ritz) -> None:
         raise ValueError("a Ritz with a dual must have no laws; the dual of a nonlinear problem has none either.")
     if ritz.axisymmetric or ritz.dual.axisymmetric:
         raise ValueError("a Ritz with a dual must be that of a plane, both; one is axisymmetric.")
-    if (ritz.order, ritz.dual.order) != (1, 1):
-        raise ValueError(f"a Ritz with a dual must be of order 1, both; got {ritz.order} and {ritz.dual.order}.")
+    if ritz.order != ritz.dual.order:
+        raise ValueError(f"a Ritz and its dual must be of the same order; got {ritz.order} and {ritz.dual.order}.")
     if not np.array_equal(np.asarray(ritz.dual.fixed), np.asarray(ritz.fixed)):
         counts = [np.count_nonzero(one.fixed) for one in (ritz, ritz.dual)]
         raise ValueError(

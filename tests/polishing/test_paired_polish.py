@@ -68,16 +68,20 @@ def bent_flux(x, number):
 class Setting:
     """A random function on a mesh with pairs."""
 
-    def __init__(self, world, order, flux=(0.3, -0.2)):
+    def __init__(self, world, order, flux=(0.3, -0.2), dual=False):
         mesh, signs, periodic = WORLDS[world]()
         self.movable = MovableMesh.of(mesh, Rules("flip", periodic=periodic).guarded())
         count = count_unknowns(mesh, order)
         values = np.random.default_rng(2).normal(size=count)
         fixed = np.zeros(count, dtype=bool)
         ritz = ka.Ritz(values, fixed, 1.3, 0.7, flux, order=order, signs=signs)
+        if dual:
+            other = np.random.default_rng(4).normal(size=count)
+            ritz = replace(ritz, dual=ka.Ritz(other, fixed, 1.3, -0.2, (0.5, 0.4), order=order), share=1.5)
         self.functional = Functional.of(ritz, self.movable, mesh)
         self.trial = self.functional.solution.copy()
-        self.trial.values[self.movable.constraints.kind == HELD] = 0.0  # corners are one, too
+        for one in filter(None, (self.trial, self.trial.dual)):
+            one.values[self.movable.constraints.kind == HELD] = 0.0  # corners are one, too
         tie(self.movable, self.trial, self.functional.sign)
         kind = self.functional.kinds(self.movable.outline, self.trial.fixed)
         self.freedom = Freedom(kind, self.trial.fixed, self.functional.sign)
@@ -149,6 +153,25 @@ def test_pairs_come_to_rest_where_the_functional_of_both_sides_does(world, order
         # nodes of circles stay, and of pairs that fold one comes to rest at a slope of 2 %
         if world not in ("circles", "folded") and order == 1 and free:
             assert abs(slope(setting, change_place)) < 1e-3 * scale
+
+
+@each_order
+@each_world
+def test_pairs_lower_the_sum_of_two_functionals(world, order):
+    setting = Setting(world, order, dual=True)
+    for _ in range(40):
+        before, gain = setting.value(), setting.step()
+        assert 0.0 <= gain <= (before - setting.value()) * (1.0 + 1e-9) + 1e-14 * abs(before)
+    assert off(setting.movable) < 1e-14
+    for v, w, sign in zip(*setting.couples(), strict=True):
+        for values in (setting.trial.values, setting.trial.dual.values):
+            assert values[w] == sign * values[v]
+
+            def change_value(h, v=v, w=w, sign=sign, values=values):
+                values[v] += h
+                values[w] += sign * h
+
+            assert abs(slope(setting, change_value)) < 1e-6 * abs(setting.value())
 
 
 @each_world

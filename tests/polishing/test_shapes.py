@@ -1,5 +1,7 @@
 """The polish of elements with curved sides and around an axis: its derivatives, and what it says it takes off."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
@@ -58,12 +60,13 @@ CASES = {
     "curved around an axis, P2": (half_disk, 2, True, None),
 }
 each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+CURVED = {name: case for name, case in CASES.items() if name.startswith("curved, ") and case[3] is None}
 
 
 class Setting:
     """A mesh that is curved where an outline is, and a function on it with a functional that has all of its terms."""
 
-    def __init__(self, case):
+    def __init__(self, case, dual=False):
         build, order, around, law = case
         mesh = build()
         self.movable = MovableMesh.of(mesh, Rules().guarded(), order > 1)
@@ -74,6 +77,9 @@ class Setting:
         values = np.where(fixed, 0.0, bump * (x**2 if around else 1.0))
         laws = [law] if law else []
         self.ritz = Ritz(values, fixed, 2.0, 0.7, (0.3, -0.4), None, laws, order, around)
+        if dual:
+            other = Ritz(np.where(fixed, 0.0, np.cos(2.0 * x - 3.0 * y)), fixed, 2.0, -0.2, (-0.5, 0.1), order=order)
+            self.ritz = replace(self.ritz, dual=other, share=0.4)
         self.mesh = self.movable.mesh() if self.movable.curved else mesh
         self.functional = Functional.of(self.ritz, self.movable, self.mesh)
         self.trial = self.functional.solution.copy()
@@ -95,20 +101,21 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
     at = Setting(case)
     tri, movable = at.movable.triangulation, at.movable
     assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
-    sweeps = Higher(movable, at.functional, at.trial, at.trial.modes, movable.constraints)
-    room = sweeps.room(0)
+    room = Higher(movable, at.functional, at.trial, movable.constraints).room(0).one
     derivatives, number, change = (
         interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
     )
     special = np.unique(tri.elements.node[room.shapes.special])
     nodes = special[movable.constraints.kind[special] == FREE]
     for v in (nodes[np.argmin(tri.position[nodes, 0])], nodes[-1]):  # beside the axis, and beside a curve
-        count, (x, y) = number(room, v), tri.position[v].copy()
+        number(room, v)
+        room.block.own[0] = 0.0
+        count, (x, y) = room.block.unknowns[0], tri.position[v].copy()
 
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = np.array(derivatives(room, v, 0.0, count, x + dx, y + dy)), at.value()
+            star, value = np.array(derivatives(room, v, x + dx, y + dy)), at.value()
             tri.position[v] = x, y
             block = room.block
             stiffness = np.tril(block.stiffness[:count, :count])
@@ -138,7 +145,17 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
 
 @each_case
 def test_sweeps_and_recycling_take_off_what_they_say(case):
-    at = Setting(case)
+    check_what_is_taken_off(case, Setting(case))
+
+
+@pytest.mark.parametrize("case", CURVED.values(), ids=CURVED)
+def test_so_they_do_with_a_dual(case):
+    at = Setting(case, dual=True)
+    check_what_is_taken_off(case, at)
+    assert at.trial.dual.modes.bubble.shape == at.trial.modes.bubble.shape
+
+
+def check_what_is_taken_off(case, at):
     movable, recycled, table = at.movable, unchanged(at.movable.triangulation), 1e-8 if case[3] else 1e-12
     on_curves = (movable.constraints.kind == SLIDING) & ~movable.outline.straight[movable.constraints.own_chain]
     start, before = movable.triangulation.position[on_curves].copy(), at.value()

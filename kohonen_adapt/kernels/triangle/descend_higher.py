@@ -1,4 +1,4 @@
-"""Lower a Ritz functional of functions of order 2 or 3 by sweeps that move nodes and flip edges.
+"""Derive Ritz functionals of functions of order 2 or 3 by the position of a node and by what changes with it.
 
 On an element (v, a, b), counter-clockwise with doubled area D, whose functions have the gradients (g1, g2) on the
 reference triangle, u = sum U_i phi_i has at a quadrature point of weight w
@@ -8,10 +8,14 @@ reference triangle, u = sum U_i phi_i has at a quadrature point of weight w
 affine in the position of v as of order 1, so that the derivatives of `descend.py` hold at every point with the share w
 of the element, and those by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in place of dn / dw. What
 changes with a node is one block: its value, the coefficients of its sides, and the bubbles of its elements. They are
-eliminated by Cholesky's method, so that a node moves to where the least value over all of them is lower.
+eliminated by Cholesky's method, so that a node moves to where the least value over all of them is lower. Of two
+functions whose functionals are added up, a solution and the dual one of a goal, each has its block: they meet in the
+position alone, so that what is left of either once its block is eliminated adds up, too.
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,20 +24,57 @@ from kohonen_adapt.kernels.arrays import (
     HALF_FLUX_X,
     HALF_FLUX_Y,
     SIXTH_SOURCE,
+    Block,
+    Constraints,
+    Descent,
+    Elements,
+    Modes,
+    Points,
+    Reference,
+    Shapes,
+    Star,
+    Trials,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.descend import HALVINGS, ROUNDING, TRIES, newton_step
-from kohonen_adapt.kernels.triangle.geometry import may_move
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
 
 
+@record
+class Descents(NamedTuple):
+    """The functions of whose functionals the sum is lowered: one, or a solution and the dual one of a goal."""
+
+    one: Descent
+    other: Descent  # of linear material; its trial is without values if there is none
+
+    @classmethod
+    def of(
+        cls,
+        mesh: tuple[np.ndarray, Elements, Star, Constraints],
+        trials: Trials,
+        modes: Sequence[Modes],
+        shapes: tuple[Reference, Points, Shapes],
+        most: int,
+    ) -> "Descents":
+        """Those of one or two functions on a mesh, with room for so many elements around a node."""
+        one, other = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
+        first = Descent(*mesh, trials.one, modes[0], *shapes, one)
+        return cls(first, Descent(*mesh, trials.other, modes[-1], *shapes, other))
+
+
+@inner_kernel
+def count_of(descents):
+    """How many functions there are."""
+    return 2 if descents.other.trial.value.shape[0] > 0 else 1
+
+
 @inner_kernel
 def number_block(descent, v):
-    """Number the unknowns of the block of v, its own value first, in all elements around it; returns how many."""
+    """Number the unknowns of the block of v, its own value first, in all elements around it."""
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     place, sign, degrees = block.place, block.sign, modes.side.shape[2]
     begin, spokes = star.start[v], 0
@@ -60,7 +101,7 @@ def number_block(descent, v):
         for j in range(star.start[v + 1] - begin):
             place[j, BUBBLE] = count
             count += 1
-    return count
+    block.unknowns[0], block.own[0] = count, value_near(descent, v)
 
 
 @inner_kernel
@@ -86,9 +127,9 @@ def gather(node, value, modes, e, k, own, local):
 
 
 @inner_kernel
-def clear(block, count):
-    """Set the derivatives by so many unknowns to zero."""
-    for i in range(count):
+def clear(block):
+    """Set the derivatives by the unknowns to zero."""
+    for i in range(block.unknowns[0]):
         block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
         for j in range(i + 1):
             block.stiffness[i, j] = 0.0
@@ -183,14 +224,14 @@ def add_bent(descent, e, j, local, bend, x, ax, ay, bx, by):
 
 
 @inner_kernel
-def derivatives(descent, v, own, count, x, y):
+def derivatives(descent, v, x, y):
     """The functional of the star of v, were it at (x, y), with all derivatives by its position and its block.
 
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). Values of the function are taken relative to `own`.
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy).
     """
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
-    node = descent.elements.node
-    clear(block, count)
+    node, own = descent.elements.node, block.own[0]
+    clear(block)
     size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
@@ -223,13 +264,13 @@ def stays_valid(descent, v, x, y):
 
 
 @inner_kernel
-def factorise(block, first, count):
+def factorise(block, first):
     """Factorise the stiffness of the unknowns from `first` on, and solve with the lower factor; False without one.
 
     `rest` and `mixed` become L^-1 of what they were. Returns whether it went, and the square of the new `rest`.
     """
     stiffness, rest, mixed, square = block.stiffness, block.rest, block.mixed, 0.0
-    for i in range(first, count):
+    for i in range(first, block.unknowns[0]):
         for j in range(first, i):
             product = stiffness[i, j]
             for k in range(first, j):
@@ -254,9 +295,9 @@ def factorise(block, first, count):
 
 
 @inner_kernel
-def solve_upper(block, first, count, along_x, along_y):
+def solve_upper(block, first, along_x, along_y):
     """Solve for the change of the unknowns where the node stays, `still`, and what a step (x, y) adds, `follow`."""
-    stiffness = block.stiffness
+    stiffness, count = block.stiffness, block.unknowns[0]
     for i in range(count - 1, first - 1, -1):
         still, follow = -block.rest[i], -along_x * block.mixed[i, 0] - along_y * block.mixed[i, 1]
         for k in range(i + 1, count):
@@ -283,79 +324,3 @@ def change_block(descent, v, first, still, follow):
                     modes.side[e, (k + side) % 3, d] += block.sign[j, i] * change
         if degrees == 2:
             modes.bubble[e] += still * block.still[place[j, BUBBLE]] + follow * block.follow[place[j, BUBBLE]]
-
-
-@inner_kernel
-def improve(descent, v, own, first, count):
-    """Change the block by Newton's step, or beside nonlinear material half as far until the functional falls."""
-    x, y, bent = descent.position[v, 0], descent.position[v, 1], descent.trial.bent[v]
-    before, length = derivatives(descent, v, own, count, x, y)[1], 1.0
-    if not factorise(descent.block, first, count)[0]:
-        return
-    solve_upper(descent.block, first, count, 0.0, 0.0)
-    change_block(descent, v, first, length, 0.0)
-    for _ in range(TRIES if bent else 0):
-        if derivatives(descent, v, own, count, x, y)[1] <= before:
-            return
-        change_block(descent, v, first, -0.5 * length, 0.0)
-        length *= 0.5
-    if bent:
-        change_block(descent, v, first, -length, 0.0)
-
-
-@inner_kernel
-def gain_at(descent, v, own, first, count, x, y, length, now):
-    """What the functional of the star is lower with v at (x, y), its block changed as a step of that length says.
-
-    Where all is linear the best values there are put in; where not, and it is no gain, those of before.
-    """
-    bent = descent.trial.bent[v]
-    if bent:
-        change_block(descent, v, first, 1.0, length)
-        gain = now - derivatives(descent, v, own, count, x, y)[1]
-        if not gain > 0.0:
-            change_block(descent, v, first, -1.0, -length)
-        return gain
-    total = derivatives(descent, v, own, count, x, y)[1]
-    solved, square = factorise(descent.block, first, count)
-    return now - total + 0.5 * square if solved else 0.0
-
-
-@inner_kernel
-def move_free(descent, v, own, count, floor):
-    """Move a free node by a step with its block eliminated, or half as far until it is a gain; returns the gain."""
-    position, block, bent = descent.position, descent.block, descent.trial.bent[v]
-    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, own, count, position[v, 0], position[v, 1])
-    solved, square = factorise(block, 0, count)
-    if not solved:
-        return 0.0
-    if not bent:
-        now -= 0.5 * square
-    for i in range(count):
-        along, aside = block.mixed[i, 0], block.mixed[i, 1]
-        by_x, by_y = by_x - along * block.rest[i], by_y - aside * block.rest[i]
-        xx, xy, yy = xx - along * along, xy - along * aside, yy - aside * aside
-    step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
-    solve_upper(block, 0, count, step_x, step_y)
-    if -(step_x * by_x + step_y * by_y) > ROUNDING * size:
-        length = 1.0
-        for _ in range(HALVINGS + 1):
-            x, y = position[v, 0] + length * step_x, position[v, 1] + length * step_y
-            if may_move(position, descent.star, v, x, y, floor) and stays_valid(descent, v, x, y):
-                gain = gain_at(descent, v, own, 0, count, x, y, length, now)
-                if gain > ROUNDING * size:
-                    position[v, 0], position[v, 1] = x, y
-                    settle(descent, v, 0, count)
-                    return gain
-            length *= 0.5
-    if not bent:
-        change_block(descent, v, 0, 1.0, 0.0)
-    return 0.0
-
-
-@inner_kernel
-def settle(descent, v, first, count):
-    """Put the best values of the block in after a move, where all is linear; elsewhere they are there already."""
-    if not descent.trial.bent[v]:
-        solve_upper(descent.block, first, count, 0.0, 0.0)
-        change_block(descent, v, first, 1.0, 0.0)

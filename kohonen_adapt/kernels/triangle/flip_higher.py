@@ -1,4 +1,4 @@
-"""Flip edges where that lowers a Ritz functional of functions of order 2 or 3, what is inside the pair eliminated."""
+"""Flip edges where that lowers Ritz functionals of functions of order 2 or 3, what is inside the pair eliminated."""
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     add_bent,
     add_element,
     clear,
+    count_of,
     factorise,
     gather,
     solve_upper,
@@ -26,34 +27,34 @@ NEWTON = 2  # steps for the coefficients inside two elements of nonlinear materi
 
 
 @kernel
-def mark_gainful_higher(descent, first, last, gainful):
+def mark_gainful_higher(descents, first, last, gainful):
     """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
-    elements = descent.elements
+    elements = descents.one.elements
     for e in range(first, last):
         gainful[e] = False
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
             if other > e and elements.chain[e, k] < 0 and not gainful[e]:
-                gainful[e] = gain_of_flip(descent, e, k, other) > 0.0
+                gainful[e] = gain_of_flip(descents, e, k, other) > 0.0
 
 
 @kernel
-def descend_flips_higher(descent, floor, gainful):
+def descend_flips_higher(descents, floor, gainful):
     """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
 
     Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
     these it marks.
     """
-    position, elements, gain, flips = descent.position, descent.elements, 0.0, 0
+    position, elements, gain, flips = descents.one.position, descents.one.elements, 0.0, 0
     for e in range(elements.node.shape[0]):
         if not gainful[e]:
             continue
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
             if other > e and elements.chain[e, k] < 0:
-                lowered = gain_of_flip(descent, e, k, other)
+                lowered = gain_of_flip(descents, e, k, other)
                 if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
-                    flip_with_modes(descent, e, k, other)
+                    flip_with_modes(descents, e, k, other)
                     gain += lowered
                     flips += 1
                     mark_beside(elements, e, gainful)
@@ -62,19 +63,22 @@ def descend_flips_higher(descent, floor, gainful):
 
 
 @inner_kernel
-def flip_with_modes(descent, e, k, other):
+def flip_with_modes(descents, e, k, other):
     """Flip the edge opposite to corner k of e, and put in the coefficients that `gain_of_flip` has just found."""
-    elements, modes, local, shapes = descent.elements, descent.modes, descent.block.local, descent.shapes
+    elements, shapes, bend = descents.one.elements, descents.one.shapes, descents.one.block.bend
     j = corner_towards(elements.neighbour, other, e)
     k1, j1 = (k + 1) % 3, (j + 1) % 3
-    modes.given[e, k], modes.given[other, j] = modes.given[other, j1], modes.given[e, k1]
-    modes.given[e, k1] = modes.given[other, j1] = False
+    for i in range(count_of(descents)):
+        descent = descents.one if i == 0 else descents.other
+        modes, local = descent.modes, descent.block.local
+        modes.given[e, k], modes.given[other, j] = modes.given[other, j1], modes.given[e, k1]
+        modes.given[e, k1] = modes.given[other, j1] = False
+        put(modes, e, k1, local[2])
+        put(modes, other, j1, local[3])
     flip_edge(elements, e, k)
-    put(modes, e, k1, local[2])
-    put(modes, other, j1, local[3])
     if shapes.special[e] or shapes.special[other]:
-        put_bends(shapes, e, k1, descent.block.bend[2])
-        put_bends(shapes, other, j1, descent.block.bend[3])
+        put_bends(shapes, e, k1, bend[2])
+        put_bends(shapes, other, j1, bend[3])
 
 
 @inner_kernel
@@ -89,15 +93,25 @@ def put(modes, e, k, local):
 
 
 @inner_kernel
-def gain_of_flip(descent, e, k, other):
-    """What a flip of the edge opposite to corner k of e takes off the functional; 0 where it is nothing but rounding.
+def gain_of_flip(descents, e, k, other):
+    """What a flip of the edge opposite to corner k of e takes off the functionals; 0 where it is nothing but rounding.
 
     Leaves the coefficients of the elements after it in the last two rows of `Block.local`, corner p or q first.
     """
+    gain, size = 0.0, 0.0
+    for i in range(count_of(descents)):
+        lowered, sized = change_by_flip(descents.one if i == 0 else descents.other, e, k, other)
+        gain, size = gain + lowered, size + sized
+    return gain if gain > ROUNDING * size else 0.0
+
+
+@inner_kernel
+def change_by_flip(descent, e, k, other):
+    """What a flip takes off one functional, nothing where it cannot be, and the sum of the magnitudes."""
     elements, position, local = descent.elements, descent.position, descent.block.local
     p, q, r, s = corners_around(elements.node, e, k, other)
     if not (area_of(position, r, p, s) > 0.0 and area_of(position, s, q, r) > 0.0):
-        return 0.0
+        return 0.0, 0.0
     own, value, modes = value_near(descent, r), descent.trial.value, descent.modes
     gather(elements.node, value, modes, e, k, own, local[0])
     j = corner_towards(elements.neighbour, other, e)
@@ -111,11 +125,10 @@ def gain_of_flip(descent, e, k, other):
         if not (
             valid_at(position, descent.block.bend[2], p, s, r) and valid_at(position, descent.block.bend[3], q, r, s)
         ):
-            return 0.0
+            return 0.0, 0.0
     size, before = least_of_pair(descent, e, 0, special, p, q, r, s)
     more, after = least_of_pair(descent, e, 2, special, s, r, p, q)
-    gain = before - after
-    return gain if gain > ROUNDING * (size + more) else 0.0
+    return before - after, size + more
 
 
 @inner_kernel
@@ -146,13 +159,6 @@ def turn_bends(bend):
 
 
 @inner_kernel
-def may_flip_bent(position, bend, p, q, r, s):
-    """Whether both elements have positive Jacobians, before and after."""
-    before = valid_at(position, bend[0], r, p, q) and valid_at(position, bend[1], s, q, p)
-    return before and valid_at(position, bend[2], p, s, r) and valid_at(position, bend[3], q, r, s)
-
-
-@inner_kernel
 def least_of_pair(descent, e, row, special, p, q, r, s):
     """The least functional of (r, p, q) and (s, q, p) over their inner coefficients, and its magnitudes.
 
@@ -160,17 +166,17 @@ def least_of_pair(descent, e, row, special, p, q, r, s):
     `special`, the bends of their sides stand likewise.
     """
     block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
-    count = number_pair(block, descent.modes.side.shape[2])
-    size, total = derivatives_of_pair(descent, e, row, special, count, p, q, r, s)
+    number_pair(block, descent.modes.side.shape[2])
+    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s)
     for _ in range(NEWTON if bent else 1):
-        solved, square = factorise(block, 0, count)
+        solved, square = factorise(block, 0)
         if not solved:
             return size, total
-        solve_upper(block, 0, count, 0.0, 0.0)
+        solve_upper(block, 0, 0.0, 0.0)
         change_pair(block, local, row, 1.0)
         if not bent:
             return size, total - 0.5 * square
-        _, after = derivatives_of_pair(descent, e, row, special, count, p, q, r, s)
+        _, after = derivatives_of_pair(descent, e, row, special, p, q, r, s)
         if after > total:
             change_pair(block, local, row, -1.0)
             return size, total
@@ -180,8 +186,9 @@ def least_of_pair(descent, e, row, special, p, q, r, s):
 
 @inner_kernel
 def number_pair(block, degrees):
-    """Number the inner unknowns of two elements whose first corners are opposite to the edge; returns how many."""
+    """Number the inner unknowns of two elements whose first corners are opposite to the edge."""
     place, sign = block.place, block.sign
+    block.unknowns[0] = 4 if degrees == 2 else degrees
     for j in range(2):
         for i in range(place.shape[1]):
             place[j, i], sign[j, i] = -1, 1.0
@@ -189,17 +196,15 @@ def number_pair(block, degrees):
             place[j, EVEN] = 0
         if degrees == 2:
             place[j, ODD], place[j, BUBBLE] = 1, 2 + j
-    if degrees < 2:
-        return degrees
-    sign[1, ODD] = -1.0
-    return 4
+    if degrees == 2:
+        sign[1, ODD] = -1.0
 
 
 @inner_kernel
-def derivatives_of_pair(descent, e, row, special, count, p, q, r, s):
+def derivatives_of_pair(descent, e, row, special, p, q, r, s):
     """Sum of magnitudes and value of the functional of (r, p, q) and (s, q, p), with its derivatives in the block."""
     block = descent.block
-    clear(block, count)
+    clear(block)
     size, total = 0.0, 0.0
     for j in range(2):
         v, a, b = (r, p, q) if j == 0 else (s, q, p)
