@@ -13,7 +13,7 @@ from kohonen_adapt.outline.surfaces import across, on_cylinder, on_sphere
 
 __all__ = ["Round", "are_coaxial", "round_of"]
 
-NODES = 8  # of a sphere, twice as many as it has parameters
+ON_SPHERE, ON_CYLINDER = 8, 10  # nodes, twice as many as it has parameters: fewer may lie on one by chance
 COARSE = 4  # places around an axis that are enough for a cylinder about the axis of another one
 STEPS = 10  # of Gauss and Newton's method
 APART = 1e-6  # radians: nodes at angles that differ by less are at one place around an axis
@@ -23,19 +23,20 @@ COAXIAL = 1e-3  # of the radius, and radians: axes that are nearer to each other
 
 @dataclass(frozen=True)
 class Round:
-    """A sphere or a cylinder, how far nodes are off it, and how many places around its axis they are at."""
+    """A sphere or a cylinder, how far nodes are off it, how many there are, and at how many places around its axis."""
 
     shape: int
     origin: Floats  # (3,)
     axis: Floats  # (3,)
     size: float
     off: float
+    nodes: int
     places: int
 
     @property
     def is_coarse(self) -> bool:
         """Whether so few nodes may lie on it by chance."""
-        return self.shape == CYLINDER and self.places < FEWEST
+        return self.shape == CYLINDER and (self.places < FEWEST or self.nodes < ON_CYLINDER)
 
     def distance(self, x: Floats) -> Floats:
         """How far points (k, 3) are from it, (k,)."""
@@ -67,7 +68,7 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
 
 def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
     """Whether nodes are near enough, bulge, and faces lie along it."""
-    if found.places < (COARSE if found.shape == CYLINDER else NODES) or not found.off <= LOOSE * found.size:
+    if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.off <= LOOSE * found.size:
         return False
     out = middles - found.origin
     flat = x - found.origin
@@ -97,7 +98,7 @@ def sphere_through(x: Floats) -> Round | None:
     radius = float(rounded(scale * radius, scale * radius))
     centre = rounded(middle + scale * solution[:3], radius)
     off = np.abs(np.linalg.norm(x - centre, axis=1) - radius).max()
-    return Round(SPHERE, centre, np.zeros(3), radius, float(off), len(x))
+    return Round(SPHERE, centre, np.zeros(3), radius, float(off), len(x), len(x))
 
 
 def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
@@ -147,7 +148,7 @@ def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round 
     angle = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
     places = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
     off = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
-    return Round(CYLINDER, point, axis, radius, float(off), places)
+    return Round(CYLINDER, point, axis, radius, float(off), len(x), places)
 
 
 def rounded(values: Floats | float, size: float) -> Floats:

@@ -78,9 +78,9 @@ class Rules:
         with a method ``project(x (3, n)) -> (3, n)``, by name. Nodes slide on them, where two meet on both, and new
         ones are put there. An object with `project` is asked for 15 points on every face of the start mesh, and for
         what is near them: loops take it for paraboloids there. In the end every node is projected.
-        Without any, faces that turn by less than 35 degrees are taken for a cylinder (nodes within 1e-3 of its radius,
-        at six places around its axis, or at four and five where another cylinder has the same axis) or for a sphere,
-        also where those go on smoothly into planes or into one another; all others for planes.
+        Without any, faces that turn by less than 35 degrees are taken for a cylinder (ten nodes within 1e-3 of its
+        radius, at six places around its axis, or fewer, at four places, where another cylinder has the same axis) or
+        for a sphere, also where those go on smoothly into planes or into one another; all others for planes.
 
     `curves`, `periodic` and `layers` are for triangles only, and `surfaces` for tetrahedra only.
 

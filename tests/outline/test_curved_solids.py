@@ -123,6 +123,15 @@ def assert_on_surfaces(solid, within):
         assert np.abs(solid.patches.project(patch, x[nodes]) - x[nodes]).max(initial=0.0) < within
 
 
+def test_few_nodes_that_lie_near_a_cylinder_by_chance_stay_on_their_planes():
+    a, b, c = np.array([(0.8896, 0.272088, 0.489195), (0.894655, 0.130855, 0.025155), (0.983827, 0.323720, 0.637111)])
+    beside, below = (0.646206, 0.247679, 0.457648), (0.8, 0.8, 0.3)
+    x = np.array([a, b, c, (a + b) / 2, (a + c) / 2, (b + c) / 2, beside, below])
+    faces = np.array([(0, 3, 4), (1, 5, 3), (2, 4, 5), (4, 3, 5), (0, 6, 3)])
+    solid = MovableSolid.of(MeshTet(x.T, np.column_stack([faces, np.full(5, 7)]).T), Rules())
+    assert np.all(solid.surfaces.shape == PLANE)
+
+
 def test_wherever_nodes_slide_the_same_is_recognised_again():
     solid = MovableSolid.of(moved(oblique()), Rules(min_quality=0.0))
     (side,) = np.flatnonzero(solid.surfaces.shape == CYLINDER)
