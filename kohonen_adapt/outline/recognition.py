@@ -80,7 +80,7 @@ def linked(pairs: Ints, count: int) -> csr_array:
 def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
     """The spheres and cylinders among faces (f,), each with the faces that are on it.
 
-    One of fewer than ten nodes, or at four or five places around its axis, has to have the axis of another one.
+    A cylinder of fewer than ten nodes, or at four or five places around its axis, must share that with another one.
     """
     found = [each for part in skin.sets(faces) for each in rounds_of_set(skin, part)]
     sure = [each for _, each in found if not each.is_coarse]
