@@ -28,7 +28,6 @@ from kohonen_adapt.kernels.triangle import (
     descend_higher,
     energy_recycle,
     energy_recycle_higher,
-    energy_split_higher,
     equilibrate,
     flip,
     flip_higher,
@@ -117,8 +116,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
     ),
     "polish": (
-        Entry(flip_linear.mark_gainful, R2, ELEMENTS, TRIALS, int64, int64, B1),
-        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1),
+        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1, int64, int64, boolean),
         Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
         Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIALS, OFFERS, float64, int64, int64),
         Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIALS, OFFERS, float64, float64, int64, int64),
@@ -126,13 +124,9 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "polish of higher order": (
-        Entry(flip_higher.mark_gainful_higher, DESCENTS, int64, int64, B1),
-        Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1),
+        Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1, int64, int64, boolean),
         Entry(sweep_higher.descend_nodes_higher, DESCENTS, I1, float64),
-        Entry(energy_split_higher.weigh_splits_higher, OPEN_MESH, DESCENTS, OFFERS, float64, int64, int64),
-        Entry(
-            energy_recycle_higher.weigh_collapses_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64
-        ),
+        Entry(energy_recycle_higher.weigh_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
         Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),

@@ -10,8 +10,7 @@ from kohonen_adapt.kernels.arrays import HELD, Modes, Offers, OpenMesh, SurgeryS
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.descend_higher import Descents
 from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher, weigh_collapses_higher
-from kohonen_adapt.kernels.triangle.energy_split_higher import weigh_splits_higher
+from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher, weigh_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery
@@ -123,11 +122,11 @@ class _Higher(_Linear):
         return self.rooms[thread]
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
-        weigh_splits_higher(self.mesh, self._room(thread), self.offers, self.floor, first, last)
+        weigh_higher(self.mesh, self._room(thread), self.offers, 0.0, self.floor, first, last, True)
 
     def weigh_collapses(self, thread: int, scratch: SurgeryScratch, most: float, first: int, last: int) -> None:
         mesh = self.mesh._replace(scratch=scratch)
-        weigh_collapses_higher(mesh, self._room(thread), self.offers, most, self.floor, first, last)
+        weigh_higher(mesh, self._room(thread), self.offers, most, self.floor, first, last, False)
 
     def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
         pairs, lowered = exchange_higher(self.mesh, self._room(0), self.offers, edges, nodes, self.floor)

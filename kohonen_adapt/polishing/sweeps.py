@@ -11,8 +11,8 @@ from kohonen_adapt.kernels.ordering import along_curve, mark_deep, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.descend_higher import Descents
-from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher, mark_gainful_higher
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, mark_gainful
+from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
@@ -43,11 +43,11 @@ class Downhill(Descending, Protocol):
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in this order; returns the gain."""
 
-    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
-        """Mark elements from `first` to `last` with an edge whose flip gains."""
+    def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
+        """Mark elements from `first` to `last` with an edge whose flip gains, or flip edges of those that are marked.
 
-    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
-        """Flip edges of marked elements; returns the gain and how many."""
+        Returns the gain and how many.
+        """
 
 
 def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:
@@ -98,13 +98,9 @@ class _Linear:
         position, star = self.triangulation.position, self.triangulation.star
         return float(descend_nodes(position, star, self.constraints, self.trials, nodes, self.floor))
 
-    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
-        mark_gainful(self.triangulation.position, self.triangulation.elements, self.trials, first, last, gainful)
-
-    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
+    def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
         position, elements = self.triangulation.position, self.triangulation.elements
-        gain, flips = descend_flips(position, elements, self.trials, self.floor, gainful)
-        return float(gain), int(flips)
+        return descend_flips(position, elements, self.trials, self.floor, gainful, first, last, marks)
 
     def descend_patch(self, patch: Patch) -> float:
         return float(
@@ -134,12 +130,8 @@ class Higher:
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         return float(descend_nodes_higher(self.room(thread), nodes, self.floor))
 
-    def mark_gainful(self, thread: int, first: int, last: int, gainful: Mask) -> None:
-        mark_gainful_higher(self.room(thread), first, last, gainful)
-
-    def descend_flips(self, gainful: Mask) -> tuple[float, int]:
-        gain, flips = descend_flips_higher(self.room(0), self.floor, gainful)
-        return float(gain), int(flips)
+    def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
+        return descend_flips_higher(self.room(thread), self.floor, gainful, first, last, marks)
 
     def descend_patch(self, patch: Patch) -> float:
         if patch.shapes is None:
@@ -166,8 +158,8 @@ def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:
         return 0.0
     gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
     cuts = even_cuts(len(gainful), FEW)
-    shared(lambda thread, first, last: downhill.mark_gainful(thread, first, last, gainful), cuts)
-    gain, flips = downhill.descend_flips(gainful)
+    shared(lambda thread, first, last: downhill.descend_flips(thread, first, last, gainful, True), cuts)
+    gain, flips = downhill.descend_flips(0, 0, len(gainful), gainful, False)
     if flips:
         movable.triangulation.refill_star()
     return gain

@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle import descend as kernels
 from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip, mark_gainful
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -64,7 +64,7 @@ class Setting:
 def all_flips(at, floor):
     """A sweep over all edges."""
     every = np.ones(len(at.tri.elements.node), dtype=np.bool_)
-    return descend_flips(at.tri.position, at.tri.elements, at.trials, floor, every)
+    return descend_flips(at.tri.position, at.tri.elements, at.trials, floor, every, 0, len(every), False)
 
 
 MESHES = {
@@ -203,9 +203,9 @@ def test_marked_edges_are_flipped_as_if_all_were_looked_at(build):
         m = len(one.tri.elements.node)
         gainful = np.empty(m, dtype=np.bool_)
         for first, last in ((0, m // 3), (m // 3, m)):
-            mark_gainful(one.tri.position, one.tri.elements, one.trials, first, last, gainful)
+            descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful, first, last, True)
         assert 0 < np.count_nonzero(gainful) < m
-        found = descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful)
+        found = descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful, 0, len(gainful), False)
         assert found == all_flips(other, FLOOR)
         for mine, all_of_them in zip(one.tri.elements, other.tri.elements, strict=True):
             np.testing.assert_array_equal(mine, all_of_them)

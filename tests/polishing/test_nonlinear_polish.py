@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.triangle.descend import (
     parabola,
 )
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip, mark_gainful
+from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
@@ -219,7 +219,9 @@ class Setting:
 
     def flips(self):
         every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
-        lowered, count = descend_flips(self.tri.position, self.tri.elements, self.trials, FLOOR, every)
+        lowered, count = descend_flips(
+            self.tri.position, self.tri.elements, self.trials, FLOOR, every, 0, len(every), False
+        )
         self.tri.refill_star()
         return lowered, count
 
@@ -451,7 +453,7 @@ def test_a_linear_law_is_polished_like_linear_material():
 
 
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
-    mesh, compiled = blocks(16), (kernels.descend_nodes, descend_flips, mark_gainful)
+    mesh, compiled = blocks(16), (kernels.descend_nodes, descend_flips)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)

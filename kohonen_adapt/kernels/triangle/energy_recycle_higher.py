@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     value_near,
 )
 from kohonen_adapt.kernels.triangle.energy_recycle import cheapest_left, lock_around
-from kohonen_adapt.kernels.triangle.energy_split_higher import gain_of_split, outer_given, put_split
+from kohonen_adapt.kernels.triangle.energy_split_higher import gain_of_split, outer_given, put_split, weigh_splits
 from kohonen_adapt.kernels.triangle.flip_higher import put
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
@@ -159,8 +159,8 @@ def merged_functionals(descents, v, w):
     return total
 
 
-@kernel
-def weigh_collapses_higher(mesh, descents, offers, most, floor, first, last):
+@inner_kernel
+def weigh_collapses(mesh, descents, offers, most, floor, first, last):
     """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
     position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.one.star
     for v in range(first, last):
@@ -186,6 +186,18 @@ def weigh_collapses_higher(mesh, descents, offers, most, floor, first, last):
                 # the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
+
+
+@kernel
+def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
+    """Weigh splits of the edges of the elements `first` to `last`, or collapses of such nodes that cost below `most`.
+
+    One loop for both, so that what they share is compiled once.
+    """
+    if edges:
+        weigh_splits(mesh, descents, offers, floor, first, last)
+    else:
+        weigh_collapses(mesh, descents, offers, most, floor, first, last)
 
 
 @kernel

@@ -7,7 +7,7 @@ these.
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
@@ -157,8 +157,8 @@ def change_by_split(descent, e, k, x, y):
     return gain, size
 
 
-@kernel
-def weigh_splits_higher(mesh, descents, offers, floor, first, last):
+@inner_kernel
+def weigh_splits(mesh, descents, offers, floor, first, last):
     """Work out what a split of every edge of the elements `first` to `last` gains, 0 where none is allowed."""
     elements, inner, fixed, given = (
         mesh.elements,

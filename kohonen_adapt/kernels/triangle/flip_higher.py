@@ -27,38 +27,24 @@ NEWTON = 2  # steps for the coefficients inside two elements of nonlinear materi
 
 
 @kernel
-def mark_gainful_higher(descents, first, last, gainful):
-    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
-    elements = descents.one.elements
-    for e in range(first, last):
-        gainful[e] = False
-        for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
-                gainful[e] = gain_of_flip(descents, e, k, other) > 0.0
-
-
-@kernel
-def descend_flips_higher(descents, floor, gainful):
-    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
-
-    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
-    these it marks.
-    """
+def descend_flips_higher(descents, floor, gainful, first, last, marks):
+    """Flip or mark edges of the elements `first` to `last` as `descend_flips` does; returns (gain, flips)."""
     position, elements, gain, flips = descents.one.position, descents.one.elements, 0.0, 0
-    for e in range(elements.node.shape[0]):
-        if not gainful[e]:
-            continue
+    for e in range(first, last):
+        gainful[e] &= not marks
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0:
-                lowered = gain_of_flip(descents, e, k, other)
-                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
-                    flip_with_modes(descents, e, k, other)
-                    gain += lowered
-                    flips += 1
-                    mark_beside(elements, e, gainful)
-                    mark_beside(elements, other, gainful)
+            if gainful[e] == marks or other < e or elements.chain[e, k] >= 0:
+                continue
+            lowered = gain_of_flip(descents, e, k, other)
+            if marks:
+                gainful[e] = lowered > 0.0
+            elif lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                flip_with_modes(descents, e, k, other)
+                gain += lowered
+                flips += 1
+                mark_beside(elements, e, gainful)
+                mark_beside(elements, other, gainful)
     return gain, flips
 
 

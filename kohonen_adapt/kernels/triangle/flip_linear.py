@@ -11,17 +11,6 @@ from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.varying_flux import pushed
 
 
-@kernel
-def mark_gainful(position, elements, trials, first, last, gainful):
-    """Mark which of the elements `first` to `last` have an edge, to one of higher number, whose flip would gain."""
-    for e in range(first, last):
-        gainful[e] = False
-        for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0 and not gainful[e]:
-                gainful[e] = gain_of_flip(position, elements.node, trials, e, k, other) > 0.0
-
-
 @inner_kernel
 def mark_beside(elements, e, marked):
     """Mark the neighbours of e."""
@@ -31,26 +20,29 @@ def mark_beside(elements, e, marked):
 
 
 @kernel
-def descend_flips(position, elements, trials, floor, gainful):
-    """Flip every edge, once in order of its elements, whose flip lowers the functional; returns (gain, flips).
+def descend_flips(position, elements, trials, floor, gainful, first, last, marks):
+    """Flip every edge of the elements `first` to `last`, once in their order, whose flip lowers the functional.
 
     Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
-    these it marks.
+    these it marks. With `marks` nothing is flipped, and those are marked that have an edge, to one of higher number,
+    whose flip would gain. Returns (gain, flips).
     """
     gain, flips = 0.0, 0
-    for e in range(elements.node.shape[0]):
-        if not gainful[e]:
-            continue
+    for e in range(first, last):
+        gainful[e] &= not marks
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
-            if other > e and elements.chain[e, k] < 0:
-                lowered = gain_of_flip(position, elements.node, trials, e, k, other)
-                if lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
-                    flip_edge(elements, e, k)
-                    gain += lowered
-                    flips += 1
-                    mark_beside(elements, e, gainful)
-                    mark_beside(elements, other, gainful)
+            if gainful[e] == marks or other < e or elements.chain[e, k] >= 0:
+                continue
+            lowered = gain_of_flip(position, elements.node, trials, e, k, other)
+            if marks:
+                gainful[e] = lowered > 0.0
+            elif lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                flip_edge(elements, e, k)
+                gain += lowered
+                flips += 1
+                mark_beside(elements, e, gainful)
+                mark_beside(elements, other, gainful)
     return gain, flips
 
 
