@@ -109,7 +109,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(transport.mark_too_long, R2, R2, ELEMENTS, CHAINS, B1),
         Entry(transport.take_step, R2, CONSTRAINTS, R2, R1, int64, int64),
         Entry(transport.go_to_middle, R2, R1, I2, STAR, CONSTRAINTS, B1),
-        Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, int64, I1, I1),
+        Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
     "curves": (
         Entry(chains.look_up, CONSTRAINTS, L1, R2),

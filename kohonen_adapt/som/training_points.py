@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle.search import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import (
     Sites,
     average_at_sites,
@@ -42,6 +43,7 @@ QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
 FEW = 5_000  # nodes that are not worth another thread
 CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
+AT_ONCE = 2**17  # and how many of them, or of its elements' quadrature points, are held in memory
 
 
 class OfElements:
@@ -104,7 +106,7 @@ class ElementDensity(ElementSource):
                 triangulation.position, first, last, self._sites, self.position, self.elements, self._log_at_corners
             )
 
-        shared(look_up, even_cuts(triangulation.nnodes, FEW))
+        shared(look_up, even_cuts(triangulation.nnodes, FEW, STRETCH))
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares
 
@@ -123,7 +125,8 @@ class FunctionSource(OfElements):
         super().__init__(mesh)
         self.function = function
         self.share = int(np.clip(CANDIDATES // len(self.sizes), 4, 64))
-        values = self._candidates(np.random.default_rng(0))[1]
+        rng = np.random.default_rng(0)
+        values = np.concatenate([self._candidates(stretch, rng)[1] for stretch in self._stretches()])
         self.largest = values.max()
         if not self.largest > 0:
             raise ValueError(
@@ -134,20 +137,36 @@ class FunctionSource(OfElements):
         self.masses = np.empty_like(self.sizes)
         self.masses[self._order] = self.sizes[self._order] * means
 
-    def _candidates(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """As many random points in every element, along the curve, and the density there."""
-        element = np.repeat(self._order, self.share)
-        points = self._points_in(element, rng)
+    def _stretches(self) -> list[Ints]:
+        """The elements along the curve, cut where there are candidates enough to be held in memory."""
+        most = AT_ONCE // self.share
+        return [self._order[first : first + most] for first in range(0, len(self._order), most)]
+
+    def _candidates(self, stretch: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """As many random points in every element of a stretch, along the curve, and the density there."""
+        points = self._points_in(np.repeat(stretch, self.share), rng)
         return points, values_at(self.function, points)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """About `number` of many candidates, chosen by the density at each and stratified along the curve."""
-        points, values = self._candidates(rng)
-        cumulated = np.cumsum(np.repeat(self.sizes[self._order], self.share) * without_zeros(values, self.largest))
-        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / number)
+        """About `number` of many candidates, chosen by the density at each and stratified along the curve.
+
+        Every stretch gets as many as its share of the mass says.
+        """
+        stretches = self._stretches()
+        mass = np.cumsum([0.0, *(self.masses[stretch].sum() for stretch in stretches)])
+        ends = np.round(number * (mass / mass[-1])).astype(np.int64)
+        shares = zip(stretches, np.diff(ends).tolist(), strict=True)
+        drawn = [self._draw_from(stretch, share, rng) for stretch, share in shares]
+        points, element = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
+        return Draw(points, element, self.elements.region[element], np.ones(number))
+
+    def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
+        """So many candidates in a stretch of the curve, and their elements."""
+        points, values = self._candidates(stretch, rng)
+        cumulated = np.cumsum(np.repeat(self.sizes[stretch], self.share) * without_zeros(values, self.largest))
+        levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / max(1, number))
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
-        element = self._order[chosen // self.share]
-        return Draw(points[chosen], element, self.elements.region[element], np.ones(number))
+        return points[chosen], stretch[chosen // self.share]
 
     def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
         """A random point in each of the given elements, (k, d)."""
@@ -168,10 +187,13 @@ class CallableDensity(FunctionSource):
 
     def squares(self, triangulation: Triangulation) -> Floats:
         """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
-        corners = triangulation.position[triangulation.elements.node]
-        points = np.einsum("qk,mkd->qmd", QUADRATURE, corners)
-        values = values_at(self.function, points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
-        return without_zeros(values, self.largest).mean(axis=0) ** 2
+        node = triangulation.elements.node
+        squares, most = np.empty(len(node)), AT_ONCE // len(QUADRATURE)
+        for first in range(0, len(node), most):
+            points = np.einsum("qk,mkd->qmd", QUADRATURE, triangulation.position[node[first : first + most]])
+            values = values_at(self.function, points.reshape(-1, points.shape[-1])).reshape(len(QUADRATURE), -1)
+            squares[first : first + most] = without_zeros(values, self.largest).mean(axis=0) ** 2
+        return squares
 
 
 Density = ElementDensity | CallableDensity

@@ -52,7 +52,7 @@ BOUND = 0.7  # of the logarithm of the mass: what is asked for is linear in it
 STEPS = 4  # at most, and edges flip after each: elements are stretched by less than a fifth in one
 STEP = 1.0  # of the distance of neighbours, below which no more steps are needed
 MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, before the flow is slowed down
-ATTEMPTS = 6  # in all
+ATTEMPTS = 12  # in all
 SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
 NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
 LEAKAGE = 1e-9  # of the conductance around a cluster
@@ -110,8 +110,8 @@ class Transport:
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
         size = np.bincount(cluster).astype(np.float64)
-        corners = tri.position[tri.elements.node].transpose(2, 0, 1)
-        sums = np.stack([np.bincount(cluster, x[:, 0] + x[:, 1] + x[:, 2]) for x in corners], axis=1)
+        a, b, c = tri.elements.node.T
+        sums = np.stack([np.bincount(cluster, x[a] + x[b] + x[c]) for x in tri.position.T.copy()], axis=1)
         centre = sums / (3.0 * size[:, None])
         row, column, length = self._crossings()
         way = centre[column] - centre[row]
@@ -201,35 +201,40 @@ class Transport:
         shared(take, nodes)
 
     def _mend(self, step: "Step", rings: int) -> None:
-        """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are."""
-        tri, constraints, node = (
-            self.movable.triangulation,
-            self.constraints,
-            self.movable.triangulation.elements.node,
-        )
+        """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are.
 
-        def mark(thread: int, first: int, last: int) -> None:
-            mark_spoiled(tri.position, step.ahead, node, self.movable.floor, first, last, step.spoiled)
-
+        What makes room beside a node that stays goes on to the elements around, at worst through all of the mesh:
+        attempts to slow the flow down so that none need stay are cheaper, and nodes get farther.
+        """
+        tri, constraints, node = self.movable.triangulation, self.constraints, self.movable.triangulation.elements.node
+        step.ring[:] = min(rings, tri.nnodes)
+        self._mark(step)
         for attempt in range(ATTEMPTS):
-            shared(mark, even_cuts(len(node), FEW))
             if not step.spoiled.any():
                 break
             if attempt < MIDDLES:
                 go_to_middle(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
             else:
-                slow_down(
-                    tri.position, step.ahead, step.parameter, node, tri.star, constraints, step.spoiled, rings,
-                    step.ring, step.queue,
-                )  # fmt: skip
+                room = step.spoiled, step.ring, step.queue
+                slow_down(tri.position, step.ahead, step.parameter, node, tri.star, constraints, *room)
             self._together(step)
-        apart = True
-        while apart:  # who waits for a partner may be in the way of others
-            shared(mark, even_cuts(len(node), FEW))
+            self._mark(step)
+        while True:
             hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
             while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
                 hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
-            apart = self._wait(step)
+            if not self._wait(step):
+                break
+            self._mark(step)  # who waits for a partner may be in the way of others
+
+    def _mark(self, step: "Step") -> None:
+        """Mark the elements that a step spoils."""
+        tri, node = self.movable.triangulation, self.movable.triangulation.elements.node
+
+        def mark(thread: int, first: int, last: int) -> None:
+            mark_spoiled(tri.position, step.ahead, node, self.movable.floor, first, last, step.spoiled)
+
+        shared(mark, even_cuts(len(node), FEW))
 
     def _together(self, step: "Step") -> None:
         """Let nodes of pairs go to the mean of the places that both would go to."""
@@ -271,7 +276,7 @@ class Step(NamedTuple):
             np.empty((n, 2)),
             constraints.parameter.copy(),
             np.empty(m, dtype=np.bool_),
-            np.full(n, -1, dtype=np.int32),
+            np.empty(n, dtype=np.int32),
             np.empty(max(n, m), dtype=np.int32),
         )
 

@@ -1,5 +1,7 @@
 """Densities: their formulas, scale and floors, and the training points drawn from them."""
 
+import itertools
+
 import numpy as np
 import pytest
 from helpers.meshes import centres, generic_square, inset, l_shape, named, perturbed, square
@@ -9,9 +11,11 @@ import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.kernels.triangle.search import STRETCH
+from kohonen_adapt.kernels.triangle.smooth import update_factors
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.training_points import density_of
+from kohonen_adapt.som.training_points import density_of, sites_of
 
 POWERS = [(order, norm) for order in (1, 2, 3, 4) for norm in ("energy", "L2")]
 
@@ -156,6 +160,30 @@ def test_a_callable_resolves_what_is_smaller_than_an_element():
     assert np.abs(draw.points[:, 0] - 0.3).mean() < 0.05
 
 
+def test_a_callable_is_asked_for_so_many_points_at_once_and_the_stretches_get_their_shares(monkeypatch):
+    mesh, asked = square(8), []
+
+    def function(x):
+        asked.append(x.shape[1])
+        return 1 + 9 * (x[0] > 0.5) + x[1]
+
+    tri = Triangulation.of(mesh)
+    made = density_of(tri, function)
+    whole, most = made.squares(tri), made.largest
+    monkeypatch.setattr("kohonen_adapt.som.training_points.AT_ONCE", 1000)
+    assert max(asked) > 1000
+    asked.clear()
+    made = density_of(tri, function)
+    np.testing.assert_allclose(made.squares(tri) / whole, made.largest**-2 * most**2, rtol=1e-12)
+    draw = made.draw(2001, np.random.default_rng(1))
+    assert max(asked) <= 1000
+    assert len(draw.points) == len(draw.element) == 2001
+    found = np.bincount(draw.element, minlength=len(made.masses))
+    order = along_curve(centres(mesh).T)
+    ahead = np.cumsum(found[order]) - np.cumsum(2001 * (made.masses / made.masses.sum())[order])
+    assert np.abs(ahead).max() < 0.01 * 2001  # at every place of the curve
+
+
 def test_zeros_are_raised_to_a_millionth_of_the_largest():
     mesh = square(4)
     density = np.full(32, 5.0)
@@ -203,6 +231,34 @@ def test_weights_follow_the_elements_that_move_through_the_density():
     wanted = (function(tri.position[tri.elements.node].mean(axis=1).T) / largest) ** 2
     np.testing.assert_allclose(made.squares(tri), wanted, rtol=0.4)
     assert np.corrcoef(np.log(made.squares(tri)), np.log(wanted))[0, 1] > 0.99
+
+
+def test_the_density_is_looked_up_however_many_elements_a_node_has_gone():
+    mesh = MeshTri.init_tensor(np.linspace(0, 300, 301), np.linspace(0, 1, 2))
+    density = np.random.default_rng(0).uniform(1, 10, mesh.t.shape[1])
+    tri = Triangulation.of(mesh)
+    made = density_of(tri, density)
+    tri.position[:, 0] = 300 - tri.position[:, 0]
+    nodal = np.array([np.average(density[hit]) for hit in around_nodes(mesh)])
+    there = np.lexsort(mesh.p)[np.argsort(np.lexsort(tri.position.T))]
+    wanted = np.prod(nodal[there][mesh.t] / density.max(), axis=0) ** (2 / 3)
+    np.testing.assert_allclose(made.squares(tri), wanted, rtol=1e-9)
+
+
+def test_nodes_may_be_shared_out_where_their_searches_begin_anew():
+    mesh = square(20)
+    tri, factors = Triangulation.of(mesh), []
+    base = tri.copy()
+    log_density = np.random.default_rng(0).normal(size=base.elements.node.shape)
+    tri.position[:] = 0.5 + 0.7 * (tri.position - 0.5) @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+    for cuts in ([0, 441], [0, STRETCH, 441]):
+        sites = sites_of(base)
+        for first, last in itertools.pairwise(cuts):
+            update_factors(tri.position, first, last, sites, base.position, base.elements, log_density)
+        factors.append((sites.element, sites.factor))
+        assert np.abs(tri.position - base.centroids()[sites.element]).max() < 0.05
+    for one, other in zip(*factors, strict=True):
+        assert np.array_equal(one, other)
 
 
 def around_nodes(mesh):

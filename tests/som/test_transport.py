@@ -187,28 +187,28 @@ def test_what_is_held_back_spoils_nothing(seed, length):
 
 def test_around_what_stands_still_nodes_are_the_slower_the_nearer_they_are():
     tri, constraints = parts_of(square(20))
-    n, node = tri.nnodes, tri.elements.node
+    n, node, rings = tri.nnodes, tri.elements.node, 4
     free = constraints.kind == FREE
     ahead = tri.position + np.outer(free, [0.5, 0.25])
-    spoiled = np.zeros(len(node), dtype=bool)
-    middle = int(np.argmin(np.hypot(*(tri.centroids() - 0.5).T)))
-    spoiled[middle] = True
-    rings, ring = 4, np.full(n, -1, dtype=np.int32)
-    slow_down(
-        tri.position, ahead, np.zeros(n), node, tri.star, constraints, spoiled, rings, ring, np.empty(n, np.int32)
-    )
-    distance = np.full(n, -1)
-    reached = set(node[middle].tolist())
-    for number in range(n):
-        fresh = [v for v in reached if distance[v] < 0]
-        if not fresh:
-            break
-        distance[fresh] = number
-        reached |= set(node[np.isin(node, fresh).any(axis=1)].ravel().tolist())
-    share = np.minimum(distance / rings, 1.0)
-    expected = tri.position + (free * share)[:, None] * [0.5, 0.25]
-    np.testing.assert_allclose(ahead, expected, atol=1e-15)
-    assert np.all(ring == -1)
+    ring, distance = np.full(n, rings, dtype=np.int32), np.full(n, rings)
+    for place in (0.5, 0.6, 0.3):  # one after the other as all at once: the nearest has the say
+        spoiled = np.zeros(len(node), dtype=bool)
+        spoiled[np.argmin(np.hypot(*(tri.centroids() - place).T))] = True
+        slow_down(tri.position, ahead, np.zeros(n), node, tri.star, constraints, spoiled, ring, np.empty(n, np.int32))
+        distance = np.minimum(distance, edges_from(node, node[spoiled].ravel(), n))
+        expected = tri.position + (free * distance / rings)[:, None] * [0.5, 0.25]
+        np.testing.assert_allclose(ahead, expected, atol=1e-15)
+        assert np.array_equal(ring, distance)
+
+
+def edges_from(node, starts, n):
+    """How many edges every node is from the nearest of some."""
+    distance, reached, number = np.full(n, n), np.isin(np.arange(n), starts), 0
+    while np.any(distance == n):
+        distance[reached & (distance == n)] = number
+        reached[node[reached[node].any(axis=1)]] = True
+        number += 1
+    return distance
 
 
 @pytest.mark.parametrize("topology", ["fixed", "flip"])

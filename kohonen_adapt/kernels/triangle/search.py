@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_o
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
-STRETCH = 64  # points that follow one another and may start where the one before ended
+STRETCH = 256  # points that follow one another and may start where the one before ended
 
 
 @inner_kernel

@@ -14,7 +14,8 @@ from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, way_along
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
-from kohonen_adapt.kernels.triangle.locate import depth_in_element, side_of_edge, walk
+from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
+from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
@@ -96,11 +97,17 @@ def factor_in_region(sites, v, region):
 
 @kernel
 def update_factors(position, first, last, sites, base_position, base, log_density):
-    """Look the density up at the sites of some nodes in the mesh it belongs to: linear in its logarithm, by region."""
+    """Look the density up at the sites of some nodes in the mesh it belongs to: linear in its logarithm, by region.
+
+    A node that has left the element it was in is searched from where the node before it was found, if that is nearer,
+    except at every STRETCH-th node, so that nodes may be cut there without a difference.
+    """
     for v in range(first, last):
         for s in range(sites.start[v], sites.start[v + 1]):
-            x, y = position[v, 0], position[v, 1]
-            e = nearest_element(base_position, base, sites.element[s], x, y)
+            x, y, before = position[v, 0], position[v, 1], np.int64(-1)
+            if v % STRETCH > 0:
+                before = np.int64(sites.element[sites.start[v] - 1])
+            e = element_from(base_position, base, np.int64(sites.element[s]), before, x, y)
             sites.element[s] = e
             total, value = 0.0, 0.0
             for k in range(3):
@@ -120,12 +127,30 @@ def multiply_factors(elements, sites, weight):
 
 
 @inner_kernel
+def element_from(position, elements, e, other, x, y):
+    """The element of e's region that holds (x, y), by a walk from another one (-1 for none) where that is nearer."""
+    if other >= 0 and elements.region[other] == elements.region[e]:
+        near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x, y)
+        if near != elements.node[e, 0] and depth_in_element(position, elements.node, e, x, y) < -TOLERANCE:
+            found, inside = walk(position, elements, other, x, y)
+            if inside:
+                return found
+    return nearest_element(position, elements, e, x, y)
+
+
+@inner_kernel
 def nearest_element(position, elements, e, x, y):
     """The element of e's region that holds (x, y); where a concave outline blocks the walk, the best that it came by.
 
-    From there the walk goes on through whichever neighbour holds the point deepest.
+    From there the walk goes on through whichever neighbour holds the point deepest. Before, it goes as far as it must:
+    nodes travel the farther, in edges, the more there are.
     """
-    e, inside = walk(position, elements, e, x, y)
+    start, inside = np.int64(-1), False
+    for _ in range(WALK):
+        if inside or e == start:
+            break
+        start = e
+        e, inside = walk(position, elements, e, x, y)
     depth = depth_in_element(position, elements.node, e, x, y)
     while not inside:
         onward = e

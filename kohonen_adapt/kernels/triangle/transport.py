@@ -90,11 +90,17 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
     """Replace every node's move by the mean of its neighbours', as far as its outline allows."""
     kind = constraints.kind
     for v in range(first, last):
-        x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
+        x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
         for k in range(star.start[v], star.start[v + 1]):
-            a, b = star.ahead[k], star.behind[k]
-            x += move[a, 0] + move[b, 0]
-            y += move[a, 1] + move[b, 1]
+            a = star.ahead[k]
+            x += move[a, 0]
+            y += move[a, 1]
+        if kind[v] != FREE:  # around a free one the node behind is the next element's ahead
+            count *= 2
+            for k in range(star.start[v], star.start[v + 1]):
+                b = star.behind[k]
+                x += move[b, 0]
+                y += move[b, 1]
         smoothed[v, 0], smoothed[v, 1] = x / count, y / count
         if kind[v] != FREE:
             keep_to_outline(constraints, v, smoothed)
@@ -173,35 +179,38 @@ def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
 
 
 @kernel
-def slow_down(position, ahead, parameter, node, star, constraints, spoiled, rings, ring, queue):
-    """Stop the nodes of spoiled elements, and slow those around them down, the nearer the more, within some rings.
+def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring, queue):
+    """Stop the nodes of spoiled elements, and slow those around them down, the nearer the more.
 
-    `ring` is full of -1 and left so.
+    `ring` (n,) int32 says how many edges every node is from those that stand still, or how many are far enough: it goes
+    that part of its way. Once for all calls of a step, so that speeds differ as little as they do beside one element.
     """
-    first, last = 0, 0
+    last = np.int64(0)
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
             for corner in range(3):
-                v = node[e, corner]
-                if ring[v] < 0:
-                    ring[v], queue[last] = 0, v
-                    last += 1
+                last = slowed(position, ahead, parameter, constraints, node[e, corner], 0, ring, queue, last)
+    first = 0
     while first < last:
         v = queue[first]
         first += 1
-        if ring[v] < rings - 1:
-            for k in range(star.start[v], star.start[v + 1]):
-                for other in (star.ahead[k], star.behind[k]):
-                    if ring[other] < 0:
-                        ring[other], queue[last] = ring[v] + 1, other
-                        last += 1
-    for i in range(last):
-        v = np.int64(queue[i])
-        x, y = (ahead[v, 0] - position[v, 0]) * ring[v] / rings, (ahead[v, 1] - position[v, 1]) * ring[v] / rings
-        ring[v] = -1
-        ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
-        if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # what stands still does so to the bit
-            put_on_outline(ahead, parameter, constraints, v)
+        for k in range(star.start[v], star.start[v + 1]):
+            last = slowed(position, ahead, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
+            if not constraints.inner[v]:  # else the one behind is the next element's ahead
+                last = slowed(position, ahead, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last)
+
+
+@inner_kernel
+def slowed(position, ahead, parameter, constraints, v, rings, ring, queue, last):
+    """Slow a node down that is nearer to what stands still than it was, and queue it; returns the queue's new end."""
+    if rings >= ring[v]:
+        return last
+    share, ring[v], queue[last] = rings / ring[v], rings, v
+    x, y = (ahead[v, 0] - position[v, 0]) * share, (ahead[v, 1] - position[v, 1]) * share
+    ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
+    if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # what stands still does so to the bit
+        put_on_outline(ahead, parameter, constraints, np.int64(v))
+    return last + 1
 
 
 @inner_kernel
