@@ -18,6 +18,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
     "DiscreteFlux",
+    "checked_reluctivity",
     "corner_averages",
     "discrete_flux",
     "recovered_correction",
@@ -46,13 +47,7 @@ def discrete_flux(
     number_facets(mesh)
     (dim, nnodes), nelements = mesh.p.shape, mesh.t.shape[1]
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
-    material = finite_reals("reluctivity", reluctivity, {"nelements": nelements}, "element")
-    bad = np.flatnonzero(material <= 0.0)
-    if bad.size:
-        raise ValueError(
-            f"reluctivity must be positive; it is not in {bad.size} of {nelements} elements, "
-            f"first {bad[0]} ({material[bad[0]]:g})."
-        )
+    material = checked_reluctivity(mesh, reluctivity)
     source = np.zeros(nelements) if source is None else source
     flux = np.zeros((dim, nelements)) if flux is None else flux
     load = finite_reals("source", source, {"nelements": nelements}, "element")
@@ -60,6 +55,18 @@ def discrete_flux(
     hats = hat_gradients(mesh)
     values = material * gradient(mesh, nodal, hats) - prescribed
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
+
+
+def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:
+    """The reluctivity of every element, (nelements,), if all are positive."""
+    material = finite_reals("reluctivity", reluctivity, {"nelements": mesh.t.shape[1]}, "element")
+    bad = np.flatnonzero(material <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"reluctivity must be positive; it is not in {bad.size} of {material.size} elements, "
+            f"first {bad[0]} ({material[bad[0]]:g})."
+        )
+    return material
 
 
 def mean_and_rest(mesh: Mesh, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:

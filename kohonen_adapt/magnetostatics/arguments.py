@@ -25,7 +25,7 @@ ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimat
 
 
 class Chosen(int):
-    """An order that nobody asked for: `dataclasses.replace` with another goal or estimator chooses anew."""
+    """An order that nobody asked for: `dataclasses.replace` with another estimator chooses anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ class Arguments:
 
     def _best_order(self) -> Chosen:
         """The order that comes to an error of 1 % in the least time, of those that have what is asked for."""
-        return Chosen(1 if self.goal is not None or self.estimator != "residual" else 2)
+        return Chosen(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
         if self.order not in (1, 2, 3) or isinstance(self.order, bool):
@@ -181,14 +181,8 @@ class Arguments:
         return x, y
 
     def _check_goal(self) -> None:
-        if self.goal is None:
-            return
-        check_goal(self.goal, 2, self.estimator)
-        if self.order > 1:
-            raise ValueError(
-                f"a goal needs elements of order 1; got order {self.order}. Adapt for the goal at order 1, then "
-                f"solve on that mesh with order={self.order}."
-            )
+        if self.goal is not None:
+            check_goal(self.goal, 2, self.estimator)
 
 
 def check_plane_mesh(mesh: Any, bent: bool) -> None:

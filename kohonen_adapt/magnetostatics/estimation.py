@@ -15,6 +15,7 @@ from kohonen_adapt.estimators import (
     recovery,
     residual,
 )
+from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
@@ -28,8 +29,10 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.residual_by_points import residual_by_points
-from kohonen_adapt.magnetostatics.solution import quadratic_solution, tangent_solution
+from kohonen_adapt.magnetostatics.residual_by_points import dual_residual_by_points, residual_by_points
+from kohonen_adapt.magnetostatics.solution import dual_of, richer_solution
+from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.isoparametric import refined
 from kohonen_adapt.mesh.measures import gradient, inner_points
 from kohonen_adapt.outline.rounding import refined_on_arcs
 from kohonen_adapt.problem.outputs import Output
@@ -47,26 +50,19 @@ SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # on a mesh, from the so
 #     the same after one to three relocations                         3.51 - 3.66
 # With 1 / 3.6 all of them come within 10 %.
 RESIDUAL_SCALE = 1.0 / 3.6
-# The same for elements of order 2: smooth fields on squares and random meshes 5.9 - 6.4, a rectangle magnet 6.0 - 6.1,
-# corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %. Of order 3: smooth fields 8.5
-# - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %. A round magnet on curved
-# elements: of order 2 5.9 - 6.0, of order 3 10.2 - 10.6 (`benchmarks curves`).
-HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
 # Around an axis a coil alone and around an iron core, squares, and adapted with and without the polish (`benchmarks
 # axis`): of order 1 3.4 - 4.8, of order 2 4.3 - 8.9, of order 3 6.6 - 13.9, most where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
+MOST = 3  # the highest order that there is
 
 
 def estimated(
     mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Mapping[str, Material]
 ) -> Floats:
     """Indicators by the estimator of that name, (nelements,), unsquared."""
-    joined = None
-    if boundaries.periodic or boundaries.antiperiodic:
-        joined = ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
+    joined = _joined(field, boundaries)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
-        scale = (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
-        return scale * residual_by_points(field, joined)
+        return _scale(field) * residual_by_points(field, joined)
     if estimator == "equilibrated":
         return bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
@@ -80,6 +76,18 @@ def estimated(
         return RESIDUAL_SCALE * bare
     kind = _kinds(field, list(materials.values()))
     return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, region=kind)
+
+
+def _joined(field: Field, boundaries: Boundaries) -> Facets | None:
+    """The facets of pairs, beyond which the mesh goes on."""
+    if not (boundaries.periodic or boundaries.antiperiodic):
+        return None
+    return ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
+
+
+def _scale(field: Field) -> float:
+    """What indicators by points are multiplied by."""
+    return (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
 
 
 def beyond_mean(field: Field, materials: Mapping[str, Material]) -> Floats:
@@ -138,7 +146,15 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
-    """Indicators of a goal, (nelements,), unsquared, in the root of its unit."""
+    """Indicators of a goal, (nelements,), unsquared, in the root of its unit.
+
+    Of order 2 and 3 the products of both residual estimates: with the errors of field and dual by elements of one order
+    more in their place, which bring a solve of that to every pass, the force between two magnets was no better.
+    """
+    if field.order > 1:
+        dual, joined = dual_of(field, goal, boundaries, newton), _joined(field, boundaries)
+        one, other = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
+        return _scale(field) * np.sqrt(one * other)
     pair = _pair(field, goal, boundaries, newton)
     if isinstance(field.elements, AroundAxis):  # there B falls like 1 / r inside elements, too
         for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
@@ -155,21 +171,26 @@ def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newt
 def better_values(
     field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, solve_from: SolveFrom
 ) -> dict[str, float]:
-    """What outputs of a field of order 1 would be with P2 elements on its mesh, and with nothing cut off its arcs.
+    """What outputs of a field would be with elements of one order more on its mesh, and with nothing cut off its arcs.
 
-    Values are those of the outputs themselves: the derivative of one leaves out the part that is quadratic in the error
-    and, where its weight is not constant in the elements (the arm of a torque), the variation of that. These are as
-    large as what is left when the errors of the elements have cancelled, as on a mesh adapted for the output.
+    In place of order 4 it is order 3 with every element cut in four. Values are those of the outputs themselves: the
+    derivative of one leaves out the part that is quadratic in the error and, where its weight is not constant in the
+    elements (the arm of a torque), the variation of that. These are as large as what is left when the errors of the
+    elements have cancelled, as on a mesh adapted for the output.
 
     What lies between chords and arcs falls to a quarter where arcs have twice the facets: on the mesh refined once, the
-    difference that rounder arcs make is three quarters of that.
+    difference that rounder arcs make is three quarters of that. What parabolas leave of arcs falls to a sixteenth.
     """
-    quadratic, pair = quadratic_solution(field, boundaries, newton), refined_on_arcs(field.mesh)
-    values = {name: float(output(quadratic)) for name, output in outputs.items()}
+    if field.order < MOST:
+        better = richer_solution(field, boundaries, newton)
+    else:
+        better = solve_from(refined(field.mesh), field.mesh, field)
+    values = {name: float(output(better)) for name, output in outputs.items()}
+    pair, share = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
     if pair is not None:
         chords, arcs = (solve_from(finer, field.mesh, field) for finer in pair)
         for name, output in outputs.items():
-            values[name] += (output(arcs) - output(chords)) / 0.75
+            values[name] += (output(arcs) - output(chords)) / share
     return values
 
 
@@ -179,10 +200,8 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
     Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
     fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
     """
-    source, load = goal.derivative(field)
+    dual, source, load = dual_of(field, goal, boundaries, newton)
     elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
-    load = load if load.shape == at.x.shape else load[:, at.element]
-    dual = tangent_solution(field, boundaries, elements.loads(source, load), newton)
     weight, current = (
         np.sqrt(field.reluctivity * field.differential_reluctivity),
         symmetry.source(field.current_density),

@@ -12,8 +12,8 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.solution import functional_of, tangent_solution
-from kohonen_adapt.mesh.measures import area, gradient
+from kohonen_adapt.magnetostatics.residual_by_points import dual_residual_by_points, residual_by_points
+from kohonen_adapt.magnetostatics.solution import Dual, derivative_at, functional_of, tangent_solution
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -40,18 +40,20 @@ def functional_for(
         raise NotOffered("it has a goal around an axis, where only the energy is lowered")
     if field.coefficients.pieces:
         raise NotOffered("it has a goal and nonlinear material, whose dual problem differs from element to element")
-    source, load = goal.derivative(field)
-    dual = dual_functional(ritz, source, load)
+    if field.order > 1:
+        raise NotOffered(f"it has a goal and elements of order {field.order}")
+    source, load = derivative_at(field, goal)
+    dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
-    one, other = estimate_of(field, field.unknown, *given_in(field)), estimate_of(field, values, source, load)
+    one, other = estimates_of(field, Dual(values, source, load))
     share = other / one if one * other > 0.0 else 1.0
     return replace(
         ritz, dual=replace(dual, values=values), share=share, comparable=is_linear(field, goal, source, load)
     )
 
 
-def dual_functional(ritz: Ritz, source: Floats, load: Floats) -> Ritz:
-    """The functional of the dual solution, whose load is the derivative of the goal, (nelements,) and (2, nelements).
+def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
+    """The functional of the dual solution, whose load is the derivative of the goal, (nelements,) and (2, npoints).
 
     The derivative must be constant in every region. Forces, torques and energies have another one in every element:
     with their flux as a function of the place, averaged at the nodes, lowering both functionals was tried on two
@@ -61,26 +63,29 @@ def dual_functional(ritz: Ritz, source: Floats, load: Floats) -> Ritz:
     """
     own = np.asarray(ritz.region)
     region = np.unique(np.stack([own, source]), axis=1, return_inverse=True)[1].ravel()
-    first = np.unique(region, return_index=True)[1]
-    if np.any(np.abs(load - load[:, first][:, region]) > SAME * np.abs(load).max()):
+    there = region[field.elements.element]
+    first, point = (np.unique(number, return_index=True)[1] for number in (region, there))
+    if np.any(np.abs(load - load[:, point][:, there]) > SAME * np.abs(load).max()):
         raise NotOffered("the derivative of its goal changes inside regions, where lowering two energies gains nothing")
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
-    tables = np.asarray(ritz.coefficient)[own[first]], source[first], load[:, first]
-    return Ritz(np.zeros(np.size(ritz.values)), ritz.fixed, *tables, region, robin=robin, signs=ritz.signs)
+    tables = np.asarray(ritz.coefficient)[own[first]], source[first], load[:, point]
+    return Ritz(
+        np.zeros(np.size(ritz.values)), ritz.fixed, *tables, region, order=ritz.order, robin=robin, signs=ritz.signs
+    )
 
 
-def given_in(field: Field) -> tuple[Floats, Floats]:
-    """Source and flux of the field itself, in every element."""
-    return field.coefficients.current_density, field.coefficients.flux
-
-
-def estimate_of(field: Field, values: Floats, source: Floats, flux: Floats) -> float:
-    """A multiple of the error in the energy norm: of two solutions on one mesh their ratio counts."""
-    return float(np.linalg.norm(residual(field.mesh, values, field.reluctivity, source=source, flux=flux)))
+def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
+    """Multiples of the errors of a field and its dual in the energy norm, of which the ratio counts."""
+    if field.order > 1:
+        found = [residual_by_points(field, None), dual_residual_by_points(field, dual, None)]
+    else:
+        own = field.unknown, field.coefficients.current_density, field.coefficients.flux
+        found = [residual(field.mesh, u, field.reluctivity, source=f, flux=g) for u, f, g in (own, dual)]
+    one, other = (float(np.linalg.norm(each)) for each in found)
+    return one, other
 
 
 def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
     """Whether a goal is what its derivative makes of the field itself, as of linear ones (Euler's theorem)."""
-    mean = field.unknown[field.mesh.t].mean(axis=0)
-    parts = area(field.mesh) * (source * mean + np.sum(load * gradient(field.mesh, field.unknown), axis=0))
+    parts = field.unknown * field.elements.loads(source, load)
     return bool(abs(parts.sum() - goal(field)) <= SAME * np.abs(parts).sum())

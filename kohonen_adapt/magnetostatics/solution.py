@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -16,16 +16,20 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = [
     "CubicField",
+    "Dual",
     "QuadraticField",
+    "derivative_at",
+    "dual_of",
     "functional_of",
     "linkage_slope",
-    "quadratic_solution",
+    "richer_solution",
     "solution_of",
     "tangent_solution",
 ]
@@ -190,9 +194,29 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     return newton.whole_step(energy, field.unknown, -load[conditions.free])
 
 
-def quadratic_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
-    """The solution by quadratic elements of the problem that a field of order 1 solves, on its mesh."""
-    elements = elements_on(field.mesh, 2, field.symmetry)
+class Dual(NamedTuple):
+    """The solution of the dual problem of a goal, with the derivative that is its load."""
+
+    values: Floats  # (nunknowns,)
+    source: Floats  # (nelements,)
+    load: Floats  # (2, npoints)
+
+
+def dual_of(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Dual:
+    """The dual solution of a goal at a field, by elements like the field's."""
+    source, load = derivative_at(field, goal)
+    return Dual(tangent_solution(field, boundaries, field.elements.loads(source, load), newton), source, load)
+
+
+def derivative_at(field: Field, goal: Goal) -> tuple[Floats, Floats]:
+    """The derivative of a goal, (nelements,) and at the quadrature points, (2, npoints)."""
+    (source, load), at = goal.derivative(field), field.at_quadrature
+    return source, load if load.shape == at.x.shape else load[:, at.element]
+
+
+def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
+    """The solution by elements of one order more of the problem that a field of order 1 or 2 solves, on its mesh."""
+    elements = elements_on(field.mesh, field.order + 1, field.symmetry)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
         EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton

@@ -4,13 +4,13 @@ from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
-from skfem import MeshTri
+from skfem import MeshTri, MeshTri2
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, corners_of, facet_displacements
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, OPPOSITE, corners_of, facet_displacements, is_second_order
+from kohonen_adapt.mesh.host import number_facets, of_kind
 
-__all__ = ["CurvedElements", "Isoparametric"]
+__all__ = ["CurvedElements", "Isoparametric", "refined"]
 
 STRAIGHT = 1e-10  # of its chord: a side whose middle is nearer to the chord's is straight
 INSIDE = 1e-9  # how far barycentric coordinates of a point inside may be below 0
@@ -144,3 +144,22 @@ class Isoparametric(CurvedElements):
                 tried = self.walked(start[rows], x[:, rows])
                 element[rows] = np.where(self._holds(tried, x[:, rows]), tried, -1)
         return element
+
+
+def refined(mesh: MeshTri) -> MeshTri:
+    """The mesh with every element cut in four, with every name, and of a `MeshTri2` with the curves that it has."""
+    shape = Isoparametric(mesh)
+    straight, nodes = shape.corners.refined(), shape.corners.nvertices
+    if not is_second_order(mesh):
+        return straight
+    number_facets(straight)
+    parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem has the first parts of all elements, then the second
+    corner = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # and the middles of sides, by their opposite
+    own = np.vstack([shape.t, nodes + shape.corners.t2f[OPPOSITE]])[:, parent]  # nodes of an element, refined
+    share = np.stack([corner[:, np.argmax(own == node, axis=0)] for node in straight.t])  # (3 nodes, 3, nelements)
+    places = np.empty((2, straight.nvertices + straight.facets.shape[1]))
+    for node, at in zip(straight.t, share, strict=True):
+        places[:, node] = shape.points(parent, at)
+    for row, (a, b) in zip(OPPOSITE, zip(AFTER, BEFORE, strict=True), strict=True):
+        places[:, straight.nvertices + straight.t2f[row]] = shape.points(parent, 0.5 * (share[a] + share[b]))
+    return of_kind(MeshTri2, places, straight)

@@ -5,7 +5,7 @@ from math import comb
 from typing import NamedTuple
 
 import numpy as np
-from skfem import ElementTriP1, Mesh, MeshTri
+from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, Mesh, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -17,6 +17,7 @@ from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_nea
 
 __all__ = [
     "HAT_SLOPES",
+    "KINDS",
     "LINEAR_FUNCTIONS",
     "AxisReference",
     "TrialFunction",
@@ -24,6 +25,8 @@ __all__ = [
     "by_points",
     "count_unknowns",
     "evaluated",
+    "facet_functions",
+    "facet_products",
     "facets_of_sides",
     "fields_at",
     "functions_at",
@@ -43,6 +46,7 @@ __all__ = [
 
 EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
 SIDES = slice(3, None)  # of the functions of order 2
+KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # of scikit-fem, by order
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
@@ -252,6 +256,19 @@ def trace_columns(k: Ints, order: int) -> Ints:
     Those of the corners after and before come first, then the side's own.
     """
     return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)
+
+
+def facet_products(order: int) -> Floats:
+    """Integrals of products of the functions of a facet of length 1: of both ends, then of those between."""
+    powers, functions = np.arange(order + 1), facet_functions(order)
+    moments = 1.0 / (powers[:, None] + powers + 1.0)
+    return functions.T @ moments @ functions
+
+
+def facet_functions(order: int) -> Floats:
+    """Coefficients of powers of these functions, (order + 1, order + 1), a column for each."""
+    at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
+    return np.linalg.inv(at[:, None] ** np.arange(order + 1))
 
 
 def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:

@@ -15,6 +15,7 @@ from kohonen_adapt.mesh.curved import (
     jacobian_coefficients,
     with_displacements,
 )
+from kohonen_adapt.mesh.isoparametric import Isoparametric, refined
 from kohonen_adapt.mesh.measures import area, signed_area
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -141,3 +142,18 @@ def test_nodes_must_be_as_many_as_corners_and_sides():
     curved.p[0, -1] = np.nan
     with pytest.raises(ValueError, match=r"25 in all; got 24\."):
         ka.quality(curved)
+
+
+def test_a_mesh_cut_in_four_has_the_names_and_the_curves_that_it_had():
+    straight, rng = perturbed(square(6), 3), np.random.default_rng(3)
+    off = 0.001 * rng.uniform(-1.0, 1.0, straight.facets.shape)
+    mesh = with_displacements(straight.with_subdomains({"left": lambda x: x[0] < 0.5}), off)
+    finer = refined(mesh)
+    check_mesh(finer, bent=True)
+    assert finer.subdomains["left"].size == 4 * mesh.subdomains["left"].size
+    np.testing.assert_allclose(area(finer).reshape(4, -1).sum(axis=0), area(mesh), rtol=1e-12)
+    share = rng.dirichlet(np.ones(3), 40).T
+    element, there = Isoparametric(finer), np.arange(40) % finer.t.shape[1]
+    x = element.points(there, share)
+    found, _ = Isoparametric(mesh).located(x, there % mesh.t.shape[1])
+    np.testing.assert_array_equal(found, there % mesh.t.shape[1])

@@ -5,6 +5,7 @@ import pytest
 from helpers.meshes import square
 from helpers.tensor_meshes import disk, equal_rings, sector
 
+from kohonen_adapt.mesh.curved import with_middles
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.outline.rounding import refined_on_arcs
 
@@ -20,6 +21,17 @@ def test_what_chords_cut_off_falls_to_a_quarter_inside_and_not_in_the_other_mesh
     missing = [np.pi / 4 - size_of(mesh, "magnet") for mesh in (DISK, chords, arcs)]
     assert missing[1] == pytest.approx(missing[0])
     assert missing[2] == pytest.approx(missing[0] / 4, rel=0.01)
+
+
+def test_what_parabolas_leave_of_arcs_falls_to_a_sixteenth():
+    middles = DISK.p[:, DISK.facets].mean(axis=1)
+    round_ones = np.isclose(*np.hypot(*DISK.p)[DISK.facets])
+    radius = np.hypot(*DISK.p[:, DISK.facets[0]])
+    bent = with_middles(DISK, np.where(round_ones, radius / np.hypot(*middles), 1.0) * middles)
+    chords, arcs = refined_on_arcs(bent)
+    missing = [np.pi / 4 - size_of(mesh, "magnet") for mesh in (bent, chords, arcs)]
+    assert missing[1] == pytest.approx(missing[0])
+    assert missing[2] == pytest.approx(missing[0] / 16, rel=0.03)
 
 
 def test_the_outer_boundary_is_round_in_both():

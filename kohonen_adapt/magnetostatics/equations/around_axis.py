@@ -10,12 +10,18 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.elements import Linear
-from kohonen_adapt.magnetostatics.equations.higher import KINDS, Elements, Higher, Part, facet_functions
+from kohonen_adapt.magnetostatics.equations.higher import Elements, Higher, Part
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
 from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
-from kohonen_adapt.mesh.polynomials import functions_at, functions_near_axis, slopes_near_axis
+from kohonen_adapt.mesh.polynomials import (
+    KINDS,
+    facet_functions,
+    functions_at,
+    functions_near_axis,
+    slopes_near_axis,
+)
 
 __all__ = ["AroundAxis", "elements_on"]
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import Basis, ElementLineP1, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
+from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -15,10 +15,10 @@ from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
 from kohonen_adapt.mesh.curved import with_displacements
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, facet_products
 
-__all__ = ["KINDS", "Elements", "Higher", "Part", "facet_functions", "facet_products"]
+__all__ = ["Elements", "Higher", "Part"]
 
-KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 CURVED = 2  # degrees more by which elements with curved sides are integrated, whose gradients are no polynomials
 
 
@@ -258,19 +258,6 @@ class Higher(Polynomials):
 
 
 Elements = Linear | Higher
-
-
-def facet_products(order: int) -> Floats:
-    """Integrals of products of the functions of a facet of length 1: of both ends, then of those between."""
-    powers, functions = np.arange(order + 1), facet_functions(order)
-    moments = 1.0 / (powers[:, None] + powers + 1.0)
-    return functions.T @ moments @ functions
-
-
-def facet_functions(order: int) -> Floats:
-    """Coefficients of powers of these functions, (order + 1, order + 1), a column for each."""
-    at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
-    return np.linalg.inv(at[:, None] ** np.arange(order + 1))
 
 
 def curved_products(order: int, chord: Floats, off: Floats) -> Floats:

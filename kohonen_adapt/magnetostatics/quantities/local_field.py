@@ -146,8 +146,12 @@ class LocalField:
         (2, 3, nelements) in A/m each.
         """
         at = self.at_corners
-        change = at.change_of_strength(self._density_of(other, *self._in_each(np.eye(3))))
+        change = self.change_at_each(np.eye(3), other, at)
         return at.field_strength.reshape(2, 3, -1), change.reshape(2, 3, -1)
+
+    def change_at_each(self, share: Floats, other: Floats, at: PointField) -> Floats:
+        """How another unknown, (nunknowns,), would change H at the points `at` that `at_each` has, (2, n)."""
+        return at.change_of_strength(self._density_of(other, *self._in_each(share)))
 
     def at_each(self, share: Floats) -> PointField:
         """The field at the points of these barycentric coordinates (3, k) in every element, from inside it.

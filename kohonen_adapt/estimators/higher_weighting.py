@@ -1,0 +1,115 @@
+"""Weight errors of order 2 and 3 for a goal: by residuals at points, and by elements of one order more."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from skfem import Basis, BilinearForm, LinearForm, Mesh, MeshTri, condense, solve
+from skfem.helpers import dot, grad
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.estimators.equilibration import fixed_nodes
+from kohonen_adapt.estimators.explicit import checked_reluctivity
+from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, divergences, residual_at_points
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
+
+__all__ = ["HigherPair", "balance", "held_unknowns", "higher_order", "slopes"]
+
+CURVED = 2  # degrees more by which elements with curved sides are integrated
+
+
+class Given(NamedTuple):
+    """One problem ``-div(nu grad u - flux) = source`` and its solution."""
+
+    values: Floats  # (nunknowns,)
+    source: Floats  # (nelements,)
+    flux: Floats  # (2, 3, nelements), at the corners and linear between them
+
+
+def higher_order(mesh: Mesh, potential: ArrayLike) -> int:
+    """The order of triangles that have as many unknowns as there are values, if that is 2 or 3; else 1."""
+    if cell_of(mesh) is not TRIANGLE:
+        return 1
+    return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
+
+
+class HigherPair:
+    """A problem and its dual on one mesh, by elements of order 2 or 3; arguments as of `goal_oriented`."""
+
+    def __init__(self, mesh: MeshTri, order: int, reluctivity: ArrayLike) -> None:
+        self.order, self.shape, self.size = order, Isoparametric(mesh), area(mesh)
+        self.turned = np.argsort(mesh.t, axis=0)[None]  # its straight triangles have their corners sorted
+        corners, curved = self.shape.corners, bool(self.shape.curved.any())
+        self.mesh = with_displacements(corners, self.shape.off) if curved else corners
+        self.reluctivity = checked_reluctivity(mesh, reluctivity)
+        self.degree = 2 * order + 2 + CURVED * curved
+
+    def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None, of: str = "") -> Given:
+        """The values, source and flux of one of both problems, checked; `of` which one begins the message."""
+        unknowns, count = count_unknowns(self.mesh, self.order), self.size.size
+        source = np.zeros(count) if source is None else source
+        flux = np.zeros((2, count)) if flux is None else flux
+        rows = {"2": 2, "nelements": count} if np.ndim(flux) != 3 else {"2": 2, "3": 3, "nelements": count}
+        try:
+            nodal = finite_reals("potential", values, {"nunknowns": unknowns}, "unknown")
+            load = finite_reals("source", source, {"nelements": count}, "element")
+            prescribed = finite_reals("flux", flux, rows, "element")
+        except ValueError as error:
+            raise ValueError(f"{of}{error}") from error
+        corners = prescribed if prescribed.ndim == 3 else np.repeat(prescribed[:, None], 3, axis=1)
+        return Given(nodal, load, np.take_along_axis(corners, self.turned, axis=1))
+
+    def indicators(self, primal: Given, dual: Given) -> Floats:
+        """The roots of the products of both residual estimates, (nelements,)."""
+        return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
+
+    def _residual(self, given: Given) -> Floats:
+        weights = np.full(len(LATTICE), 0.5 / len(LATTICE))
+        basis = Basis(self.mesh, KINDS[self.order](), quadrature=(LATTICE.T[1:], weights))
+        flux = np.moveaxis(self._strength(basis, given), 2, 1)
+        load = given.source + divergences(flux, self.shape)
+        around = np.ones(self.size.size), np.ones(self.mesh.facets.shape[1])
+        return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around)
+
+    def _strength(self, basis: Basis, given: Given) -> Floats:
+        """``nu grad u - flux`` at the points of a basis of this order, (2, nelements, q)."""
+        share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
+        slope = np.asarray(basis.interpolate(given.values).grad)
+        return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", given.flux, share)
+
+    def error(self, primal: Given, dual: Given, fixed: ArrayLike | None) -> float:
+        """``int source w - (nu grad u_h - flux) . grad w`` for w what the dual is by one order more, less z_h."""
+        own, more = (Basis(self.mesh, KINDS[k](), intorder=self.degree) for k in (self.order, self.order + 1))
+        nothing = dual._replace(values=np.zeros_like(dual.values))
+        load = _residual_of(more, dual.source, self._strength(own, nothing))
+        stiffness = BilinearForm(slopes).assemble(more, nu=self.reluctivity[:, None])
+        better = solve(*condense(stiffness, load, D=held_unknowns(more, fixed_nodes(self.shape.corners, fixed))))
+        strength = self._strength(own, primal)
+        left, there = (_residual_of(basis, primal.source, strength) for basis in (more, own))
+        return float(left @ better - there @ dual.values)
+
+
+def _residual_of(basis: Basis, source: Floats, strength: Floats) -> Floats:
+    """``int source v - strength . grad v`` for the functions v of a basis."""
+    return LinearForm(balance).assemble(basis, source=source[:, None], strength=strength)
+
+
+def held_unknowns(basis: Basis, held: Mask) -> Ints:
+    """The unknowns that are given: at these nodes, and on outer facets between them."""
+    outer = (basis.mesh.f2t[1] < 0) & held[basis.mesh.facets].all(axis=0)
+    return np.concatenate((basis.nodal_dofs[0, held], basis.facet_dofs[:, outer].ravel()))
+
+
+def balance(v: Any, w: Any) -> Any:
+    """What a source and a strength have of a function v, for a `LinearForm`: ``source v - strength . grad v``."""
+    return w.source * v - dot(w.strength, grad(v))
+
+
+def slopes(u: Any, v: Any, w: Any) -> Any:
+    """``nu grad u . grad v``, for a `BilinearForm`."""
+    return w.nu * dot(grad(u), grad(v))
