@@ -1,7 +1,7 @@
 """Hold errors around an axis against targets: of a coil, alone and around iron, and of FEMM's coil on its axis."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,8 +69,8 @@ def _row(row: Row, seeds: Sequence[int]) -> list[Cell]:
 
 def _on_axis(order: int, nodes: int, seeds: Sequence[int]) -> list[Cell]:
     """Root mean square and largest errors of B_z on the axis, of meshes adapted by default, in % of B_z there."""
-    model, columns = ThickCoil(), []
-    mesh, given = model.start(0.0), replace(model.problem(0.0), order=order)
+    model, columns = ThickCoil(order), []
+    mesh, given = model.start(0.0), model.problem(0.0)
     for seed in seeds:
         field = ka.adapt(mesh, given, target_nodes=nodes if nodes > mesh.p.shape[1] else None, seed=seed).solution
         columns.append([figure for recovered in (False, True) for figure in _off(field, recovered)])

@@ -26,9 +26,12 @@ class SlotlessMotor:
     of that field alone: from its own a current in layers has no torque. The currents stay while the rotor turns.
     """
 
-    title = "motor of two meshes"
     settings = tuple(range(3, 36, 6))  # steps of the ring, from 5 to 55 degrees
     goal = Torque("rotor")
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.title = f"motor of two meshes, order={order}"
 
     def start(self, setting: int) -> MeshTri:
         """Both of Gmsh, the rotor's turned by whole steps of the ring."""
@@ -42,7 +45,7 @@ class SlotlessMotor:
             sense = REMANENCE * (-1) ** k
             materials[f"magnet_{k}"] = Material(remanence=(sense * np.cos(angle), sense * np.sin(angle)))
         materials |= {f"belt_{k}": Material(current_density=density) for k, density in enumerate(densities())}
-        return Magnetostatics(materials, potential={"shaft": 0.0, "outside": 0.0}, order=1)
+        return Magnetostatics(materials, potential={"shaft": 0.0, "outside": 0.0}, order=self.order)
 
     def published(self, setting: int) -> dict[str, np.ndarray]:
         """What `measured` should find."""

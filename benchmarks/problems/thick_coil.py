@@ -30,9 +30,12 @@ class ThickCoil:
     ``I = int_{r_i}^{r_o} r J_1(k r) dr`` (Dwight, Electrical Coils and Conductors, 1945).
     """
 
-    title = "FEMM, coil of the tutorial"
     settings = (0.0,)
     goal = FluxLinkage({"coil": TURNS})
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.title = f"FEMM, coil of the tutorial, order={order}"
 
     def start(self, setting: float) -> MeshTri:
         """Of Gmsh, in the half of a disk."""
@@ -58,7 +61,7 @@ class ThickCoil:
             {"air": Material(), "near": Material(), "coil": Material(current_density=DENSITY)},
             axisymmetric=True,
             open_boundary="rim",
-            order=1,
+            order=self.order,
         )
 
     def published(self, setting: float) -> dict[str, np.ndarray]:

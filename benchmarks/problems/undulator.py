@@ -29,11 +29,11 @@ class Undulator:
     """
 
     settings = (0.0,)
+    goal = Force(UPPER, (0.0, 1.0))
 
     def __init__(self, order: int) -> None:
         self.order = order
         self.title = f"Halbach undulator, order={order}"
-        self.goal = Force(UPPER, (0.0, 1.0)) if order == 1 else None
 
     def start(self, setting: float) -> MeshTri:
         """Squares of 2.5 mm, cut in two."""

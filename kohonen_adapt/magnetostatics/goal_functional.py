@@ -40,8 +40,6 @@ def functional_for(
         raise NotOffered("it has a goal around an axis, where only the energy is lowered")
     if field.coefficients.pieces:
         raise NotOffered("it has a goal and nonlinear material, whose dual problem differs from element to element")
-    if field.order > 1:
-        raise NotOffered(f"it has a goal and elements of order {field.order}")
     source, load = derivative_at(field, goal)
     dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
