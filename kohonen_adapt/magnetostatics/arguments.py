@@ -127,7 +127,10 @@ class Arguments:
             )
 
     def _best_order(self) -> Chosen:
-        """The order that comes to an error of 1 % in the least time, of those that have what is asked for."""
+        """The order that comes to an error of 1 % in the least time, of those that have what is asked for.
+
+        For goals, too (`python -m benchmarks goal-orders`).
+        """
         return Chosen(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:

@@ -218,7 +218,7 @@ class Magnetostatics(Arguments):
     def goal_error(self, field: Field) -> float:
         """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
 
-        By elements of one order more and rounder arcs: where its mesh is adapted for the goal, 0.78 to 1.1 times it.
+        By elements of one order more and rounder arcs: where its mesh is adapted for the goal, 0.76 to 1.1 times it.
 
         Parameters
         ----------

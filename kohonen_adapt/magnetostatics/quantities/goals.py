@@ -31,13 +31,13 @@ class Goal(Protocol):
     """
 
     def __call__(self, field: Any) -> float:
-        """J of a field; `Magnetostatics.goal_error` asks for that of a `QuadraticField`, too."""
+        """J of a field; `Magnetostatics.goal_error` asks for that of a field of one order more, too."""
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
         """`source` (nelements,) and `flux` (d, nelements) at a field in d dimensions, constant in every element.
 
-        Where B is not, around an axis and in space beside an applied field and magnets that turn, the flux may be at
-        the quadrature points, (d, npoints) as ``field.at_quadrature``.
+        Where B is not, of order 2 and 3, around an axis, and in space beside an applied field and magnets that turn,
+        the flux may be at the quadrature points, (d, npoints) as ``field.at_quadrature``.
         """
 
 
