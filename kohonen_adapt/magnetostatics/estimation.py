@@ -152,7 +152,7 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
     more in their place, which bring a solve of that to every pass, the force between two magnets was no better.
     """
     if field.order > 1:
-        dual, joined = dual_of(field, goal, boundaries, newton), _joined(field, boundaries)
+        dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _joined(field, boundaries)
         one, other = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
         return _scale(field) * np.sqrt(one * other)
     pair = _pair(field, goal, boundaries, newton)
@@ -200,7 +200,7 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
     Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
     fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
     """
-    dual, source, load = dual_of(field, goal, boundaries, newton)
+    dual, source, load = dual_of(field, goal.derivative(field), boundaries, newton)
     elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
     weight, current = (
         np.sqrt(field.reluctivity * field.differential_reluctivity),

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.residual_by_points import dual_residual_by_points, residual_by_points
-from kohonen_adapt.magnetostatics.solution import Dual, derivative_at, functional_of, tangent_solution
+from kohonen_adapt.magnetostatics.solution import Dual, at_points, functional_of, tangent_solution
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -40,7 +40,7 @@ def functional_for(
         raise NotOffered("it has a goal around an axis, where only the energy is lowered")
     if field.coefficients.pieces:
         raise NotOffered("it has a goal and nonlinear material, whose dual problem differs from element to element")
-    source, load = derivative_at(field, goal)
+    source, load = at_points(field, goal.derivative(field))
     dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
     one, other = estimates_of(field, Dual(values, source, load))

@@ -16,7 +16,6 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
@@ -25,7 +24,7 @@ __all__ = [
     "CubicField",
     "Dual",
     "QuadraticField",
-    "derivative_at",
+    "at_points",
     "dual_of",
     "functional_of",
     "linkage_slope",
@@ -202,15 +201,15 @@ class Dual(NamedTuple):
     load: Floats  # (2, npoints)
 
 
-def dual_of(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Dual:
-    """The dual solution of a goal at a field, by elements like the field's."""
-    source, load = derivative_at(field, goal)
+def dual_of(field: Field, derivative: tuple[Floats, Floats], boundaries: Boundaries, newton: Newton) -> Dual:
+    """The dual solution of a goal with that derivative at a field, by elements like the field's."""
+    source, load = at_points(field, derivative)
     return Dual(tangent_solution(field, boundaries, field.elements.loads(source, load), newton), source, load)
 
 
-def derivative_at(field: Field, goal: Goal) -> tuple[Floats, Floats]:
+def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """The derivative of a goal, (nelements,) and at the quadrature points, (2, npoints)."""
-    (source, load), at = goal.derivative(field), field.at_quadrature
+    (source, load), at = derivative, field.at_quadrature
     return source, load if load.shape == at.x.shape else load[:, at.element]
 
 

@@ -40,7 +40,7 @@ from kohonen_adapt.magnetostatics import (
     Torque,
 )
 from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.solution import derivative_at, dual_of
+from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -97,7 +97,7 @@ def test_derivatives_are_those_of_the_values(case, order, seed):
     change = 1e-6 * np.random.default_rng(seed).normal(size=field.unknown.size) * np.abs(field.unknown).max()
     change[field.symmetry.on_axis(field.elements.places)] = 0.0
     wanted = 0.5 * (goal(shifted(field, change)) - goal(shifted(field, -change)))
-    parts = change * field.elements.loads(*derivative_at(field, goal))
+    parts = change * field.elements.loads(*at_points(field, goal.derivative(field)))
     assert parts.sum() == pytest.approx(wanted, abs=1e-5 * np.abs(parts).sum())
 
 
@@ -106,7 +106,10 @@ def test_the_dual_tells_what_a_current_does_to_the_goal(case, order):
     """dJ = int dJ_current z: of nonlinear material, around an axis and with antiperiodic sides."""
     make, goal = CASES[case]
     (mesh, problem), field = make(), solved(make, order)
-    problem, dual = replace(problem, order=order), dual_of(field, goal, problem.boundaries, Newton()).values
+    problem, dual = (
+        replace(problem, order=order),
+        dual_of(field, goal.derivative(field), problem.boundaries, Newton()).values,
+    )
     name = next(name for name in ("go", "coil") if name in mesh.subdomains)
     density = np.where(np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains[name]), 1e4, 0.0)
     load = field.elements.loads(field.symmetry.source(density), np.zeros_like(field.elements.points))
@@ -126,7 +129,7 @@ def test_the_goal_of_a_linear_problem_is_the_dual_times_its_source():
     mesh, problem = actuator()
     problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
     field, goal = problem.solve(mesh), FluxLinkage(CIRCUIT)
-    dual = dual_of(field, goal, problem.boundaries, Newton()).values
+    dual = dual_of(field, goal.derivative(field), problem.boundaries, Newton()).values
     load = field.elements.loads(field.current_density, np.zeros((2, mesh.t.shape[1])))
     assert load @ dual == pytest.approx(goal(field), rel=1e-9)
 
