@@ -29,8 +29,7 @@ if hasattr(os, "register_at_fork"):
 def even_cuts(count: int, least: int, multiple: int = 1) -> list[int]:
     """Where to cut `count` things for the threads: evenly, at multiples, but into pieces of at least `least`."""
     pieces = max(1, min(number_of_threads(), count // least))
-    inner = np.arange(1, pieces) * count // pieces // multiple * multiple
-    return [0, *inner.tolist(), count]
+    return [0, *(i * count // pieces // multiple * multiple for i in range(1, pieces)), count]
 
 
 def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list[Result]:

@@ -65,7 +65,7 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
     """The connected part of the mesh that every region of elements (m,) is of, (nregions,); neighbours (m, d + 1)."""
-    e, k = np.nonzero(neighbour >= 0)
+    e, k = np.nonzero((neighbour >= 0) & (region[neighbour] != region[:, None]))
     beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
     return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
 

@@ -66,6 +66,8 @@ class Chords:
         They are `level`, (c,), where they are the same all along the chain, nan elsewhere. Beyond the chords they go on
         as what they are, if the mesh is on one side of the curve only, which is convex, and a source does nothing.
         """
+        if not curves.any():
+            return cls(outline, constants, curves, given, curves)
         elements = triangulation.elements
         e, k = np.nonzero(on_chains(elements.chain, curves & given))
         inwards = leans_in(triangulation, outline, e, k)

@@ -104,6 +104,8 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
     Interpolated on either side, as after a move of the mesh, they are the same but for rounding, and on arcs no more
     than near to one another.
     """
+    if not len(movable.constraints.twins.motions):
+        return
     couples = Couples.of(movable, sign)
     for one in filter(None, (trial, trial.dual)):
         one.values[couples.partner] = couples.sign * one.values[couples.node]
@@ -124,6 +126,8 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
 
     Values that are not given follow, also of nodes that are held.
     """
+    if not len(movable.constraints.twins.motions):
+        return 0.0
     couples, gain = Couples.of(movable, freedom.sign), 0.0
     number = np.full(movable.nnodes, -1)
     number[couples.node] = number[couples.partner] = np.arange(len(couples.node))

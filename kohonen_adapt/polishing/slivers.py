@@ -26,6 +26,8 @@ def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats
     """
     triangulation, constraints = movable.triangulation, movable.constraints
     elements, chains = triangulation.elements, constraints.chains
+    if not np.any(chains.shape == ROUND):
+        return np.zeros(movable.nnodes)
     on_arc = np.append(chains.shape == ROUND, False)[elements.chain]
     e, k = np.nonzero(on_arc & (elements.neighbour < np.arange(len(elements.node))[:, None]))  # -1 beyond the boundary
     shift = shift_per_area(ritz, triangulation, e, k)
