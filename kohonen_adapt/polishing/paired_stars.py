@@ -104,8 +104,6 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
     Interpolated on either side, as after a move of the mesh, they are the same but for rounding, and on arcs no more
     than near to one another.
     """
-    if not len(movable.constraints.twins.motions):
-        return
     couples = Couples.of(movable, sign)
     for one in filter(None, (trial, trial.dual)):
         one.values[couples.partner] = couples.sign * one.values[couples.node]

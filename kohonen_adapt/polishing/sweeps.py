@@ -61,7 +61,8 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     # what a star cannot judge: values on two sides at once, and where more than elements add to the functional
     pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
-    tie(movable, trial, functional.sign)
+    if pairs.any():
+        tie(movable, trial, functional.sign)
     beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)

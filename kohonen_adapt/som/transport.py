@@ -203,8 +203,7 @@ class Transport:
     def _mend(self, step: "Step", rings: int) -> None:
         """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are.
 
-        What makes room beside a node that stays goes on to the elements around, at worst through all of the mesh:
-        attempts to slow the flow down so that none need stay are cheaper, and nodes get farther.
+        Who stays may hold the next one back, and so on through all of the mesh: that is the last resort.
         """
         tri, constraints, node = self.movable.triangulation, self.constraints, self.movable.triangulation.elements.node
         step.ring[:] = min(rings, tri.nnodes)
@@ -229,12 +228,10 @@ class Transport:
 
     def _mark(self, step: "Step") -> None:
         """Mark the elements that a step spoils."""
-        tri, node = self.movable.triangulation, self.movable.triangulation.elements.node
-
-        def mark(thread: int, first: int, last: int) -> None:
-            mark_spoiled(tri.position, step.ahead, node, self.movable.floor, first, last, step.spoiled)
-
-        shared(mark, even_cuts(len(node), FEW))
+        tri = self.movable.triangulation
+        arrays = tri.position, step.ahead, tri.elements.node, self.movable.floor
+        cuts = even_cuts(len(tri.elements.node), FEW)
+        shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 
     def _together(self, step: "Step") -> None:
         """Let nodes of pairs go to the mean of the places that both would go to."""
