@@ -49,7 +49,8 @@ class Descents(NamedTuple):
     """The functions of whose functionals the sum is lowered: one, or a solution and the dual one of a goal."""
 
     one: Descent
-    other: Descent  # of linear material; its trial is without values if there is none
+    other: Descent  # of linear material
+    number: int  # 1 if the other is not there, else 2
 
     @classmethod
     def of(
@@ -63,13 +64,8 @@ class Descents(NamedTuple):
         """Those of one or two functions on a mesh, with room for so many elements around a node."""
         one, other = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
         first = Descent(*mesh, trials.one, modes[0], *shapes, one)
-        return cls(first, Descent(*mesh, trials.other, modes[-1], *shapes, other))
-
-
-@inner_kernel
-def count_of(descents):
-    """How many functions there are."""
-    return 2 if descents.other.trial.value.shape[0] > 0 else 1
+        second = Descent(*mesh, trials.other, modes[-1], *shapes, other)
+        return cls(first, second, 2 if len(trials.other.value) else 1)
 
 
 @inner_kernel

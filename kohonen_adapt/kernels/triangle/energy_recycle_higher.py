@@ -16,7 +16,6 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     ODD,
     add_bent,
     clear,
-    count_of,
     derivatives,
     factorise,
     gather,
@@ -153,7 +152,7 @@ def merged_functional(descent, v, w, own):
 def merged_functionals(descents, v, w):
     """The least sum of functionals around v, numbered before, were it merged into w; inf where that cannot be."""
     total = 0.0
-    for i in range(count_of(descents)):
+    for i in range(descents.number):
         descent = descents.one if i == 0 else descents.other
         total += merged_functional(descent, v, w, descent.block.own[0])
     return total
@@ -168,7 +167,7 @@ def weigh_collapses(mesh, descents, offers, most, floor, first, last):
         if not offers.removable[v]:
             continue
         before, least, sliding = 0.0, most, constraints.kind[v] == SLIDING
-        for i in range(count_of(descents)):
+        for i in range(descents.number):
             descent = descents.one if i == 0 else descents.other
             number_block(descent, v)
             size, total = derivatives(descent, v, position[v, 0], position[v, 1])[:2]
@@ -221,7 +220,7 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
         w, at = np.int64(offers.into[v]), at + 1
         lowered += gain - offers.cost[v]
         lock_around(mesh, v, locked)
-        for i in range(count_of(descents)):
+        for i in range(descents.number):
             put_merged(descents.one if i == 0 else descents.other, v, w)
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
@@ -229,7 +228,7 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
         gain_of_split(descents, e, k, x, y)
         given, known = outer_given(descents.one, e, k), descents.one.modes.given[e, k]
         p = split(mesh, e, k, x, y, parameter)
-        for i in range(count_of(descents)):
+        for i in range(descents.number):
             descent = descents.one if i == 0 else descents.other
             descent.trial.value[p] = value_near(descent, a) + descent.block.local[0, 0]
             descent.trial.fixed[p] = known

@@ -17,7 +17,6 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     ODD,
     add_bent,
     clear,
-    count_of,
     factorise,
     gather,
     solve_upper,
@@ -112,7 +111,7 @@ def gain_of_split(descents, e, k, x, y):
     Newton's method. They are relative to the value near the node that is first on the edge.
     """
     gain, size = 0.0, 0.0
-    for i in range(count_of(descents)):
+    for i in range(descents.number):
         lowered, sized = change_by_split(descents.one if i == 0 else descents.other, e, k, x, y)
         gain, size = gain + lowered, size + sized
     return gain if gain > ROUNDING * size else 0.0

@@ -13,7 +13,6 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
     add_bent,
     add_element,
     clear,
-    count_of,
     factorise,
     gather,
     solve_upper,
@@ -54,7 +53,7 @@ def flip_with_modes(descents, e, k, other):
     elements, shapes, bend = descents.one.elements, descents.one.shapes, descents.one.block.bend
     j = corner_towards(elements.neighbour, other, e)
     k1, j1 = (k + 1) % 3, (j + 1) % 3
-    for i in range(count_of(descents)):
+    for i in range(descents.number):
         descent = descents.one if i == 0 else descents.other
         modes, local = descent.modes, descent.block.local
         modes.given[e, k], modes.given[other, j] = modes.given[other, j1], modes.given[e, k1]
@@ -85,7 +84,7 @@ def gain_of_flip(descents, e, k, other):
     Leaves the coefficients of the elements after it in the last two rows of `Block.local`, corner p or q first.
     """
     gain, size = 0.0, 0.0
-    for i in range(count_of(descents)):
+    for i in range(descents.number):
         lowered, sized = change_by_flip(descents.one if i == 0 else descents.other, e, k, other)
         gain, size = gain + lowered, size + sized
     return gain if gain > ROUNDING * size else 0.0
