@@ -7,8 +7,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import diags_array
-from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
+from scipy.sparse.linalg import LinearOperator, cg
 from skfem import MeshTet, condense
 
 import kohonen_adapt as ka
@@ -16,7 +15,7 @@ from benchmarks.peers import wheels
 from benchmarks.peers.gmsh_space import gmsh_in_space
 from benchmarks.peers.mmg_space import mmg_in_space
 from benchmarks.peers.space_remeshing import adapted, curvatures, sizes, volumes
-from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET, Solid
+from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET, Solid, jacobi
 from benchmarks.table import aligned
 
 CASES = (
@@ -187,7 +186,7 @@ def counted_iterations(problem: Solid, mesh: MeshTet) -> dict[str, int]:
     """
     stiffness, load, u, fixed = problem.system(mesh)
     matrix, right, *_ = condense(stiffness, load, x=u, D=fixed)
-    found = {"jacobi": steps_of_cg(matrix, right, aslinearoperator(diags_array(1.0 / matrix.diagonal())))}
+    found = {"jacobi": steps_of_cg(matrix, right, jacobi(matrix))}
     if wheels.missing("pyamg"):
         return found
     from pyamg import smoothed_aggregation_solver

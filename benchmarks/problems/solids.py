@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import aslinearoperator, cg, splu
+from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg, splu
 from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet, condense
 from skfem.helpers import dot, grad
 
@@ -139,8 +139,9 @@ class Solid:
         stiffness, load, u, fixed = self.system(mesh)
         matrix, right, u, free = condense(stiffness, load, x=u, D=fixed)
         if right.size > DIRECT:
-            jacobi = aslinearoperator(diags_array(1.0 / matrix.diagonal()))
-            u[free], _ = cg(matrix, right, rtol=CLOSE, M=jacobi)
+            u[free], failed = cg(matrix, right, rtol=CLOSE, M=jacobi(matrix))
+            if failed:
+                raise RuntimeError(f"conjugate gradients did not come to {CLOSE:g} with {right.size} unknowns.")
             return u
         factors = splu(
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -172,6 +173,11 @@ class Solid:
             raise ka.NotOffered("its source varies")
         fixed = np.isin(np.arange(mesh.nvertices), mesh.facets[:, mesh.boundaries["given"]])
         return ka.Ritz(u, fixed, TABLES[0], source=self.source, flux=TABLES[1], region=self.regions(mesh))
+
+
+def jacobi(matrix: csr_array) -> LinearOperator:
+    """Jacobi's preconditioner."""
+    return aslinearoperator(diags_array(1.0 / matrix.diagonal()))
 
 
 def middles(mesh: MeshTet) -> np.ndarray:

@@ -137,10 +137,8 @@ class Higher:
     def descend_patch(self, patch: Patch) -> float:
         if patch.shapes is None:
             raise TypeError("a patch of order 2 or 3, or around an axis, needs shapes")
-        mesh, most = (
-            (patch.position, patch.elements, patch.star, patch.constraints),
-            int(np.diff(patch.star.start).max()),
-        )
+        mesh = patch.position, patch.elements, patch.star, patch.constraints
+        most = int(np.diff(patch.star.start).max())
         room = Descents.of(mesh, patch.trials, patch.modes, (*self.functions, patch.shapes), most)
         return float(descend_nodes_higher(room, patch.nodes, self.floor))
 
