@@ -207,6 +207,13 @@ def test_growing_to_a_number_of_nodes():
         assert np.array_equal(np.sort(grown.nodes)[-mesh.p.shape[1] :], np.arange(mesh.p.shape[1]))
 
 
+def test_elements_too_thin_to_be_halved_do_not_stop_growth():
+    thin = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.2, 13))
+    result = ka.adapt(thin, Load(), passes=2, target_nodes=208)
+    assert result.mesh.nvertices == 208
+    assert result.best.min_quality >= min(0.3, result.history[0].min_quality)
+
+
 def test_growth_keeps_names():
     mesh = l_shape(3).with_boundaries({"left": lambda x: x[0] == -1.0}).with_subdomains({"low": lambda x: x[1] < 0})
     result = ka.adapt(mesh, Load(), passes=2, target_nodes=300)
@@ -235,9 +242,9 @@ def test_growth_from_a_mesh_in_which_nothing_can_move():
 
 
 def test_the_message_says_where_growth_ends():
-    thin = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.2, 13))
+    thin = MeshTri(np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.75]]), np.array([[0, 1, 2]]).T)
     result = ka.adapt(thin, Load(), passes=1, target_nodes=208)
-    assert "the mesh has 52 of 208 nodes" in result.message
+    assert "the mesh has 3 of 208 nodes" in result.message
     stopped = ka.adapt(l_shape(4), Load(), target_nodes=500, callback=lambda step: True)
     assert stopped.message.startswith("Stopped by the callback") and "500" not in stopped.message
 

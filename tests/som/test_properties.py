@@ -14,6 +14,9 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule, Stage
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.recycling import recycle_nodes
+from kohonen_adapt.som.training_points import density_of
 
 SCHEDULES = [
     None,
@@ -129,6 +132,26 @@ def test_area_outline_names_orientation_and_quality_are_kept(case):
         assert set(map(tuple, mesh.p[:, pinned].T.tolist())) <= set(map(tuple, result.p.T.tolist()))
     else:
         assert np.array_equal(result.p[:, pinned], mesh.p[:, pinned])
+
+
+@examples(90)
+@given(cases(), st.integers(1, 80))
+def test_growth_keeps_every_node_and_all_that_lines_and_regions_are(case, more):
+    mesh, density, options = case
+    before = ka.quality(mesh).min()
+    rules = ka.Rules(options["topology"], options["min_quality"], options["pinned"]).guarded()
+    movable = MovableMesh.of(mesh, rules)
+    wanted = density_of(movable.triangulation, density).at_nodes()
+    done = recycle_nodes(movable, wanted, mesh.nvertices + more, pairs=False)
+
+    result = movable.mesh()
+    movable.restore(movable.state())  # which refuses numbers of what is not there
+    assert done.collapses == 0 and done.splits == result.nvertices - mesh.nvertices <= more
+    assert np.array_equal(result.p[:, : mesh.nvertices], mesh.p)
+    assert Triangulation.of(result).areas().min() > 0
+    assert ka.quality(result).min() >= min(options["min_quality"], before) * (1 - 1e-9)
+    names_are_kept(mesh, result)
+    outline_is_kept(mesh, result, mesh.boundary_facets(), result.boundary_facets())
 
 
 def names_are_kept(mesh, result):

@@ -207,6 +207,32 @@ def test_growth_keeps_every_node_and_reaches_the_number(mesh):
     assert done.splits - done.collapses == count
 
 
+def fan():
+    """Three triangles from the end of a side to short edges at its beginning, too thin for a half of one to do."""
+    p = np.array([[0.0, 4.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.75, 1.5, 2.25]])
+    return MeshTri(p, np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]]).T)
+
+
+@pytest.mark.parametrize("pinned", [[], [3]])
+def test_growth_divides_long_sides_between_elements_that_are_too_thin_to_be_halved(pinned):
+    mesh = fan()
+    movable, done = recycled(mesh, peak(mesh, 0.1, 0.1), target=60, pairs=False, pinned=pinned)
+    made = movable.mesh()
+    check_mesh(made)
+    assert made.nvertices == 60 and done.collapses == 0
+    assert area_of(made) == pytest.approx(area_of(mesh), rel=1e-13)
+    assert ka.quality(made).min() >= 0.3
+    assert np.count_nonzero(made.p[1] == 0.0) > 4
+    assert np.array_equal(movable.mesh().p[:, done.old >= 0], mesh.p[:, done.old[done.old >= 0]])
+
+
+def test_growth_that_no_flip_makes_room_for_leaves_the_mesh_as_it_was():
+    thin = MeshTri(np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.75]]), np.array([[0, 1, 2]]).T)
+    movable, done = recycled(thin, np.ones(1), target=60, pairs=False)
+    assert done.splits == 0 and movable.mesh().nvertices == 3
+    check_mesh(movable.mesh())
+
+
 def test_every_old_element_has_a_start_in_its_region(mesh):
     movable, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
     before, now = Triangulation.of(mesh), movable.triangulation

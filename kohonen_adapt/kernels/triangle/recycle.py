@@ -10,7 +10,8 @@ from kohonen_adapt.kernels.arrays import PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corners_around
-from kohonen_adapt.kernels.triangle.flip import flip_edge, push, should_flip
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip, push, should_flip
+from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality
 from kohonen_adapt.kernels.triangle.surgery import (
     NOWHERE,
     collapse,
@@ -53,9 +54,19 @@ def next_edge(mesh, heap, sign):
 
 
 @inner_kernel
+def flip_at(mesh, e, k):
+    """Flip the edge opposite to corner k of e, and keep an element at hand for its ends."""
+    elements, pool = mesh.elements, mesh.pool
+    other = np.int64(elements.neighbour[e, k])
+    p, q, _, _ = corners_around(elements.node, e, k, other)
+    flip_edge(elements, e, k)
+    pool.anchor[p], pool.anchor[q] = e, other
+
+
+@inner_kernel
 def restore_delaunay(mesh, longest, shortest, floor, height):
     """Flip around the elements on the stack until nothing is left to flip, and enter the new edges."""
-    elements, pool, scratch = mesh.elements, mesh.pool, mesh.scratch
+    elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
     while height > 0:
         height -= 1
@@ -67,9 +78,8 @@ def restore_delaunay(mesh, longest, shortest, floor, height):
             other = np.int64(elements.neighbour[e, k])
             if other < 0 or not should_flip(mesh.position, elements, e, k, other, floor):
                 continue
-            p, q, r, s = corners_around(node, e, k, other)
-            flip_edge(elements, e, k)
-            pool.anchor[p], pool.anchor[q] = e, other
+            _, _, r, s = corners_around(node, e, k, other)
+            flip_at(mesh, e, k)
             enter(mesh, longest, shortest, np.int64(r), s)
             height = push(scratch.stack, scratch.waiting, push(scratch.stack, scratch.waiting, height, other), e)
             break
@@ -105,8 +115,53 @@ def fill_heaps(mesh, longest, shortest):
 
 
 @inner_kernel
-def split_longest(mesh, longest, least, floor):
-    """Split the longest edge that may be, if longer than `least`; returns the new node, an end, and the length."""
+def worst_around(mesh, v):
+    """The worst quality of the elements around v."""
+    worst, around = 2.0, mesh.scratch.around
+    for i in range(gather_around(mesh, v, around)):
+        worst = min(worst, element_quality(mesh.position, mesh.elements.node, np.int64(around[i])))
+    return worst
+
+
+@inner_kernel
+def split_and_flip(mesh, e, k, floor, x, y, parameter):
+    """Split the edge opposite to corner k of e and flip what lies opposite to the new node in halves that the quality
+    rule forbids; returns the node, -1 and the mesh as it was where some are left.
+
+    Along an outline all elements at the end of a long edge can be too thin to be halved: nothing but this divides it.
+    """
+    position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
+    other, end, flips = np.int64(elements.neighbour[e, k]), np.int64(elements.node[e, (k + 1) % 3]), 0
+    before = element_quality(position, elements.node, e)
+    if other >= 0:
+        before = min(before, element_quality(position, elements.node, other))
+    p = split(mesh, e, k, x, y, parameter)
+    for i in range(gather_around(mesh, p, scratch.around)):
+        half = np.int64(scratch.around[i])
+        j = corner_of(elements.node, half, p)
+        beyond = np.int64(elements.neighbour[half, j])
+        if beyond < 0 or elements.chain[half, j] >= 0:
+            continue
+        fine = allowed(element_quality(position, elements.node, half), before, floor)
+        if not fine and may_flip(position, elements, half, j, beyond, floor):
+            flip_at(mesh, half, j)
+            scratch.around_other[flips] = half
+            flips += 1
+    if allowed(worst_around(mesh, p), before, floor):
+        return p
+    while flips > 0:
+        flips -= 1
+        half = np.int64(scratch.around_other[flips])
+        flip_at(mesh, half, (corner_of(elements.node, half, p) + 1) % 3)
+    collapse(mesh, p, end)
+    return NOWHERE
+
+
+@inner_kernel
+def split_longest(mesh, longest, least, floor, flips):
+    """Split the longest edge that may be, with `flips` if need be, if longer than `least`; returns the new node, an end
+    of the edge, and its length.
+    """
     elements, constraints = mesh.elements, mesh.constraints
     while longest.size[0] > 0 and -longest.key[0] > least:
         e, k, key = next_edge(mesh, longest, -1.0)
@@ -119,6 +174,10 @@ def split_longest(mesh, longest, least, floor):
             continue  # the nodes of a periodic pair are neither made nor taken away
         if may_split(mesh, e, k, floor, x, y):
             return split(mesh, e, k, x, y, parameter), a, -key
+        if flips and not (mesh.origins.pinned[a] and mesh.origins.pinned[b]):
+            p = split_and_flip(mesh, e, k, floor, x, y, parameter)
+            if p >= 0:
+                return p, a, -key
     return NOWHERE, NOWHERE, 0.0
 
 
@@ -167,7 +226,7 @@ def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
             fill_heaps(mesh, longest, shortest)
         grows = splits < missing
         least = 0.0 if grows or shortest.size[0] == 0 else ratio * ratio * shortest.key[0]
-        p, end, length = split_longest(mesh, longest, least, floor)
+        p, end, length = split_longest(mesh, longest, least, floor, grows)
         if p < 0:
             return splits, collapses, True
         merged = NOWHERE
