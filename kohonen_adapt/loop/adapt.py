@@ -8,11 +8,12 @@ from skfem import Mesh
 
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.rooms import ROOMS
-from kohonen_adapt.loop.settings import PASSES, Growth, Settings
+from kohonen_adapt.loop.settings import PASSES, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
@@ -103,9 +104,11 @@ def adapt(
         that vary inside a region, or on tetrahedra elements of another degree than 1, there is no polish, and the
         message says so.
     target_nodes
-        Grow to that many nodes by splitting edges, a share in every pass but the last (edges around are flipped, with
-        "fixed" too); names are kept. None keeps their number. Where the quality rule allows no further split there are
-        fewer, and the message says so. Of tetrahedra nothing is swapped for it with "fixed".
+        Grow to that many nodes by splitting edges, a share in every pass (edges around are flipped, with "fixed" too);
+        names are kept. None keeps their number. The last of several passes, whose nodes an estimate with fewer would
+        misplace, adds none; with a polish of order 1 in the plane, which puts them right, three quarters at most, and
+        none up to 500. Where the quality rule allows no further split there are fewer, and the message says so. Of
+        tetrahedra nothing is swapped for it with "fixed".
     outputs
         Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
         shows them with their changes. Where a run stalls and the problem has better values to compare with
@@ -167,10 +170,10 @@ def adapt(
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
     check_for(rules, room.dim)
     rules = holding(rules.guarded(), nodes_held(problem, mesh))
-    growth, wanted = Growth.of(int(mesh.nvertices), target_nodes, passes), check_outputs(outputs, output_rtol)
+    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and room.corrects(problem))
+    settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = room.taken_apart(mesh, rules, is_curved(problem))
-    settings = Settings(rules, schedule, seed, polish, growth, wanted, rtol)
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect(*room.loops(problem, settings))
     adaptation = Adaptation(problem, room, movable, settings, steps, order_of(problem))

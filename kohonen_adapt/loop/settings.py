@@ -10,69 +10,20 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import is_count
+from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.problem.outputs import Output
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Growth", "Settings", "fingerprint"]
+__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Settings", "fingerprint"]
 
 DIGEST = "sha256 "
 PASSES = 4  # by default
 
 ONLY_ENDS = {"only ends": True}
 """Metadata of a setting that says when to end, and changes no pass."""
-
-
-@dataclass(frozen=True)
-class Growth:
-    """From the nodes of the input to those wanted, by the same factor in every pass but the last.
-
-    The last pass has all nodes from the start, so that the estimate that places them is made with as many.
-    """
-
-    start: int
-    target: int
-    steps: int
-
-    @classmethod
-    def of(cls, start: int, target: int | None, passes: int) -> "Growth":
-        """Check the target of a mesh that starts with so many nodes.
-
-        Raises
-        ------
-        ValueError
-            If it is not an integer, or below the number of nodes that there are.
-        """
-        if target is not None and not is_count(target):
-            raise ValueError(f"target_nodes must be an integer >= 0, or None; got {target!r}.")
-        if target is not None and target < start:
-            raise ValueError(
-                f"target_nodes must be at least the number of nodes of the mesh, {start}; got {target}. "
-                "Start from a coarser mesh."
-            )
-        return cls(start, start if target is None else int(target), max(1, passes - 1))
-
-    def nodes(self, number: int) -> int:
-        """Nodes of the mesh of pass `number`, more than of the one before until all are there."""
-        share = min(1.0, number / self.steps)
-        wanted = self.target if share == 1.0 else round(self.start * (self.target / self.start) ** share)
-        return min(self.target, max(wanted, self.start + number))
-
-    def goes_on(self, number: int) -> bool:
-        """Whether there are nodes to come after pass `number`."""
-        return self.nodes(number) < self.target
-
-    def shortfall(self, nodes: int) -> str:
-        """What to say where that many nodes is what it came to."""
-        if nodes >= self.target:
-            return ""
-        return (
-            f"the mesh has {nodes} of {self.target} nodes, for every further split would have broken the quality rule "
-            "or the passes ended before: lower min_quality, improve the input, or ask for more passes"
-        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +71,7 @@ def _text(value: Any, mesh: Mesh) -> str:
     if value is None:
         return "none"
     if isinstance(value, Growth):
-        return f"{value.target} in {value.steps} passes" if value.target > value.start else "none"
+        return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
     if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
         return _of_curves(mesh, value)
     if isinstance(value, Mapping) and all(callable(item) for item in value.values()):

@@ -11,6 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import Steps
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.outline.movable import MovableMesh, Work
@@ -38,6 +39,8 @@ from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.moved import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Room", "Solved"]
+
+WHILE_GROWING = 2  # numbers of the plan of a polish: more is undone by the nodes to come, and takes a tenth of the time
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -77,6 +80,7 @@ class Room(NamedTuple):
     # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
     # How many are best is measured: `python -m benchmarks space-passes`.
     by_density: int
+    corrects: Callable[[Problem], bool]  # whether a polish makes up for an estimate that places more nodes than it had
     stalls: Callable[[tuple[Pass, ...]], bool]  # whether the last passes have gained nothing
     plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between its numbers
 
@@ -111,12 +115,14 @@ class Adaptation:
     def plan(self, functional: Functional) -> tuple[int, ...]:
         """Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off."""
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
-        return self.room.plan if recycles else (SWEEPS,)
+        plan = self.room.plan if recycles else (SWEEPS,)
+        return plan[:WHILE_GROWING] if self.settings.growth.goes_on(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
         """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
         mesh = self.movable.mesh() if before else self.movable.start()
         with self.steps("solve"):
+            number_facets(mesh)  # for who solves wants to know them, and scikit-fem takes longer
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
             indicators = estimate(self.problem, mesh, solution)

@@ -104,6 +104,11 @@ def norm_of(problem: Problem) -> str:
     return getattr(problem, "norm", "energy")
 
 
+def has_functional(problem: Problem) -> bool:
+    """Whether there is something for the polish to lower, as far as can be told before it is solved."""
+    return norm_of(problem) == "energy" and offers(problem, "ritz")
+
+
 def is_calibrated(problem: Problem) -> bool:
     """Whether the problem vouches for the scale of its indicators, False where it does not say."""
     return getattr(problem, "calibrated", False)

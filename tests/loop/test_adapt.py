@@ -11,9 +11,10 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import Growth, Settings
+from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.mesh.measures import area
 
 NODES = MESH.p.shape[1]
@@ -275,7 +276,7 @@ def test_the_input_mesh_is_taken_apart_once():
 
 def test_every_pass_has_a_seed_of_its_own_and_the_same_one_next_time():
     def drawn(seed, number):
-        settings = Settings(ka.Rules(), None, seed, False, Growth(NODES, NODES, 1), {})
+        settings = Settings(ka.Rules(), None, seed, False, Growth(NODES, NODES, NODES, 1), {})
         return settings.rng(number).random()
 
     draws = [drawn(seed, number) for seed in (0, 0, 1) for number in (1, 2)]

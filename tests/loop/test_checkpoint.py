@@ -323,7 +323,7 @@ def folder(tmp_path):
         ({"topology": "flip"}, "its topology was recycle, not flip"),
         ({"polish": False}, "its polish was True, not False"),
         ({"pinned": ["core"]}, r"its pinned was \[\], not \['core'\]"),
-        ({"target_nodes": 100}, "its target_nodes was none, not 100 in 2 passes"),
+        ({"target_nodes": 100}, "its target_nodes was none, not 100 in 3 passes"),
         ({"schedule": ka.Schedule(())}, r"its schedule was none, not Schedule\(stages"),
         ({"outputs": {}}, r"its outputs was \['energy'\], not \[\]"),
     ],

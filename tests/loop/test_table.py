@@ -7,7 +7,8 @@ from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.checkpoint import Checkpoint
-from kohonen_adapt.loop.settings import ONLY_ENDS, Growth, Settings, fingerprint
+from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.loop.settings import ONLY_ENDS, Settings, fingerprint
 from kohonen_adapt.loop.table import pass_figures, table_columns
 from kohonen_adapt.outline.movable import MovableMesh, shown
 
@@ -184,7 +185,7 @@ class MoreSettings(Settings):
 
 def test_a_field_of_rules_or_settings_is_in_the_fingerprint():
     def taken(rules, kind=Settings, **more):
-        return fingerprint(MESH, Script([]), kind(rules, None, 0, False, Growth(25, 25, 1), {}, **more))
+        return fingerprint(MESH, Script([]), kind(rules, None, 0, False, Growth(25, 25, 25, 1), {}, **more))
 
     plain_run = taken(ka.Rules())
     assert taken(MoreRules()) == {**plain_run, "stiffness": "1.0"}

@@ -1,0 +1,67 @@
+"""How many nodes every pass has: all in the end, never fewer than before, and by when."""
+
+import pytest
+from helpers.meshes import l_shape
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kohonen_adapt as ka
+from benchmarks.problems.l_shape import LShape
+from benchmarks.problems.orders import LaplaceOnL
+from kohonen_adapt.loop.growth import LEAST, ONCE, Growth
+
+
+class Plain:
+    """Laplace on the L-shape without a functional."""
+
+    def __init__(self):
+        problem = LShape()
+        self.solve, self.indicators = problem.solve, problem.indicators
+
+
+@given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(0, 12), st.booleans())
+def test_growth_comes_to_its_target_and_never_goes_back(start, more, passes, corrected):
+    growth = Growth.of(start, start + more, passes, corrected)
+    nodes = [growth.nodes(number) for number in range(passes + 1)]
+    assert nodes == sorted(nodes) and nodes[-1] == growth.target == start + more
+    assert nodes[0] == start or not passes
+    assert [growth.goes_on(number) for number in range(passes + 1)] == [count < growth.target for count in nodes]
+
+
+@given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(2, 12))
+def test_the_mesh_before_the_last_knows_enough_to_place_its_nodes(start, more, passes):
+    every = Growth.of(start, start + more, passes, corrected=False)
+    assert every.nodes(passes - 1) == every.target
+    some = Growth.of(start, start + more, passes, corrected=True)
+    assert some.nodes(passes - 1) >= min(some.target, max(LEAST, some.target / ONCE))
+
+
+def test_without_a_target_nodes_stay_as_many():
+    growth = Growth.of(25, None, 4, corrected=True)
+    assert [growth.nodes(number) for number in range(5)] == [25] * 5
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "before_last"),
+    [
+        (LShape(), {}, 500),
+        (LShape(), {"topology": "flip"}, 500),
+        (LShape(), {"polish": False}, 900),
+        (Plain(), {}, 900),
+        (LaplaceOnL(2), {}, 900),
+    ],
+    ids=["polished", "flip", "not polished", "without a functional", "of order 2"],
+)
+def test_what_a_polish_puts_right_may_come_last(problem, options, before_last):
+    result = ka.adapt(l_shape(4), problem, passes=2, target_nodes=900, **options)
+    assert [step.mesh.nvertices for step in result.history] == [65, before_last, 900]
+    assert result.mesh.nvertices == 900
+
+
+def test_a_pass_over_all_nodes_more_takes_off_a_hundredth():
+    problem = LShape()
+    grown = ka.adapt(l_shape(2), problem, passes=3, target_nodes=2000)
+    more = ka.adapt(grown.mesh, problem, passes=1)
+    least = ka.adapt(more.mesh, problem, passes=1)
+    errors = [problem.error(result.mesh, result.solution) for result in (grown, more, least)]
+    assert errors[0] < 1.015 * errors[-1]
