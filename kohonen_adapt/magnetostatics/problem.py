@@ -76,8 +76,8 @@ class Magnetostatics(Arguments):
         and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
         ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
     order
-        Of the elements, 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). By default 2, a quarter of the time of 1 to an
-        error of 1 % (`python -m benchmarks time`); but 1 with another estimator than "residual".
+        Of the elements, 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). By default 2, a fifth to a third of the time
+        of 1 to an error of 1 % (`python -m benchmarks time`); but 1 with another estimator than "residual".
     curved
         Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, and
         to solve on a `MeshTri2`: on chords they lose their rate (`python -m benchmarks curves`). `solve` bends none.
