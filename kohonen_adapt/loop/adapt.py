@@ -105,10 +105,10 @@ def adapt(
         message says so.
     target_nodes
         Grow to that many nodes by splitting edges, a share in every pass (edges around are flipped, with "fixed" too);
-        names are kept. None keeps their number. The last of several passes, whose nodes an estimate with fewer would
-        misplace, adds none; with a polish of order 1 in the plane, which puts them right, three quarters at most, and
-        none up to 500. Where the quality rule allows no further split there are fewer, and the message says so. Of
-        tetrahedra nothing is swapped for it with "fixed".
+        names are kept. None keeps their number. The last of several passes adds none, so that the estimate that places
+        its nodes knows as many; with a polish of order 1 in the plane, which puts right what fewer misplace, it adds
+        two thirds of them at most, and none up to 500. Where the quality rule allows no further split there are fewer,
+        and the message says so. Of tetrahedra nothing is swapped for it with "fixed".
     outputs
         Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
         shows them with their changes. Where a run stalls and the problem has better values to compare with
