@@ -52,9 +52,10 @@ class Growth:
                 "Start from a coarser mesh."
             )
         target = start if target is None else int(target)
-        evenly = round(target * (start / target) ** (1 / max(1, passes))) if target else 0
-        enough = max(LEAST, ceil(target / ONCE), evenly)
-        return cls(start, min(target, enough) if corrected else target, target, passes)
+        if not corrected:
+            return cls(start, target, target, passes)
+        evenly = round(target * (start / target) ** (1 / max(1, passes)))
+        return cls(start, min(target, max(LEAST, ceil(target / ONCE), evenly)), target, passes)
 
     def nodes(self, number: int) -> int:
         """Nodes of the mesh of pass `number`, more than of the one before until all are there."""

@@ -40,7 +40,7 @@ from kohonen_adapt.som.moved import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Room", "Solved"]
 
-WHILE_GROWING = 2  # numbers of the plan of a polish: more is undone by the nodes to come, and takes a tenth of the time
+WHILE_GROWING = 2  # numbers of the plan of a polish: what more of them do is undone by the nodes to come
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""

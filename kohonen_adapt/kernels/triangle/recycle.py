@@ -18,9 +18,11 @@ from kohonen_adapt.kernels.triangle.surgery import (
     collapsed_quality,
     find_edge,
     gather_around,
+    is_pinned,
     may_split,
     metric_length,
     midpoint,
+    quality_beside,
     split,
 )
 
@@ -131,10 +133,7 @@ def split_and_flip(mesh, e, k, floor, x, y, parameter):
     Along an outline all elements at the end of a long edge can be too thin to be halved: nothing but this divides it.
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
-    other, end, flips = np.int64(elements.neighbour[e, k]), np.int64(elements.node[e, (k + 1) % 3]), 0
-    before = element_quality(position, elements.node, e)
-    if other >= 0:
-        before = min(before, element_quality(position, elements.node, other))
+    before, end, flips = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3]), 0
     p = split(mesh, e, k, x, y, parameter)
     for i in range(gather_around(mesh, p, scratch.around)):
         half = np.int64(scratch.around[i])
@@ -174,7 +173,7 @@ def split_longest(mesh, longest, least, floor, flips):
             continue  # the nodes of a periodic pair are neither made nor taken away
         if may_split(mesh, e, k, floor, x, y):
             return split(mesh, e, k, x, y, parameter), a, -key
-        if flips and not (mesh.origins.pinned[a] and mesh.origins.pinned[b]):
+        if flips and not is_pinned(mesh, e, k):
             p = split_and_flip(mesh, e, k, floor, x, y, parameter)
             if p >= 0:
                 return p, a, -key

@@ -78,18 +78,31 @@ def midpoint(mesh, c, a, b):
 
 
 @inner_kernel
+def is_pinned(mesh, e, k):
+    """Whether both ends of the edge opposite to corner k of e are pinned: it is not to be split."""
+    node, pinned = mesh.elements.node, mesh.origins.pinned
+    return pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]
+
+
+@inner_kernel
+def quality_beside(mesh, e, k):
+    """Worse quality of the elements on both sides of the edge opposite to corner k of e."""
+    position, node, other = mesh.position, mesh.elements.node, np.int64(mesh.elements.neighbour[e, k])
+    quality = element_quality(position, node, e)
+    return min(quality, element_quality(position, node, other)) if other >= 0 else quality
+
+
+@inner_kernel
 def may_split(mesh, e, k, floor, x, y):
     """Whether the edge opposite to corner k of e may be split there under the quality rule."""
-    position, elements, pinned = mesh.position, mesh.elements, mesh.origins.pinned
-    node, other = elements.node, np.int64(elements.neighbour[e, k])
-    if pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]:
+    if is_pinned(mesh, e, k):
         return False
-    after, before = half_qualities(position, node, e, k, x, y), element_quality(position, node, e)
+    position, elements = mesh.position, mesh.elements
+    node, other = elements.node, np.int64(elements.neighbour[e, k])
+    after = half_qualities(position, node, e, k, x, y)
     if other >= 0:
-        j = corner_towards(elements.neighbour, other, e)
-        after = min(after, half_qualities(position, node, other, j, x, y))
-        before = min(before, element_quality(position, node, other))
-    return allowed(after, before, floor)
+        after = min(after, half_qualities(position, node, other, corner_towards(elements.neighbour, other, e), x, y))
+    return allowed(after, quality_beside(mesh, e, k), floor)
 
 
 @inner_kernel
