@@ -40,7 +40,7 @@ def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list
     spans = [(i, int(cuts[i]), int(cuts[i + 1])) for i in range(len(cuts) - 1)]
     if len(spans) == 1:
         return [task(*spans[0])]
-    pool = _pools.setdefault(len(spans), ThreadPoolExecutor(len(spans) - 1))
+    pool = _pools.get(len(spans)) or _pools.setdefault(len(spans), ThreadPoolExecutor(len(spans) - 1))
     others = [pool.submit(task, *span) for span in spans[1:]]
     try:
         first = task(*spans[0])

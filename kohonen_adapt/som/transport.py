@@ -235,6 +235,8 @@ class Transport:
 
     def _together(self, step: "Step") -> None:
         """Let nodes of pairs go to the mean of the places that both would go to."""
+        if len(self.pairs[0]) == 0:
+            return
         own, now = self.constraints.own_chain, self.constraints.parameter
         places = [np.where(self._stay(step, nodes), now[nodes], step.parameter[nodes]) for nodes in self.pairs]
         place = 0.5 * (places[0] + places[1])
@@ -250,6 +252,8 @@ class Transport:
 
     def _wait(self, step: "Step") -> bool:
         """Let nodes of pairs stay whose partner does; returns whether there were such."""
+        if len(self.pairs[0]) == 0:
+            return False
         one, other = (self._stay(step, nodes) for nodes in self.pairs)
         for nodes in self.pairs:
             step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
