@@ -23,13 +23,23 @@ def corner_towards(neighbour, e, other):
 
 
 @inner_kernel
-def opposite_side(star, v, w, other):
-    """The row of the star of v whose element has w and the other node, or -1."""
+def rows_with(star, v, w):
+    """The rows of the star of v whose elements have w, each with the third node of its element; -1 of one not there."""
+    ahead, one, behind, other = np.int64(-1), np.int64(-1), np.int64(-1), np.int64(-1)
     for row in range(star.start[v], star.start[v + 1]):
-        a, b = star.ahead[row], star.behind[row]
-        if (a == w and b == other) or (a == other and b == w):
-            return row
-    return -1
+        if star.ahead[row] == w:
+            ahead, one = np.int64(row), np.int64(star.behind[row])
+        elif star.behind[row] == w:
+            behind, other = np.int64(row), np.int64(star.ahead[row])
+    return ahead, one, behind, other
+
+
+@inner_kernel
+def row_beside(rows, third):
+    """Which of the two rows of `rows_with` has this third node, or -1."""
+    if third == rows[1]:
+        return rows[0]
+    return rows[2] if third == rows[3] else -1
 
 
 @inner_kernel

@@ -8,7 +8,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import OWN, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
-from kohonen_adapt.kernels.triangle.connectivity import corner_of, opposite_side
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.descend_higher import (
     BUBBLE,
@@ -31,10 +31,11 @@ from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, 
 
 
 @inner_kernel
-def number_merged(descent, v, w):
+def number_merged(descent, v, w, gone):
     """Number the sides between w and the nodes around v, were v merged into w, and bubbles.
 
-    Of sides that are given, or are there already, opposite to v, nothing is unknown.
+    Of sides that are given, or are there already, opposite to v in one of the elements that go, nothing is unknown;
+    `gone` are the `rows_with` w, here and below.
     """
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     place, sign, degrees, begin, spokes = block.place, block.sign, modes.side.shape[2], star.start[v], 0
@@ -47,7 +48,7 @@ def number_merged(descent, v, w):
             continue
         for side in range(1, 3 if degrees > 0 else 1):
             other, s = star.ahead[row] if side == 2 else star.behind[row], 0
-            if modes.given[e, (k + side) % 3] or opposite_side(star, v, w, other) >= 0:
+            if modes.given[e, (k + side) % 3] or row_beside(gone, other) >= 0:
                 continue
             while s < spokes and block.spoke[s] != other:
                 s += 1
@@ -67,7 +68,7 @@ def number_merged(descent, v, w):
 
 
 @inner_kernel
-def merged_coefficients(descent, v, w, row, own, times):
+def merged_coefficients(descent, v, w, gone, row, own, times):
     """The coefficients of an element of the star of v, were it merged into w, in `Block.part`: w first.
 
     The unknown ones are so many times `Block.still`.
@@ -79,36 +80,36 @@ def merged_coefficients(descent, v, w, row, own, times):
     part[0] = descent.trial.value[w] - own
     for side in range(1, 3):
         other = star.ahead[row] if side == 2 else star.behind[row]
-        known = opposite_side(star, v, w, other)
+        known = row_beside(gone, other)
         for d in range(degrees):
             i = EVEN + 3 * d + side
             part[i] = 0.0
             if block.place[j, i] >= 0:
                 part[i] = times * block.sign[j, i] * block.still[block.place[j, i]]
             elif known >= 0:
-                gone = np.int64(star.element[known])
-                part[i] = modes.side[gone, corner_of(elements.node, gone, v), d]
+                f = np.int64(star.element[known])
+                part[i] = modes.side[f, corner_of(elements.node, f, v), d]
     if degrees == 2:
         part[BUBBLE] = times * block.still[block.place[j, BUBBLE]]
 
 
 @inner_kernel
-def merged_bends(descent, v, w, row, bend):
+def merged_bends(descent, v, gone, row, bend):
     """The bends of the sides of that element, w first."""
     shapes, star, node = descent.shapes, descent.star, descent.elements.node
     e = np.int64(star.element[row])
     gather_bends(shapes, e, corner_of(node, e, v), bend)
     for side in range(1, 3):
-        known = opposite_side(star, v, w, star.ahead[row] if side == 2 else star.behind[row])
+        known = row_beside(gone, star.ahead[row] if side == 2 else star.behind[row])
         for i in range(2):
             bend[side, i] = 0.0
             if known >= 0:
-                gone = np.int64(star.element[known])
-                bend[side, i] = shapes.bend[gone, corner_of(node, gone, v), i]
+                f = np.int64(star.element[known])
+                bend[side, i] = shapes.bend[f, corner_of(node, f, v), i]
 
 
 @inner_kernel
-def derivatives_of_merged(descent, v, w, own, times):
+def derivatives_of_merged(descent, v, w, gone, own, times):
     """Value of the functional around v, were it merged into w, and the derivatives in the block; inf if overturned."""
     position, star, block = descent.position, descent.star, descent.block
     x, y, total = position[w, 0], position[w, 1], 0.0
@@ -119,9 +120,9 @@ def derivatives_of_merged(descent, v, w, own, times):
             continue
         if not orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]) > 0.0:
             return np.inf
-        merged_coefficients(descent, v, w, row, own, times)
+        merged_coefficients(descent, v, w, gone, row, own, times)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        merged_bends(descent, v, w, row, block.bend[4])
+        merged_bends(descent, v, gone, row, block.bend[4])
         if not is_valid(block.bend[4], ax, ay, bx, by):
             return np.inf
         total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, ax, ay, bx, by)[1]
@@ -134,9 +135,9 @@ def merged_functional(descent, v, w, own):
 
     Leaves the best unknowns in `Block.still`; beside nonlinear material those after one step of Newton's method.
     """
-    block = descent.block
-    number_merged(descent, v, w)
-    total = derivatives_of_merged(descent, v, w, own, 0.0)
+    block, gone = descent.block, rows_with(descent.star, v, w)
+    number_merged(descent, v, w, gone)
+    total = derivatives_of_merged(descent, v, w, gone, own, 0.0)
     if not total < np.inf:
         return np.inf
     solved, square = factorise(block, 0)
@@ -144,7 +145,7 @@ def merged_functional(descent, v, w, own):
         return np.inf
     solve_upper(block, 0, 0.0, 0.0)
     if descent.trial.bent[v]:
-        return derivatives_of_merged(descent, v, w, own, 1.0)
+        return derivatives_of_merged(descent, v, w, gone, own, 1.0)
     return total - 0.5 * square
 
 
@@ -242,18 +243,18 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
 def put_merged(descent, v, w):
     """Put the best coefficients into the elements that are left when v goes into w, while they still have v."""
     star, modes, node = descent.star, descent.modes, descent.elements.node
-    own, bend = value_near(descent, v), descent.block.bend[4]
+    own, bend, gone = value_near(descent, v), descent.block.bend[4], rows_with(star, v, w)
     merged_functional(descent, v, w, own)
     for row in range(star.start[v], star.start[v + 1]):
         a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
         if a != w and b != w:
-            merged_coefficients(descent, v, w, row, own, 1.0)
+            merged_coefficients(descent, v, w, gone, row, own, 1.0)
             k = corner_of(node, e, v)
             put(modes, e, k, descent.block.part)
-            merged_bends(descent, v, w, row, bend)
+            merged_bends(descent, v, gone, row, bend)
             put_bends(descent.shapes, e, k, bend)
             for side in range(1, 3):
-                known = opposite_side(star, v, w, a if side == 2 else b)
+                known = row_beside(gone, a if side == 2 else b)
                 if known >= 0:
-                    gone = np.int64(star.element[known])
-                    modes.given[e, (k + side) % 3] = modes.given[gone, corner_of(node, gone, v)]
+                    f = np.int64(star.element[known])
+                    modes.given[e, (k + side) % 3] = modes.given[f, corner_of(node, f, v)]
