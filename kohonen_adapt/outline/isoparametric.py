@@ -58,6 +58,8 @@ def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, 
     """
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
+    if not np.any(jacobian_coefficients(corners, bent).min(axis=1) < LEAST * doubled):
+        return np.ones(bent.shape[:2])
     side = np.unique(sides_alike(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
     factor, held = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
     enough = sufficient(corners, bent, doubled)

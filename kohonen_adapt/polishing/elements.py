@@ -25,7 +25,15 @@ from kohonen_adapt.problem.functional_value import integrated
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at
 
-__all__ = ["expanded", "kinds_of", "shapes_of", "steepest", "without_modes"]
+__all__ = ["UNKNOWNS", "expanded", "few_for_threads", "kinds_of", "shapes_of", "steepest", "without_modes"]
+
+UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
+FEW = 2_000  # of them are not worth another thread
+
+
+def few_for_threads(order: int) -> int:
+    """How many elements or nodes are not worth another thread: what is done to each grows with its unknowns."""
+    return FEW // UNKNOWNS[order - 1]
 
 
 def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:

@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery
-from kohonen_adapt.polishing.elements import shapes_of
+from kohonen_adapt.polishing.elements import few_for_threads, shapes_of
 from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["Exchange", "recycle_by_energy"]
@@ -90,6 +90,7 @@ class _Linear:
     ) -> None:
         triangulation = movable.triangulation
         self.mesh, self.star, self.floor, self.offers = mesh, triangulation.star, movable.floor, offers
+        self.few = few_for_threads(functional.ritz.order)
         self.trial = in_rows(trial, len(mesh.position), len(mesh.elements.node))
         self.trials = functional.trials(triangulation, self.trial)
 
@@ -146,14 +147,14 @@ def weighed(judging: _Linear, offers: Offers) -> float:
 
     Each depends on the mesh as it is now alone, so none of them on the number of threads.
     """
-    mesh, cuts = judging.mesh, even_cuts(len(offers.cost), PART)
+    mesh, cuts = judging.mesh, even_cuts(len(offers.cost), judging.few)
     own = [SurgeryScratch.of(len(mesh.position), len(mesh.elements.node)) for _ in cuts[1:]]
 
     def weigh_edges(thread: int, first: int, last: int) -> None:
         for e in range(first, last, PART):
             judging.weigh_splits(thread, e, min(e + PART, last))
 
-    shared(weigh_edges, even_cuts(len(offers.gain), PART))
+    shared(weigh_edges, even_cuts(len(offers.gain), judging.few))
     most = float(offers.gain.max())
 
     def weigh_nodes(thread: int, first: int, last: int) -> None:

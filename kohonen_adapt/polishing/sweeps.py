@@ -16,16 +16,14 @@ from kohonen_adapt.kernels.triangle.flip_linear import descend_flips
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.elements import shapes_of
+from kohonen_adapt.polishing.elements import UNKNOWNS, few_for_threads, shapes_of
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, tie
 from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
 
-FEW = 5_000  # elements that are not worth another thread
 PART = 5_000  # unknowns: the nodes at the cuts between parts are few
-UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
 
 # Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
 #                                    0       4       8      12      16      32
@@ -66,15 +64,16 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
+    few = few_for_threads(functional.ritz.order)
     parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
     part, deep = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
     if eager:
-        gain += flip_downhill(movable, downhill)
+        gain += flip_downhill(movable, downhill, few)
     for _ in range(sweeps):
         mark_deep(movable.triangulation.star, part, 1, deep, np.empty_like(order))
         gain += shared_in_parts(downhill.descend_nodes, order, (part, deep))
         gain += descend_pairs(movable, downhill, freedom)
-        gain += flip_downhill(movable, downhill)
+        gain += flip_downhill(movable, downhill, few)
         bend = movable.bent_sides() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, bend)
     return gain
@@ -148,15 +147,15 @@ def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction
     return kind(movable, functional, trial, constraints)
 
 
-def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:
+def flip_downhill(movable: MovableMesh, downhill: Downhill, few: int) -> float:
     """One sweep over the edges, where they may flip; returns what that took off the functional.
 
-    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
+    Threads find the edges whose flip would gain, unless elements are too `few`; the flips come one after the other.
     """
     if not movable.flips:
         return 0.0
     gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
-    cuts = even_cuts(len(gainful), FEW)
+    cuts = even_cuts(len(gainful), few)
     shared(lambda thread, first, last: downhill.descend_flips(thread, first, last, gainful, True), cuts)
     gain, flips = downhill.descend_flips(0, 0, len(gainful), gainful, False)
     if flips:
