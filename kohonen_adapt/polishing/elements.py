@@ -28,12 +28,12 @@ from kohonen_adapt.problem.tables import flux_at
 __all__ = ["UNKNOWNS", "expanded", "few_for_threads", "kinds_of", "shapes_of", "steepest", "without_modes"]
 
 UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
-FEW = 2_000  # of them are not worth another thread
+FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
 
 
 def few_for_threads(order: int) -> int:
-    """How many elements or nodes are not worth another thread: what is done to each grows with its unknowns."""
-    return FEW // UNKNOWNS[order - 1]
+    """How many elements or nodes are not worth another thread: with their unknowns the work grows as the square."""
+    return FEW // UNKNOWNS[order - 1] ** 2
 
 
 def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
