@@ -57,12 +57,15 @@ class Growth:
         evenly = round(target * (start / target) ** (1 / max(1, passes)))
         return cls(start, min(target, max(LEAST, ceil(target / ONCE), evenly)), target, passes)
 
-    def nodes(self, number: int) -> int:
-        """Nodes of the mesh of pass `number`, more than of the one before until all are there."""
+    def nodes(self, number: int, polished: bool = True) -> int:
+        """Nodes of the mesh of pass `number`, more than of the one before until all are there.
+
+        Where it turns out not to be `polished` nothing corrects the last pass, which has all nodes from the start.
+        """
         if number >= self.passes:
             return self.target
-        share = number / max(1, self.passes - 1)
-        wanted = round(self.start * (self.placing / self.start) ** share)
+        share, placing = number / max(1, self.passes - 1), self.placing if polished else self.target
+        wanted = round(self.start * (placing / self.start) ** share)
         return min(self.target, max(wanted, self.start + number))
 
     def goes_on(self, number: int) -> bool:

@@ -49,7 +49,7 @@ def moved_triangles(
     if functional is not None and functional.dual is None:  # what arcs cost a goal is not known
         longest = longest_on_arcs(functional.ritz, movable, estimate)
     wanted, topology = ElementDensity(movable.triangulation, density), settings.rules.topology
-    nodes = settings.growth.nodes(number)
+    nodes = settings.growth.nodes(number, functional is not None)
     return move(movable, wanted, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
 
 

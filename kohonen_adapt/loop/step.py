@@ -172,7 +172,7 @@ class Adaptation:
             estimate, functional = record.estimate, solved.functional
             steers = functional is not None and not functional.ritz.shapes_only
             by_energy = steers and number > self.room.by_density
-            recycles = not by_energy or settings.growth.nodes(number) != self.movable.nnodes
+            recycles = not by_energy or settings.growth.nodes(number, functional is not None) != self.movable.nnodes
             return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:

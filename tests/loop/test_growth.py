@@ -1,5 +1,8 @@
 """How many nodes every pass has: all in the end, never fewer than before, and by when."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from helpers.meshes import l_shape
 from hypothesis import given
@@ -19,6 +22,13 @@ class Plain:
         self.solve, self.indicators = problem.solve, problem.indicators
 
 
+class Varying(LShape):
+    """The same with a functional whose coefficient is told for every other element on its own."""
+
+    def ritz(self, mesh, solution):
+        return replace(super().ritz(mesh, solution), coefficient=np.ones(2), region=np.arange(mesh.t.shape[1]) % 2)
+
+
 @given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(0, 12), st.booleans())
 def test_growth_comes_to_its_target_and_never_goes_back(start, more, passes, corrected):
     growth = Growth.of(start, start + more, passes, corrected)
@@ -31,8 +41,8 @@ def test_growth_comes_to_its_target_and_never_goes_back(start, more, passes, cor
 @given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(2, 12))
 def test_the_mesh_before_the_last_knows_enough_to_place_its_nodes(start, more, passes):
     every = Growth.of(start, start + more, passes, corrected=False)
-    assert every.nodes(passes - 1) == every.target
     some = Growth.of(start, start + more, passes, corrected=True)
+    assert every.nodes(passes - 1) == some.nodes(passes - 1, polished=False) == every.target
     assert some.nodes(passes - 1) >= min(some.target, max(LEAST, some.target / ONCE))
 
 
@@ -48,9 +58,10 @@ def test_without_a_target_nodes_stay_as_many():
         (LShape(), {"topology": "flip"}, 500),
         (LShape(), {"polish": False}, 900),
         (Plain(), {}, 900),
+        (Varying(), {}, 900),
         (LaplaceOnL(2), {}, 900),
     ],
-    ids=["polished", "flip", "not polished", "without a functional", "of order 2"],
+    ids=["polished", "flip", "not polished", "without a functional", "not to be polished", "of order 2"],
 )
 def test_what_a_polish_puts_right_may_come_last(problem, options, before_last):
     result = ka.adapt(l_shape(4), problem, passes=2, target_nodes=900, **options)
