@@ -11,7 +11,7 @@ from benchmarks.problems.c_core import c_core_mesh
 from benchmarks.table import aligned
 from kohonen_adapt.magnetostatics import Field, Magnetostatics, Material
 
-REFINED = (2, 3, 4)  # times: 13 769, 54 673 and 217 889 nodes
+QUICK = 2  # times refined: 13 769 nodes, with --quick these alone
 STEPS = ("solve", "estimate", "relocate", "polish")
 MATERIALS = {"iron": Material(1000.0), "magnet": Material(1.05, remanence=(0.0, 1.2)), "air": Material()}
 CONDITIONS = {"outer": 0.0}
@@ -25,11 +25,12 @@ class ByIndicators(Magnetostatics):
         return replace(super().ritz(mesh, solution), shapes_only=True, comparable=False)
 
 
-# Problems, orders of elements and targets, which were set when order 1 was the default.
-CASES = (
-    (Magnetostatics, 1, (2.5, 2.5, 2.0)),
-    (ByIndicators, 1, (1.8, 1.8, 1.5)),
-    (Magnetostatics, 2, (2.5, 2.5, 2.0)),
+# Problems, orders of elements and targets, set when order 1 was the default, by how often the mesh of 899 nodes is
+# refined: to 3493, where there is no target, and to 13 769, 54 673 and 217 889.
+CASES: tuple[tuple[type[Magnetostatics], int, dict[int, float | None]], ...] = (
+    (Magnetostatics, 1, {2: 2.5, 3: 2.5, 4: 2.0}),
+    (ByIndicators, 1, {2: 1.8, 3: 1.8, 4: 1.5}),
+    (Magnetostatics, 2, {0: None, 1: None, 2: 2.5, 3: 2.5, 4: 2.0}),
 )
 
 
@@ -40,12 +41,13 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     for kind, order, targets in CASES:
         problem = kind(MATERIALS, potential=CONDITIONS, order=order)
         exchanged = "by indicators" if kind is ByIndicators else "by energy"
-        for levels, target in list(zip(REFINED, targets, strict=True))[: 1 if quick else None]:
+        for levels, target in {QUICK: targets[QUICK]}.items() if quick else targets.items():
             mesh = c_core_mesh("c_core.msh").refined(levels)
             least = min((_seconds(mesh, problem, seed) for seed in list(seeds)[:3]), key=_ratio)
             micros = [1e6 * least[step] / mesh.nvertices for step in STEPS]
-            verdict = "met" if _ratio(least) <= target else "missed"
-            rows.append([order, exchanged, mesh.nvertices, *micros, _ratio(least), target, verdict])
+            rows.append(
+                [order, exchanged, mesh.nvertices, *micros, _ratio(least), target, _verdict(_ratio(least), target)]
+            )
     return aligned(["passes: order", "exchanged", "nodes", *STEPS, "ratio", "target", ""], rows)
 
 
@@ -53,6 +55,12 @@ def _seconds(mesh: Mesh, problem: Magnetostatics, seed: int) -> dict[str, float]
     """Mean seconds of a step of a pass, those of the input left out."""
     history = ka.adapt(mesh, problem, seed=seed).history[1:]
     return {step: float(np.mean([each.seconds[step] for each in history])) for step in STEPS}
+
+
+def _verdict(ratio: float, target: float | None) -> str | None:
+    if target is None:
+        return None
+    return "met" if ratio <= target else "missed"
 
 
 def _ratio(seconds: dict[str, float]) -> float:
