@@ -19,7 +19,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]
 
-FEW = 20_000  # nodes that are not worth another thread
+FEW = 15_000  # nodes that are not worth another thread
 
 
 @dataclass

@@ -24,7 +24,7 @@ from kohonen_adapt.outline.rules import Rules, check_for, floor_of
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
 
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
-FEW = 20_000  # elements that are not worth another thread
+FEW = 15_000  # elements that are not worth another thread
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")

@@ -56,7 +56,7 @@ ATTEMPTS = 12  # in all
 SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
 NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
 LEAKAGE = 1e-9  # of the conductance around a cluster
-FEW = 20_000  # nodes or elements that are not worth another thread: to hand it over takes as long as to go on
+FEW = 15_000  # nodes or elements that are not worth another thread: to hand it over takes as long as to go on
 
 
 @dataclass

@@ -37,7 +37,7 @@ class Load:
 
 
 def relocated():
-    mesh = inset(104).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    mesh = inset(176).with_boundaries({"floor": lambda x: x[1] == 0.0})
     return ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.3) ** 2 + x[1] ** 2))
 
 
