@@ -1,4 +1,4 @@
-"""Weight errors of order 2 and 3 for a goal: by residuals at points, and by elements of one order more."""
+"""Weight errors for a goal: by residuals at points, of order 2 and 3, and by elements of one order more."""
 
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
 
-__all__ = ["HigherPair", "balance", "held_unknowns", "higher_order", "slopes"]
+__all__ = ["DualPair", "higher_order"]
 
 CURVED = 2  # degrees more by which elements with curved sides are integrated
 
@@ -38,8 +38,8 @@ def higher_order(mesh: Mesh, potential: ArrayLike) -> int:
     return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
 
 
-class HigherPair:
-    """A problem and its dual on one mesh, by elements of order 2 or 3; arguments as of `goal_oriented`."""
+class DualPair:
+    """A problem and its dual on one mesh, by elements of order 1 to 3; arguments as of `goal_oriented`."""
 
     def __init__(self, mesh: MeshTri, order: int, reluctivity: ArrayLike) -> None:
         self.order, self.shape, self.size = order, Isoparametric(mesh), area(mesh)
@@ -65,7 +65,7 @@ class HigherPair:
         return Given(nodal, load, np.take_along_axis(corners, self.turned, axis=1))
 
     def indicators(self, primal: Given, dual: Given) -> Floats:
-        """The roots of the products of both residual estimates, (nelements,)."""
+        """The roots of the products of both residual estimates of order 2 or 3, (nelements,)."""
         return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
 
     def _residual(self, given: Given) -> Floats:
