@@ -238,8 +238,7 @@ class Transport:
         if len(self.pairs[0]) == 0:
             return
         own, now = self.constraints.own_chain, self.constraints.parameter
-        places = [np.where(self._stay(step, nodes), now[nodes], step.parameter[nodes]) for nodes in self.pairs]
-        place = 0.5 * (places[0] + places[1])
+        place = np.mean([np.where(self._stay(step, v), now[v], step.parameter[v]) for v in self.pairs], axis=0)
         for nodes in self.pairs:
             goes = place != now[nodes]
             step.parameter[nodes] = place
@@ -252,8 +251,6 @@ class Transport:
 
     def _wait(self, step: "Step") -> bool:
         """Let nodes of pairs stay whose partner does; returns whether there were such."""
-        if len(self.pairs[0]) == 0:
-            return False
         one, other = (self._stay(step, nodes) for nodes in self.pairs)
         for nodes in self.pairs:
             step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
