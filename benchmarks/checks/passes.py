@@ -44,10 +44,8 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         for levels, target in {QUICK: targets[QUICK]}.items() if quick else targets.items():
             mesh = c_core_mesh("c_core.msh").refined(levels)
             least = min((_seconds(mesh, problem, seed) for seed in list(seeds)[:3]), key=_ratio)
-            micros = [1e6 * least[step] / mesh.nvertices for step in STEPS]
-            rows.append(
-                [order, exchanged, mesh.nvertices, *micros, _ratio(least), target, _verdict(_ratio(least), target)]
-            )
+            micros, ratio = [1e6 * least[step] / mesh.nvertices for step in STEPS], _ratio(least)
+            rows.append([order, exchanged, mesh.nvertices, *micros, ratio, target, _verdict(ratio, target)])
     return aligned(["passes: order", "exchanged", "nodes", *STEPS, "ratio", "target", ""], rows)
 
 
