@@ -9,12 +9,14 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.orders import problem
 from benchmarks.problems.square_magnet import magnet_mesh
+from kohonen_adapt.kernels.triangle.descend_higher import Descents
+from kohonen_adapt.kernels.triangle.energy_recycle_higher import weigh_higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns, evaluated, local_coefficients, modes_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
+from kohonen_adapt.outline.surgery import Surgery, unchanged
+from kohonen_adapt.polishing.energy_recycling import judge_of, offers_of, recycle_by_energy, weighed
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import carried
@@ -150,6 +152,23 @@ def test_what_splits_offer_is_about_what_is_left(order):
     mesh = ka.adapt(mesh, given, passes=2).mesh
     offered = recycle_by_energy(*taken(Setting(mesh, given))).offered
     assert 0.5 <= offered / (0.5 * given.error(mesh, given.solve(mesh)) ** 2) <= 4.0
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_what_was_in_memory_before_has_no_say(order):
+    """A collapse costs the same, whatever other nodes, or nobody, have left in the room of a thread."""
+    movable, functional, trial, recycled = taken(Setting(perturbed(l_shaped_mesh(3), 1), problem("F", order)))
+    mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
+    offers = offers_of(movable, functional, trial.fixed, mesh)
+    judging = judge_of(movable, functional, trial, mesh, offers)
+    most, costs = weighed(judging, offers), offers.cost.copy()
+    assert np.isfinite(costs).sum() > 10
+    for v in range(movable.nnodes):
+        room = Descents.of(*judging.shared)
+        for array in room.one.block:
+            array[:] = np.nan if array.dtype == np.float64 else -5
+        weigh_higher(mesh, room, offers, most, movable.floor, v, v + 1, False)
+    np.testing.assert_array_equal(offers.cost, costs)
 
 
 def taken(setting):

@@ -32,7 +32,7 @@ from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, 
 
 @inner_kernel
 def number_merged(descent, v, w, gone):
-    """Number the sides between w and the nodes around v, were v merged into w, and bubbles.
+    """Number the sides between w and the nodes around v, were v merged into w, and bubbles, none of them known yet.
 
     Of sides that are given, or are there already, opposite to v in one of the elements that go, nothing is unknown;
     `gone` are the `rows_with` w, here and below.
@@ -65,13 +65,15 @@ def number_merged(descent, v, w, gone):
                 place[row - begin, BUBBLE] = count
                 count += 1
     block.unknowns[0] = count
+    for i in range(count):
+        block.still[i] = 0.0
 
 
 @inner_kernel
-def merged_coefficients(descent, v, w, gone, row, own, times):
+def merged_coefficients(descent, v, w, gone, row, own):
     """The coefficients of an element of the star of v, were it merged into w, in `Block.part`: w first.
 
-    The unknown ones are so many times `Block.still`.
+    The unknown ones are those of `Block.still`.
     """
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
@@ -85,12 +87,12 @@ def merged_coefficients(descent, v, w, gone, row, own, times):
             i = EVEN + 3 * d + side
             part[i] = 0.0
             if block.place[j, i] >= 0:
-                part[i] = times * block.sign[j, i] * block.still[block.place[j, i]]
+                part[i] = block.sign[j, i] * block.still[block.place[j, i]]
             elif known >= 0:
                 f = np.int64(star.element[known])
                 part[i] = modes.side[f, corner_of(elements.node, f, v), d]
     if degrees == 2:
-        part[BUBBLE] = times * block.still[block.place[j, BUBBLE]]
+        part[BUBBLE] = block.still[block.place[j, BUBBLE]]
 
 
 @inner_kernel
@@ -109,7 +111,7 @@ def merged_bends(descent, v, gone, row, bend):
 
 
 @inner_kernel
-def derivatives_of_merged(descent, v, w, gone, own, times):
+def derivatives_of_merged(descent, v, w, gone, own):
     """Value of the functional around v, were it merged into w, and the derivatives in the block; inf if overturned."""
     position, star, block = descent.position, descent.star, descent.block
     x, y, total = position[w, 0], position[w, 1], 0.0
@@ -120,7 +122,7 @@ def derivatives_of_merged(descent, v, w, gone, own, times):
             continue
         if not orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]) > 0.0:
             return np.inf
-        merged_coefficients(descent, v, w, gone, row, own, times)
+        merged_coefficients(descent, v, w, gone, row, own)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         merged_bends(descent, v, gone, row, block.bend[4])
         if not is_valid(block.bend[4], ax, ay, bx, by):
@@ -137,7 +139,7 @@ def merged_functional(descent, v, w, own):
     """
     block, gone = descent.block, rows_with(descent.star, v, w)
     number_merged(descent, v, w, gone)
-    total = derivatives_of_merged(descent, v, w, gone, own, 0.0)
+    total = derivatives_of_merged(descent, v, w, gone, own)
     if not total < np.inf:
         return np.inf
     solved, square = factorise(block, 0)
@@ -145,7 +147,7 @@ def merged_functional(descent, v, w, own):
         return np.inf
     solve_upper(block, 0, 0.0, 0.0)
     if descent.trial.bent[v]:
-        return derivatives_of_merged(descent, v, w, gone, own, 1.0)
+        return derivatives_of_merged(descent, v, w, gone, own)
     return total - 0.5 * square
 
 
@@ -248,7 +250,7 @@ def put_merged(descent, v, w):
     for row in range(star.start[v], star.start[v + 1]):
         a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
         if a != w and b != w:
-            merged_coefficients(descent, v, w, gone, row, own, 1.0)
+            merged_coefficients(descent, v, w, gone, row, own)
             k = corner_of(node, e, v)
             put(modes, e, k, descent.block.part)
             merged_bends(descent, v, gone, row, bend)
