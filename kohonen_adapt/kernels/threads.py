@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.kernels.compilation import number_of_threads
 
-__all__ = ["Nodes", "by_turns", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
+__all__ = ["LIGHT", "Nodes", "by_turns", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
 
 Nodes = NDArray[np.int32]
 Result = TypeVar("Result")
 
+LIGHT = 15_000  # nodes or elements of a light loop are not worth another thread: to hand it over takes as long
 NODES = 50_000  # per compiled call: Python hears Ctrl-C at least every half second
 
 _pools: dict[int, ThreadPoolExecutor] = {}  # idle threads, the one thing that calls share; no result depends on them

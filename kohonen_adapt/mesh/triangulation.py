@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
-from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.curved import corners_of
@@ -18,8 +18,6 @@ from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]
-
-FEW = 15_000  # nodes that are not worth another thread
 
 
 @dataclass
@@ -82,11 +80,11 @@ class Triangulation:
         """Take other nodes and elements, of the same regions, which are not copied."""
         self.position, self.elements = position, elements
         if self._star is not None:
-            self._star = star_of(elements.node, len(position), even_cuts(len(position), FEW))
+            self._star = star_of(elements.node, len(position), even_cuts(len(position), LIGHT))
 
     def refill_star(self) -> None:
         """Work the stars out anew after edges were flipped."""
-        fill(self.star, self.elements.node, even_cuts(self.nnodes, FEW))
+        fill(self.star, self.elements.node, even_cuts(self.nnodes, LIGHT))
 
     def areas(self) -> Floats:
         """Area of every element, (m,)."""

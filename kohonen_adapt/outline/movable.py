@@ -11,7 +11,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import check_state
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
-from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
 from kohonen_adapt.mesh.curved import facet_displacements, is_second_order, with_displacements
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -24,7 +24,6 @@ from kohonen_adapt.outline.rules import Rules, check_for, floor_of
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
 
 FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
-FEW = 15_000  # elements that are not worth another thread
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")
@@ -202,7 +201,7 @@ class MovableMesh:
 
         total, flips = 0, FLIPS
         while flips >= FLIPS:
-            shared(mark, even_cuts(m, FEW))
+            shared(mark, even_cuts(m, LIGHT))
             flips = flip_edges(tri.position, tri.elements, self.floor, doubtful, stack, waiting, FLIPS)
             total += flips
             if flips:

@@ -38,6 +38,8 @@ SWEEPS = 8
 class Downhill(Descending, Protocol):
     """What a sweep is made of, at one order of elements; `thread` is the one that calls."""
 
+    few: int  # elements that are not worth another thread
+
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in this order; returns the gain."""
 
@@ -64,16 +66,15 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
-    few = few_for_threads(functional.ritz.order)
     parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
     part, deep = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
     if eager:
-        gain += flip_downhill(movable, downhill, few)
+        gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
         mark_deep(movable.triangulation.star, part, 1, deep, np.empty_like(order))
         gain += shared_in_parts(downhill.descend_nodes, order, (part, deep))
         gain += descend_pairs(movable, downhill, freedom)
-        gain += flip_downhill(movable, downhill, few)
+        gain += flip_downhill(movable, downhill)
         bend = movable.bent_sides() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, bend)
     return gain
@@ -92,6 +93,7 @@ class _Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
+        self.few = few_for_threads(functional.ritz.order)
         self.trials, self.modes, self.shapes = functional.trials(self.triangulation, trial), (), None
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
@@ -114,7 +116,7 @@ class Higher:
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
-        triangulation = movable.triangulation
+        triangulation, self.few = movable.triangulation, few_for_threads(functional.ritz.order)
         self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descents]()
         self.trials, self.modes = functional.trials(triangulation, trial), trial.all_modes
         points, self.shapes = shapes_of(functional.ritz, movable.bent_sides(), len(triangulation.elements.node))
@@ -147,15 +149,15 @@ def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction
     return kind(movable, functional, trial, constraints)
 
 
-def flip_downhill(movable: MovableMesh, downhill: Downhill, few: int) -> float:
+def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:
     """One sweep over the edges, where they may flip; returns what that took off the functional.
 
-    Threads find the edges whose flip would gain, unless elements are too `few`; the flips come one after the other.
+    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
     """
     if not movable.flips:
         return 0.0
     gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
-    cuts = even_cuts(len(gainful), few)
+    cuts = even_cuts(len(gainful), downhill.few)
     shared(lambda thread, first, last: downhill.descend_flips(thread, first, last, gainful, True), cuts)
     gain, flips = downhill.descend_flips(0, 0, len(gainful), gainful, False)
     if flips:

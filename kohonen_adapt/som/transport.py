@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
-from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.transport import (
     find_crossings,
     find_directions,
@@ -56,7 +56,6 @@ ATTEMPTS = 12  # in all
 SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
 NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
 LEAKAGE = 1e-9  # of the conductance around a cluster
-FEW = 15_000  # nodes or elements that are not worth another thread: to hand it over takes as long as to go on
 
 
 @dataclass
@@ -151,7 +150,7 @@ class Transport:
     def moves(self, flow: Floats) -> Floats:
         """The displacement of every node: that of the clusters around it, smoothed, along outlines on outlines."""
         star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
-        cuts, moves = even_cuts(n, FEW), np.empty((2, n, 2))
+        cuts, moves = even_cuts(n, LIGHT), np.empty((2, n, 2))
 
         def begin(thread: int, first: int, last: int) -> None:
             move_with_clusters(star, constraints, self.cluster, flow, first, last, moves[0])
@@ -181,13 +180,13 @@ class Transport:
         def measure(thread: int, first: int, last: int) -> None:
             measure_moves(tri.position, tri.star, move, first, last, ratio)
 
-        shared(measure, even_cuts(tri.nnodes, FEW))
+        shared(measure, even_cuts(tri.nnodes, LIGHT))
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
         """Let all nodes go a share of their moves, as far as that spoils no element."""
         tri, constraints = self.movable.triangulation, self.constraints
-        nodes = even_cuts(tri.nnodes, FEW)
+        nodes = even_cuts(tri.nnodes, LIGHT)
 
         def go(thread: int, first: int, last: int) -> None:
             step_ahead(tri.position, constraints, move, share, first, last, step.ahead, step.parameter)
@@ -230,7 +229,7 @@ class Transport:
         """Mark the elements that a step spoils."""
         tri = self.movable.triangulation
         arrays = tri.position, step.ahead, tri.elements.node, self.movable.floor
-        cuts = even_cuts(len(tri.elements.node), FEW)
+        cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 
     def _together(self, step: "Step") -> None:
