@@ -13,11 +13,11 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.table import Cell, aligned
 
-SQUARES = (64, 182, 577)  # per unit: 12 545, 99 008 and about a million nodes; the last takes some minutes
+SQUARES = (64, 182, 577)  # per unit: 12 545, 99 008 and about a million nodes; the last takes a minute
 GROWTH = 2.0  # time per node at a million nodes over that of the smallest mesh
 MEMORY = 1000  # bytes per node beyond the mesh, at the peak
 KINDS = ("by element", "callable")
-RUNS = 5  # of the smallest mesh, fewer of larger ones
+RUNS = 5  # of the smallest mesh, fewer of larger ones, two at least: the first finds its memory untouched
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
@@ -46,12 +46,12 @@ def _verdict(met: bool) -> str:
 
 def _cost(squares: int, kind: str, seed: int) -> tuple[int, np.ndarray, float]:
     """Nodes, microseconds per node by both clocks, peak bytes per node; the density is the exact solution's: nothing is
-    solved. Of small meshes the least of a few runs counts."""
+    solved. The least of a few runs counts."""
     ka.relocate(l_shaped_mesh(8), _density)
     mesh = l_shaped_mesh(squares)
     density = _density if kind == KINDS[1] else _density(mesh.p[:, mesh.t].mean(axis=1))
     nodes, before, seconds = mesh.p.shape[1], _peak_memory(), []
-    for _ in range(max(1, RUNS * SQUARES[0] ** 2 // squares**2)):
+    for _ in range(max(2, RUNS * SQUARES[0] ** 2 // squares**2)):
         start = np.array([time.perf_counter(), time.thread_time()])
         ka.relocate(mesh, density, seed=seed)
         seconds.append(np.array([time.perf_counter(), time.thread_time()]) - start)

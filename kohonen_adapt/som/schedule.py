@@ -102,7 +102,8 @@ class Schedule:
         The stages; none, without rounds and sweeps, leaves every node where it is.
     rounds
         Rounds of transport before the stages: all nodes flow at once from where training points have too many winners
-        to where they have too few, as far as it is. Their points are counted, not presented.
+        to where they have too few, as far as it is. Their points are counted, not presented. Beyond five the first are
+        taken together: one flow goes as far as two of them, or as several.
     sweeps
         Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only): towards the circumcentres
         around each node (optimal Delaunay smoothing), or with ``topology="fixed"`` towards the barycentres.

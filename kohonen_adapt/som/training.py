@@ -27,7 +27,7 @@ from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.rooms import ROOMS, Room
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density
-from kohonen_adapt.som.transport import POINTS, Transport
+from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
 
 __all__ = ["Trainer"]
 
@@ -98,11 +98,11 @@ class Trainer:
         if not rounds:
             return
         transport = Transport.of(self._triangles("rounds of transport"), self.rank)
-        for _ in range(rounds):
+        for number in range(min(rounds, FLOWS)):
             shown = draw(ceil(POINTS * self.movable.nnodes), rng)
             found = self.search(shown, winners[shown.element])[0]
             winners[shown.element] = found
-            transport.carry(shown, found)
+            transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
     def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
         """All epochs; returns the error of each.

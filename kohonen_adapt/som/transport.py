@@ -43,13 +43,14 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
 from kohonen_adapt.som.draw import Draw
 
-__all__ = ["POINTS", "Transport"]
+__all__ = ["FLOWS", "POINTS", "Transport"]
 
 POINTS = 0.25  # training points per neuron and round: four in a cluster
 CLUSTER = 32  # elements
 SMOOTHING = 1 / 16  # sweeps over clusters, per node in a row
-BOUND = 0.7  # of the logarithm of the mass: what is asked for is linear in it
-STEPS = 4  # at most, and edges flip after each: elements are stretched by less than a fifth in one
+FLOWS = 5  # at most, however many rounds: each takes the place of as many as that leaves it
+BOUND = 0.7  # of the logarithm of the mass, per round: what is asked for is linear in it
+STEPS = 4  # at most for one round, and edges flip after each: elements are stretched by less than a fifth in one
 STEP = 1.0  # of the distance of neighbours, below which no more steps are needed
 MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, before the flow is slowed down
 ATTEMPTS = 12  # in all
@@ -93,18 +94,18 @@ class Transport:
         straight = (self.constraints.chains.shape == STRAIGHT)[self.constraints.own_chain[node]]
         return node[straight], partner[straight]
 
-    def carry(self, shown: Draw, winners: Ints) -> None:
-        """One round: let the nodes flow to where these points found too few winners."""
-        move = self.moves(self.flow(shown, winners))
+    def carry(self, shown: Draw, winners: Ints, rounds: int = 1) -> None:
+        """Let the nodes flow to where these points found too few winners, as far as in that many rounds."""
+        move = self.moves(self.flow(shown, winners, rounds))
         far = self._reach(move)
-        steps = min(STEPS, max(1, ceil(far / STEP)))
+        steps = min(STEPS * (1 + rounds) // 2, max(1, ceil(far / STEP)))
         step = Step.of(self.movable.triangulation, self.constraints)
         for _ in range(steps):
             self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
             self.movable.flip()
 
-    def flow(self, shown: Draw, winners: Ints) -> Floats:
-        """Mean displacement of the nodes of every cluster, (c, 2)."""
+    def flow(self, shown: Draw, winners: Ints, rounds: int = 1) -> Floats:
+        """Mean displacement of the nodes of every cluster in that many rounds, (c, 2)."""
         tri, cluster = self.movable.triangulation, self.cluster
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
@@ -116,7 +117,8 @@ class Transport:
         way = centre[column] - centre[row]
         conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
         links = symmetric(conductance, row, column, len(size))
-        height = potential(links, wanted_inflow(np.bincount(cluster, weights=mass).astype(np.float64), size, links))
+        found = np.bincount(cluster, weights=mass).astype(np.float64)
+        height = potential(links, wanted_inflow(found, size, links, rounds * BOUND))
         carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
         # what crosses an edge has gone half of the way between the centres in either cluster
         flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
@@ -292,13 +294,16 @@ def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     return cluster
 
 
-def wanted_inflow(mass: Floats, size: Floats, links: csr_array) -> Floats:
-    """The nodes that every cluster asks for, in elements; zero in sum wherever nodes can flow, (c,)."""
+def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = BOUND) -> Floats:
+    """The nodes that every cluster asks for, in elements; zero in sum wherever nodes can flow, (c,).
+
+    `bound` is of the logarithm of what it has over its share.
+    """
     parts = connected_components(links, directed=False)[1]
     mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
     share = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
     few = 0.5 / size  # half an element's share more in every cluster, for there may be none
-    asked = np.clip(np.log((share + few) / (1.0 + few)), -BOUND, BOUND)
+    asked = np.clip(np.log((share + few) / (1.0 + few)), -bound, bound)
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
 
 

@@ -40,7 +40,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
-from kohonen_adapt.som.transport import Transport, clusters_of, potential, symmetric, wanted_inflow
+from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, potential, symmetric, wanted_inflow
 
 FLOOR = 0.3
 ROUNDS = Schedule((), rounds=3)
@@ -254,6 +254,27 @@ def test_nodes_are_carried_many_edges_far():
     after = ka.relocate(mesh, lambda x: 1.0 / (0.02 + x[0]), schedule=ROUNDS)
     assert np.abs(after.p - mesh.p).max() > 6 / 64
     assert ka.quality(after).min() >= FLOOR
+
+
+def test_of_many_rounds_the_first_are_taken_together_and_reach_farther():
+    mesh, far = square(16), 2.0 * np.log(10.0)
+
+    def density(x):
+        return np.exp(-far * x[0])
+
+    draws, places = [0, 0], []
+    for which, rounds in enumerate((FLOWS, 2 * FLOWS)):
+        som = KohonenMap(mesh)
+
+        def drawn(count, rng, which=which):
+            draws[which] += 1
+            x = rng.random((2, 50 * count))
+            return x[:, rng.random(x.shape[1]) < density(x)][:, :count], None
+
+        som.train(drawn, Schedule((), rounds=rounds))
+        places.append(som.mesh.p[0].mean())
+    assert draws == [FLOWS, FLOWS]
+    assert places[1] < places[0] - 0.01
 
 
 def test_a_density_that_the_mesh_has_moves_it_by_less_than_the_noise_of_its_points():
