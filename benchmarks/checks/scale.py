@@ -8,6 +8,7 @@ from multiprocessing import get_context
 
 import numba
 import numpy as np
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
@@ -16,7 +17,7 @@ from benchmarks.table import Cell, aligned
 SQUARES = (64, 182, 577)  # per unit: 12 545, 99 008 and about a million nodes; the last takes a minute
 GROWTH = 2.0  # time per node at a million nodes over that of the smallest mesh
 MEMORY = 1000  # bytes per node beyond the mesh, at the peak
-KINDS = ("by element", "callable")
+KINDS = ("by element", "callable", "scattered")
 RUNS = 5  # of the smallest mesh, fewer of larger ones, two at least: the first finds its memory untouched
 
 
@@ -24,7 +25,8 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     """Microseconds per node, also relative to the smallest mesh, and peak memory of the first relocation of L.
 
     The second time is the processor time of the thread that calls, beside which others work: what else runs on the
-    machine counts in the first. Every relocation has a process of its own, for peaks of memory only rise.
+    machine counts in the first. Every relocation has a process of its own, for peaks of memory only rise. What is
+    scattered has a density by element, and nodes and elements are numbered in any order.
     """
     ka.warmup()
     header = ["scale: first relocation of L", "N", "density", "us per node", "relative", "limit", "", "of caller"]
@@ -49,6 +51,8 @@ def _cost(squares: int, kind: str, seed: int) -> tuple[int, np.ndarray, float]:
     solved. The least of a few runs counts."""
     ka.relocate(l_shaped_mesh(8), _density)
     mesh = l_shaped_mesh(squares)
+    if kind == KINDS[2]:
+        mesh = _scattered(mesh, np.random.default_rng(seed))
     density = _density if kind == KINDS[1] else _density(mesh.p[:, mesh.t].mean(axis=1))
     nodes, before, seconds = mesh.p.shape[1], _peak_memory(), []
     for _ in range(max(2, RUNS * SQUARES[0] ** 2 // squares**2)):
@@ -56,6 +60,12 @@ def _cost(squares: int, kind: str, seed: int) -> tuple[int, np.ndarray, float]:
         ka.relocate(mesh, density, seed=seed)
         seconds.append(np.array([time.perf_counter(), time.thread_time()]) - start)
     return nodes, 1e6 * np.min(seconds, axis=0) / nodes, (_peak_memory() - before) / nodes
+
+
+def _scattered(mesh: MeshTri, rng: np.random.Generator) -> MeshTri:
+    """The same mesh with nodes and elements in any order."""
+    nodes, elements = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
+    return MeshTri(np.ascontiguousarray(mesh.p[:, nodes]), np.ascontiguousarray(np.argsort(nodes)[mesh.t][:, elements]))
 
 
 def _density(x: np.ndarray) -> np.ndarray:

@@ -25,7 +25,6 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
 from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
-from kohonen_adapt.som.training_points import ElementDensity
 
 __all__ = ["ROOMS"]
 
@@ -48,9 +47,8 @@ def moved_triangles(
     longest = None
     if functional is not None and functional.dual is None:  # what arcs cost a goal is not known
         longest = longest_on_arcs(functional.ritz, movable, estimate)
-    wanted, topology = ElementDensity(movable.triangulation, density), settings.rules.topology
-    nodes = settings.growth.nodes(number, functional is not None)
-    return move(movable, wanted, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
+    topology, nodes = settings.rules.topology, settings.growth.nodes(number, functional is not None)
+    return move(movable, density, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
 
 
 def corrects_triangles(problem: Problem) -> bool:

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
+from kohonen_adapt.outline.numbering import along, with_rows
 
 __all__ = ["Recycled", "Surgery", "unchanged"]
 
@@ -96,16 +97,9 @@ class Surgery:
         kept = np.flatnonzero(anchor >= 0)
         if renumbered:
             kept = kept[along_curve(self.state["position"][kept])]
-        number = ranks(kept, len(anchor))
         used = np.flatnonzero(node[:, 0] >= 0)
-        used = used[np.argsort(number[node[used]].min(axis=1), kind="stable")]
-        place = np.append(ranks(used, len(node)), np.int32(-1))
-        state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
-        state["elements.node"] = number[state["elements.node"]]
-        state["elements.neighbour"] = place[state["elements.neighbour"]]
-        partner = state["twins.partner"]
-        state["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
-        movable.become(state)
+        used = used[along(node[used], ranks(kept, len(anchor)))]
+        movable.become(with_rows(self.state, kept, used))
         return kept, used
 
 

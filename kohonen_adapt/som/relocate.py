@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.numbering import numbered_along_curve
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled, unchanged
@@ -142,8 +144,7 @@ def relocated_in_plane(
     if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect(*loops_in_plane(rules.topology))
-    wanted = density_of(movable.triangulation, density)
-    moved = move(movable, wanted, schedule, rules.topology, np.random.default_rng(seed), int(mesh.nvertices))
+    moved = move(movable, density, schedule, rules.topology, np.random.default_rng(seed), int(mesh.nvertices))
     work = moved.work(movable)
     report_curves(moved.before, movable)
     if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
@@ -158,7 +159,7 @@ def loops_in_plane(topology: str) -> tuple[str, ...]:
 
 def move(
     movable: MovableMesh,
-    wanted: Density,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
     schedule: Schedule | None,
     topology: str,
     rng: np.random.Generator,
@@ -169,22 +170,26 @@ def move(
     """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; to so many `nodes`, but that
     without recycling there are never fewer than now.
 
-    `wanted` is a density on the mesh as it is now. With the topology "recycle" the map counts on recycling that was
-    done before where it `recycles` nothing here. `longest` facets on arcs are those of `recycle_nodes`.
+    `density` is of the mesh as it is now. With the topology "recycle" the map counts on recycling that was done before
+    where it `recycles` nothing here. `longest` facets on arcs are those of `recycle_nodes`.
     """
     before, pairs = movable.copy(), recycles and topology == "recycle"
-    recycled, target = unchanged(before.triangulation), nodes if nodes and pairs else max(nodes, movable.nnodes)
-    if pairs or target > movable.nnodes:
-        recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs, longest)
-    trainer = Trainer.of(movable)
-    if schedule is None:
-        radius = radius_for(trainer, wanted, topology, recycled)
-        schedule = Schedule.default(target, radius=radius, topology=topology)
-    errors = trainer.learn(wanted.draw, schedule, rng, starts_of(before.triangulation, recycled))
-    if schedule.sweeps:
-        if recycled.splits:
-            wanted.refit(movable.triangulation, before.triangulation, recycled.hint)
-        trainer.smooth(wanted, schedule.sweeps)
+    target = nodes if nodes and pairs else max(nodes, movable.nnodes)
+    recycled, starts, exchanges = unchanged(before.triangulation), None, pairs or target > movable.nnodes
+    with nullcontext() if exchanges else numbered_along_curve(movable) as row:
+        wanted = density_of(movable.triangulation, density, row)
+        if exchanges:
+            recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs, longest)
+            starts = starts_of(before.triangulation, recycled)
+        trainer = Trainer.of(movable)
+        if schedule is None:
+            radius = radius_for(trainer, wanted, topology, recycled)
+            schedule = Schedule.default(target, radius=radius, topology=topology)
+        errors = trainer.learn(wanted.draw, schedule, rng, starts)
+        if schedule.sweeps:
+            if recycled.splits:
+                wanted.refit(movable.triangulation, before.triangulation, recycled.hint)
+            trainer.smooth(wanted, schedule.sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule))
 
 

@@ -199,8 +199,10 @@ class CallableDensity(FunctionSource):
 Density = ElementDensity | CallableDensity
 
 
-def density_of(triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike]) -> Density:
-    """A user's density, checked, for the mesh of a triangulation.
+def density_of(
+    triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike], row: Ints | None = None
+) -> Density:
+    """A user's density, checked, for the mesh of a triangulation; `row` has where each element is in `density`, (m,).
 
     Raises
     ------
@@ -212,7 +214,7 @@ def density_of(triangulation: Triangulation, density: ArrayLike | Callable[[Floa
     values = per_element(len(triangulation.elements.node), density, "density")
     if not values.any():
         raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
-    return ElementDensity(triangulation, values)
+    return ElementDensity(triangulation, values if row is None else values[row])
 
 
 def source_of(

@@ -322,7 +322,7 @@ def test_an_account_of_what_it_took():
 def work_of(mesh, density, schedule, pinned=()):
     """The mesh moved, and the figures of that."""
     movable = MovableMesh.of(mesh, Rules(pinned=pinned))
-    moved = move(movable, density_of(movable.triangulation, density), schedule, "flip", np.random.default_rng(0))
+    moved = move(movable, density, schedule, "flip", np.random.default_rng(0))
     return movable.mesh(), moved.work(movable)
 
 
