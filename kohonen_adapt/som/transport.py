@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
@@ -42,6 +41,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
 from kohonen_adapt.som.draw import Draw
+from kohonen_adapt.som.poisson import potential
 
 __all__ = ["FLOWS", "POINTS", "Transport"]
 
@@ -56,7 +56,6 @@ MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, befor
 ATTEMPTS = 12  # in all
 SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
 NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
-LEAKAGE = 1e-9  # of the conductance around a cluster
 
 
 @dataclass
@@ -305,17 +304,6 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
     few = 0.5 / size  # half an element's share more in every cluster, for there may be none
     asked = np.clip(np.log((share + few) / (1.0 + few)), -bound, bound)
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
-
-
-def potential(links: csr_array, inflow: Floats) -> Floats:
-    """What drives the flow: the solution of Poisson's equation on the clusters, (c,)."""
-    total = links.sum(axis=0)
-    total[total == 0.0] = 1.0
-    # where nodes can flow the potential is fixed but for a constant; a little leakage fixes that, too
-    matrix = csc_array(diags_array(total * (1.0 + LEAKAGE)) - links)
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
-        inflow
-    )
 
 
 def symmetric(values: Floats, row: Ints, column: Ints, count: int) -> csr_array:

@@ -38,9 +38,10 @@ from kohonen_adapt.kernels.triangle.transport import (
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
-from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, potential, symmetric, wanted_inflow
+from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, symmetric, wanted_inflow
 
 FLOOR = 0.3
 ROUNDS = Schedule((), rounds=3)
