@@ -41,10 +41,10 @@ def directly(matrix: csr_array) -> Callable[[Floats], Floats]:
 def by_conjugate_gradients(matrix: csr_array, inflow: Floats) -> Floats | None:
     """The same solution to within ERROR, with two levels as preconditioner; None where MOST iterations are too few."""
     height, residual = np.zeros_like(inflow), inflow.copy()
-    improve = two_levels(matrix)
+    improve, enough = two_levels(matrix), ERROR**2 * np.sum(inflow**2)
     way, before = np.zeros_like(inflow), np.inf
     for _ in range(MOST):
-        if np.sum(residual**2) <= ERROR**2 * np.sum(inflow**2):
+        if np.sum(residual**2) <= enough:
             return height
         better = improve(residual)
         slope = np.sum(residual * better)
