@@ -24,7 +24,7 @@ __all__ = ["compile_ahead", "compile_each"]
 logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
-SECONDS = 0.8  # that one core needs for one of `ENTRIES` and what that calls, for a first word
+SECONDS = 0.6  # that one core needs for one of `ENTRIES` and what that calls, for a first word
 
 # What the other process runs: the package that is running here, whatever a new process would find. It ends with this
 # process, for its standard input is closed then.
@@ -78,6 +78,7 @@ class _Compiling(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             if self._collects:
+                _count_as_old()
                 gc.enable()
             self._finish(name_of(event.data["dispatcher"].py_func))
 
@@ -119,6 +120,13 @@ class _Compiling(event.Listener):
             done, left = self._number - len(self._waiting), len(self._waiting)
             seconds = (time.perf_counter() - self._since) / done * left
             progress.info("compiled %d of %d loops, about %.0f s to go", done, self._number, seconds)
+
+
+def _count_as_old() -> None:
+    """Let the collector take all objects for old ones, which it looks through when there are a quarter more of them."""
+    if not gc.get_freeze_count():  # else somebody keeps objects out of its sight, which would end
+        gc.freeze()
+        gc.unfreeze()
 
 
 _compiling = _Compiling()

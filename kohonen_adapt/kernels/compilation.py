@@ -9,14 +9,16 @@ from types import FunctionType
 from typing import Any
 
 import numba
-from numba import config, njit
+from numba import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+
+from kohonen_adapt.kernels.compiler import InnerCompiler, KernelCompiler, Loop
 
 __all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
 
 expected: set[str] = set()
+
+OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
 
 def kernel(function: Callable) -> Callable:
@@ -24,12 +26,12 @@ def kernel(function: Callable) -> Callable:
 
     It can make no array, and counts no references: its caller holds all that it reads and writes.
     """
-    return _cached(function, _njit(function, _nrt=False))
+    return _compiled(function, inner=False)
 
 
 def inner_kernel(function: Callable) -> Callable:
     """Compile a loop that only kernels call: it needs no wrapper for Python, and no machine code of its own."""
-    return _cached(function, _njit(function, _nrt=False, no_cpython_wrapper=True, pipeline_class=_InnerCompiler))
+    return _compiled(function, inner=True)
 
 
 def expect(*chapters: str) -> None:
@@ -66,39 +68,14 @@ def number_of_threads() -> int:
     return max(1, config.NUMBA_NUM_THREADS)
 
 
-class _LinkedCode(JITCodeLibrary):
-    """The code of a loop that nobody runs but where it is linked in, which is where it is optimised."""
-
-    def _optimize_final_module(self) -> None:
-        """Leave that to what it is linked into."""
-
-    def _finalize_final_module(self) -> None:
-        """Make machine code of variables only, which numba looks up."""
-        self._shared_module = self._final_module.clone()
-        for module, linkage in ((self._shared_module, "linkonce_odr"), (self._final_module, "available_externally")):
-            for each in module.functions:
-                if not each.is_declaration:
-                    each.linkage = linkage
-        super()._finalize_final_module()
-
-
-class _InnerCompiler(Compiler):
-    """numba's compiler, for loops that only kernels call."""
-
-    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
-        library = _LinkedCode(targetctx.codegen(), "inner loop")
-        library.enable_object_caching()
-        super().__init__(typingctx, targetctx, library, *rest)
-
-
-_njit = functools.partial(njit, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-
-
-def _cached(function: Callable, dispatcher: Any) -> Callable:
+def _compiled(function: Callable, inner: bool) -> Callable:
     """Keep machine code as ``cache=True`` does, in a cache that knows all kernels; uncompiled there is none to keep."""
-    if not config.DISABLE_JIT:
-        dispatcher._cache = _KernelCache(function)
-    return dispatcher
+    if config.DISABLE_JIT:
+        return function
+    options = {**OPTIONS, "no_cpython_wrapper": inner}
+    loop = Loop(function, targetoptions=options, pipeline_class=InnerCompiler if inner else KernelCompiler)
+    loop._cache = _KernelCache(function)
+    return loop
 
 
 @functools.cache

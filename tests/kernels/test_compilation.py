@@ -13,6 +13,19 @@ import kohonen_adapt
 COMPILATION = Path(kohonen_adapt.__file__).parent / "kernels" / "compilation.py"
 CALLEE = "from .compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
 CALLER = "from .compilation import kernel\nfrom .callee import scale\n\n@kernel\ndef scaled(x):\n    return scale(x)\n"
+TIMES = "from .compilation import inner_kernel\n\n@inner_kernel\ndef times(x, k):\n    return k * x\n"
+MANY_TIMES = """
+import numpy as np
+from .compilation import kernel
+from .callee import times
+
+@kernel
+def scaled(x):
+    total = times(x, 3)
+    for k in range(2):
+        total += times(x, k) + times(1.0, np.int32(k + 1))
+    return total + times(x, k=2)
+"""
 RUN = """
 import sys
 from {package}.caller import scaled
@@ -62,6 +75,13 @@ def test_an_edited_kernel_is_seen_in_its_caller_and_no_code_of_the_old_one_is_le
     (kernels / "callee.py").write_text(CALLEE.format(factor=2))
     assert run(kernels, "(1, 1.0)") == ([2.0, 2.0], 0, 2)
     assert code_in(kernels) == first  # named by signature, whichever came first
+
+
+def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
+    (kernels / "callee.py").write_text(TIMES)
+    (kernels / "caller.py").write_text(MANY_TIMES)
+    assert run(kernels, "(1.0, 2.0)") == ([9.0, 15.0], 0, 1)
+    assert len(list((kernels / "__pycache__").glob("callee.times*.nbc"))) == 1
 
 
 def test_an_index_of_types_that_are_gone_is_an_empty_one(kernels):

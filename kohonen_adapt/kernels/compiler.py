@@ -1,0 +1,134 @@
+"""Have numba compile each kernel once, in less of the time that it takes by default."""
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+from numba.core import typed_passes, types, untyped_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, Flags
+from numba.core.compiler_machinery import PassManager
+from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
+from numba.core.types.misc import unliteral
+from numba.core.typing import Context
+
+__all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
+
+DEFAULTS = Flags().values()
+
+# Passes over closures, `with`, constants as types, arrays made by arithmetic, and for a listing.
+NOT_NEEDED = {
+    untyped_passes.WithLifting,
+    untyped_passes.InlineClosureLikes,
+    untyped_passes.RewriteDynamicRaises,
+    untyped_passes.MakeFunctionToJitFunction,
+    untyped_passes.InlineInlinables,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    typed_passes.InlineOverloads,
+    typed_passes.NopythonRewrites,
+    typed_passes.AnnotateTypes,
+    typed_passes.DumpParforDiagnostics,
+}
+
+
+class KernelCompiler(Compiler):
+    """numba's compiler, for loops that Python calls."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, args: Any, returned: Any, flags: Any, *rest: Any):
+        super().__init__(typingctx, targetctx, library, args, returned, _Flags(flags), *rest)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The one that numba has without objects, less what looks for things that no kernel has."""
+        (manager,) = super().define_pipelines()
+        lean = PassManager(manager.pipeline_name)
+        lean.passes = [(each, says) for each, says in manager.passes if each not in NOT_NEEDED]
+        lean.finalize()
+        return [lean]
+
+
+class InnerCompiler(KernelCompiler):
+    """The same for loops that only kernels call."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+        library = _LinkedCode(targetctx.codegen(), "inner loop")
+        library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *rest)
+
+
+class _Flags(Flags):
+    """How to compile, of which numba makes a table for every operator that it looks up."""
+
+    __slots__ = ()
+
+    def values(self) -> dict[str, Any]:
+        """The table, without asking for one after the other."""
+        return {**DEFAULTS, **self._values}
+
+
+class _LinkedCode(JITCodeLibrary):
+    """The code of a loop that nobody runs but where it is linked in, which is where it is optimised."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to what it is linked into."""
+
+    def _finalize_final_module(self) -> None:
+        """Make machine code of variables only, which numba looks up."""
+        self._shared_module = self._final_module.clone()
+        for module, linkage in ((self._shared_module, "linkonce_odr"), (self._final_module, "available_externally")):
+            for each in module.functions:
+                if not each.is_declaration:
+                    each.linkage = linkage
+        super()._finalize_final_module()
+
+
+class _Remembering(Context):
+    """What numba knows of types, with what it has found of a function and its arguments.
+
+    It asks some ten rules for each operator in a loop, and there are thousands; most are a product of two numbers.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.__dict__.update(context.__dict__)  # what is declared to one is known to both
+        self._found: dict[Any, Any] = {}
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        """The signature of a function for these arguments; those of loops depend on what is being compiled."""
+        if kws or not isinstance(func, types.Function):
+            return super().resolve_function_type(func, args, kws)
+        key = (func, tuple(args))
+        if key not in self._found:
+            self._found[key] = super().resolve_function_type(func, args, kws)
+        return self._found[key]
+
+
+class _Target(CPUTarget):
+    """The processor that numba compiles for, by types that are remembered."""
+
+    @cached_property
+    def _toplevel_typing_context(self) -> Context:
+        return _Remembering(cpu_target.typing_context)
+
+    @property
+    def target_context(self) -> Any:
+        """Of numba itself: there is one."""
+        return cpu_target.target_context
+
+
+class Loop(CPUDispatcher):
+    """A loop, which calls of other loops compile for one type of integer.
+
+    Otherwise each takes a constant or an index of 32 bits for another type, and the loop is compiled for that, too.
+    """
+
+    targetdescr = _Target("cpu")
+
+    def get_call_template(self, args: Iterable[Any], kws: dict[str, Any]) -> Any:
+        """What a call of these types is compiled to."""
+        return super().get_call_template([_widened(kind) for kind in args], {k: _widened(kws[k]) for k in kws})
+
+
+def _widened(kind: types.Type) -> types.Type:
+    kind = unliteral(kind)
+    return types.int64 if isinstance(kind, types.Integer) else kind
