@@ -119,18 +119,6 @@ print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg", "distributed", "h5
     assert not list(tmp_path.rglob("*.nb[ic]"))
 
 
-def test_import_takes_less_than_a_second_beyond_skfem_and_numba(tmp_path):
-    # Processor time, so that a busy machine does not decide.
-    code = """
-import numba, skfem, time
-start = time.process_time()
-import kohonen_adapt
-print(time.process_time() - start)
-"""
-    (seconds,) = in_a_fresh_process(code, tmp_path)
-    assert float(seconds) < 1.0
-
-
 def test_the_readme_has_the_same_chapters_in_the_same_order():
     table = (PACKAGE / "README.md").read_text(encoding="utf-8").partition("|---|---|\n")[2].partition("\n\n")[0]
     rows = [tuple(re.findall(r"`(\w+)`", row.split("|")[1])) for row in table.splitlines()]
