@@ -71,15 +71,21 @@ FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 # By what needs them.
 ENTRIES: dict[str, tuple[Entry, ...]] = {
+    "ground": (
+        Entry(connectivity.find_starts, I2, I1),
+        Entry(connectivity.fill_star, I2, STAR, int64, int64, I1),
+        Entry(ordering.hilbert_keys, R2, R1, float64, L1),
+        Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(chains.look_up, CONSTRAINTS, L1, R2),
+        Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
+        Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
+    ),
     "recycling": (
         Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),
         Entry(recycle.recycle, OPEN_MESH, HEAP, HEAP, int64, float64, float64, int64),
         Entry(connectivity.spread_starts, ELEMENTS, I1, I1),
     ),
     "map": (
-        Entry(ordering.hilbert_keys, R2, R1, float64, L1),
-        Entry(connectivity.find_starts, I2, I1),
-        Entry(connectivity.fill_star, I2, STAR, int64, int64, I1),
         Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
         Entry(smooth.count_sites, ELEMENTS, STAR, I1),
         Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
@@ -87,7 +93,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_sound, R2, STAR, float64, int64, int64, B1),
-        Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
         Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
@@ -111,17 +116,12 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(transport.go_to_middle, R2, R1, I2, STAR, CONSTRAINTS, B1),
         Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
-    "curves": (
-        Entry(chains.look_up, CONSTRAINTS, L1, R2),
-        Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
-    ),
     "polish": (
         Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1, int64, int64, boolean),
         Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
         Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIALS, OFFERS, float64, int64, int64),
         Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIALS, OFFERS, float64, float64, int64, int64),
         Entry(energy_recycle.exchange, OPEN_MESH, TRIALS, OFFERS, L1, L1, float64),
-        Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "polish of higher order": (
         Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1, int64, int64, boolean),

@@ -83,7 +83,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
 def loops_of(problem: Problem) -> tuple[str, ...]:
     """The chapters of compiled loops that sweeps need, as far as a problem says that it is around an axis."""
     higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
-    return ("polish of higher order",) if higher else ("polish",)
+    return "ground", "polish of higher order" if higher else "polish"
 
 
 class _Linear:

@@ -154,7 +154,7 @@ def relocated_in_plane(
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
     """The chapters of compiled loops that `move` needs."""
-    return "map", "recycling" if topology == "recycle" else "transport"
+    return "ground", "map", "recycling" if topology == "recycle" else "transport"
 
 
 def move(

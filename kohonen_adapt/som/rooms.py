@@ -18,6 +18,7 @@ from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["ROOMS", "Room"]
 
+MAP_IN_PLANE = "ground", "map", "transport", "locating"
 MAP_IN_SPACE = "space ground", "space map", "space moves", "space locating"
 
 
@@ -74,7 +75,7 @@ def schedule_in_space(nnodes: int, topology: str) -> Schedule:
 
 ROOMS = {
     TRIANGLE.dim: Room(
-        TRIANGLE, ("map",), train.draw_points, search.find_winners, train.learn, geometry.mark_sound,
+        TRIANGLE, MAP_IN_PLANE, train.draw_points, search.find_winners, train.learn, geometry.mark_sound,
         ordering.mark_deep, shares_in_triangles, ring_in_plane, schedule_in_plane, 5_000_000,
     ),
     TETRAHEDRON.dim: Room(

@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.precompile import compile_missing
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PLANE = {name: chapter for name, chapter in ENTRIES.items() if not name.startswith("space")}
 FEW = ("carrying", "locating")  # chapters that are compiled in a second or two
 FIRST, *REST = [entry.name for chapter in ENTRIES if chapter in FEW for entry in ENTRIES[chapter]]
@@ -44,6 +46,32 @@ modules = [module for name, module in sys.modules.items() if name.startswith("ko
 loops = {d for module in modules for d in vars(module).values() if isinstance(d, Dispatcher)}
 print(json.dumps([compiled, sorted(expected), {name_of(d): [str(types) for types in d.overloads] for d in loops}]))
 """
+# What a front door says that it needs, and what it calls.
+DOOR = """
+sys.path.insert(0, "{examples}")
+from own_problem import Poisson
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from skfem import MeshTri
+mesh = MeshTri().refined(4).with_boundaries({{"outer": lambda x: x[0] < 2.0}})
+square = Magnetostatics({{"all": Material(current_density=1.0)}}, potential={{"outer": 0.0}}, order={order})
+whole = mesh.with_subdomains({{"all": lambda x: x[0] < 2.0}})
+{door}
+modules = [module for name, module in sys.modules.items() if name.startswith("kohonen_adapt.kernels")]
+loops = {{d for module in modules for d in vars(module).values() if isinstance(d, Dispatcher)}}
+print(json.dumps([sorted(expected), [name_of(d) for d in loops if d.overloads]]))
+"""
+DOORS = {
+    "flip": "ka.relocate(mesh, lambda x: 1.1 + x[0])",
+    "recycle": "ka.relocate(mesh, lambda x: 1.1 + x[0], topology='recycle')",
+    "disc": "ka.relocate(MeshTri.init_circle(3), lambda x: 1.1 + x[0])",
+    "map": "ka.KohonenMap(mesh).train(mesh.p[:, mesh.t].mean(axis=1))",
+    "polish": "ka.polish(mesh, Poisson())",
+    "values": "ka.interpolate(mesh, mesh.p[0], mesh.p)",
+    "places": "ka.find_elements(mesh, mesh.p)",
+    "adapt": "ka.adapt(mesh, Poisson(), passes=2)",
+    "order 1": "ka.adapt(whole, square, passes=2)",
+    "order 2": "ka.adapt(whole, square, passes=2)",
+}
 # All of one chapter; or of several, the first loop here and the others when somebody has compiled them.
 CHAPTER = """
 for entry in ENTRIES["locating"]:
@@ -83,6 +111,16 @@ def test_the_entries_are_the_loops_of_a_warm_up_which_expects_all_and_finds_what
     assert len(entries) == sum(map(len, PLANE.values()))
     assert expected == sorted(PLANE)
     assert compiled == [] and said == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DOORS)
+def test_what_is_called_was_expected(name):
+    compile_missing()
+    script = DOOR.format(door=DOORS[name], examples=EXAMPLES, order=2 if name == "order 2" else 1)
+    expected, called, said = in_a_process(script)
+    assert called and set(called) <= {entry.name for chapter in expected for entry in ENTRIES[chapter]}
+    assert said == ""
 
 
 @pytest.mark.slow
