@@ -46,7 +46,7 @@ def warmup(space: bool = False) -> None:
     expect(*(chapter for chapter in ENTRIES if space or chapter not in SPACE))
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
-    for topology in ("flip", "fixed", "recycle"):
+    for topology in ("recycle", "flip", "fixed"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
     relocate(MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0]))  # far around a corner: steps are mended
     disc = MeshTri.init_circle(2)  # a circle is recognised, and nodes are put on it

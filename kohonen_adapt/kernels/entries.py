@@ -69,7 +69,8 @@ FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
-# By what needs them.
+# By what needs them. Exchanges stand before sweeps: a second process, which goes backward, comes to them when this one
+# has put on disk what they share with `recycle`.
 ENTRIES: dict[str, tuple[Entry, ...]] = {
     "ground": (
         Entry(connectivity.find_starts, I2, I1),
@@ -117,17 +118,17 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
     "polish": (
-        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1, int64, int64, boolean),
-        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
+        Entry(energy_recycle.exchange, OPEN_MESH, TRIALS, OFFERS, L1, L1, float64),
         Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIALS, OFFERS, float64, int64, int64),
         Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIALS, OFFERS, float64, float64, int64, int64),
-        Entry(energy_recycle.exchange, OPEN_MESH, TRIALS, OFFERS, L1, L1, float64),
+        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1, int64, int64, boolean),
+        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
     ),
     "polish of higher order": (
+        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
+        Entry(energy_recycle_higher.weigh_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
         Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1, int64, int64, boolean),
         Entry(sweep_higher.descend_nodes_higher, DESCENTS, I1, float64),
-        Entry(energy_recycle_higher.weigh_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
-        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
     ),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
     "carrying": (
