@@ -16,7 +16,8 @@ __all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
 
 DEFAULTS = Flags().values()
 
-# Passes over closures, `with`, constants as types, arrays made by arithmetic, and for a listing.
+# Passes over closures, `with`, constants as types, arrays made by arithmetic, and for a listing. Those that fold
+# constants and cut dead branches stay: without them loops over tetrahedra give other bits.
 NOT_NEEDED = {
     untyped_passes.WithLifting,
     untyped_passes.InlineClosureLikes,
