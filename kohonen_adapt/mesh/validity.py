@@ -63,7 +63,8 @@ def check_sizes(mesh: Mesh) -> None:
     corners = mesh.p[:, mesh.t]
     longest = np.zeros(mesh.t.shape[1])
     for one, other in cell.edges:
-        longest = np.maximum(longest, np.sum((corners[:, one] - corners[:, other]) ** 2, axis=0))
+        squares = (corners[:, one] - corners[:, other]) ** 2
+        longest = np.maximum(longest, sum(squares[1:], start=squares[0]))  # sooner than np.sum
     flat = np.flatnonzero(~(np.abs(cell.determinant(corners)) > 1e-14 * longest ** (cell.dim / 2)))
     if len(flat):
         raise ValueError(

@@ -111,9 +111,7 @@ def next_piece(
     A part of another curve looks like an arc, too; but an arc ends where its circle is left at once, and begins where
     it is entered at once, at slot `begin` or later.
     """
-    end = first + 1
-    while end < last and abs(turn_at(position, node, end)) <= TURN:
-        end += 1
+    end = straight_end(position, node, first, last)
     if end > first + 1 and on_chord(position, node, first, end):
         return end, False
     end = arc_end(position, node, first, last)
@@ -126,6 +124,22 @@ def next_piece(
     return first + 1, False
 
 
+def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
+    """The slot up to which a run does not turn from a slot on.
+
+    Nodes are looked at many at a time, each time twice as many, for most runs are short or straight.
+    """
+    end, count = first + 1, 1
+    while end < last:
+        place = position[node[end - 1 : min(end + count, last) + 1]]
+        (ux, uy), (wx, wy) = np.diff(place[:-1], axis=0).T, np.diff(place[1:], axis=0).T
+        turns = np.abs(np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)) > TURN
+        if turns.any():
+            return end + int(np.argmax(turns))
+        end, count = end + len(turns), 2 * count
+    return end
+
+
 def turn_at(position: Floats, node: Ints, slot: int) -> float:
     """The angle by which a run turns at the node in a slot, positive to the left."""
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
@@ -136,13 +150,9 @@ def turn_at(position: Floats, node: Ints, slot: int) -> float:
 
 def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
     """Whether all nodes of a piece lie on its chord."""
-    a, b = node[first], node[last]
-    tx, ty = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
-    for i in range(first + 1, last):
-        ux, uy = position[node[i], 0] - position[a, 0], position[node[i], 1] - position[a, 1]
-        if abs(ux * ty - uy * tx) > BEND * (tx * tx + ty * ty):
-            return False
-    return True
+    ux, uy = (position[node[first + 1 : last + 1]] - position[node[first]]).T
+    tx, ty = ux[-1], uy[-1]
+    return bool(np.all(np.abs(ux * ty - uy * tx) <= BEND * (tx * tx + ty * ty)))
 
 
 def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
@@ -150,11 +160,9 @@ def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
     end = first + 2
     if end > last:
         return first
-    turned = turn_at(position, node, first + 1)
-    left = turned > 0.0
+    left = turn_at(position, node, first + 1) > 0.0
     while end < last:
         turn = turn_at(position, node, end)
-        turned += turn
         x, y, radius = circle_through(position, node[first], node[(first + end) // 2], node[end])
         if (turn > 0.0) != left or not off_circle(position, node[end + 1], node[end], x, y, radius) <= CLOSE:
             break

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, TABLED, Chains, Constraints
+from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, STRAIGHT, TABLED, Chains, Constraints
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
@@ -13,15 +13,19 @@ __all__ = ["find_parameters", "parameters_of", "points_on", "ways_along"]
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
     """Find the parameters of the sliding nodes of every chain, ``node[first[c] : last[c]]`` in order.
 
-    Each is looked for from the one before on. This is done once for a mesh, so it is not worth compiling.
+    On curves each is looked for from the one before on. This is done once for a mesh, so it is not worth compiling.
     """
-    nearest = interpreted(nearest_parameter)
+    chains, nearest = constraints.chains, interpreted(nearest_parameter)
     for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        sliding = node[begin:end][constraints.kind[node[begin:end]] == SLIDING]
+        if chains.shape[c] == STRAIGHT:
+            (ux, uy), (tx, ty) = (position[sliding] - chains.origin[c]).T, chains.direction[c]
+            constraints.parameter[sliding] = np.clip(ux * tx + uy * ty, 0.0, chains.length[c])
+            continue
         near = 0.0
-        for v in node[begin:end]:
-            if constraints.kind[v] == SLIDING:
-                near = nearest(constraints.chains, c, *position[v], near)
-                constraints.parameter[v] = near
+        for v in sliding:
+            near = nearest(chains, c, *position[v], near)
+            constraints.parameter[v] = near
 
 
 def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node: Ints) -> Floats:
