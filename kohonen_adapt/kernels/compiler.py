@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
+from llvmlite.binding import parse_bitcode
 from numba.core import typed_passes, types, untyped_passes
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_machinery import PassManager
 from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
@@ -53,9 +54,7 @@ class InnerCompiler(KernelCompiler):
     """The same for loops that only kernels call."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
-        library = _LinkedCode(targetctx.codegen(), "inner loop")
-        library.enable_object_caching()
-        super().__init__(typingctx, targetctx, library, *rest)
+        super().__init__(typingctx, targetctx, _LinkedCode(targetctx.codegen(), "inner loop"), *rest)
 
 
 class _Flags(Flags):
@@ -69,19 +68,47 @@ class _Flags(Flags):
 
 
 class _LinkedCode(JITCodeLibrary):
-    """The code of a loop that nobody runs but where it is linked in, which is where it is optimised."""
+    """The code of a loop that nobody runs but where it is linked in, which is where machine code is made of it."""
 
-    def _optimize_final_module(self) -> None:
-        """Leave that to what it is linked into."""
+    KIND = "linked"
 
-    def _finalize_final_module(self) -> None:
-        """Make machine code of variables only, which numba looks up."""
-        self._shared_module = self._final_module.clone()
-        for module, linkage in ((self._shared_module, "linkonce_odr"), (self._final_module, "available_externally")):
-            for each in module.functions:
-                if not each.is_declaration:
-                    each.linkage = linkage
-        super()._finalize_final_module()
+    def finalize(self) -> None:
+        """Link what it calls into it."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        for each in self._final_module.functions:
+            if not each.is_declaration:
+                each.linkage = "linkonce_odr"
+        self.become(self._final_module)
+
+    def become(self, module: Any) -> None:
+        """Have this for all code."""
+        self._shared_module, self._finalized = module, True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """What is kept on disk."""
+        return self.name, self.KIND, self._get_module_for_linking().as_bitcode()
+
+
+class _Codegen(JITCPUCodegen):
+    """What numba makes machine code with, which knows of loops of which there is none."""
+
+    def __init__(self, codegen: JITCPUCodegen) -> None:
+        self.__dict__.update(codegen.__dict__)  # there is one place for machine code
+
+    def unserialize_library(self, serialized: Any) -> Any:
+        """The code of a loop as it was kept on disk."""
+        name, kind, data = serialized
+        if kind != _LinkedCode.KIND:
+            return super().unserialize_library(serialized)
+        library = _LinkedCode(self, name)
+        library.become(parse_bitcode(data))
+        return library
+
+    def set_env(self, env_name: str, env: Any) -> None:
+        """Tell machine code where Python's objects are that it refers to."""
+        if self._engine.get_global_value_address(env_name):
+            super().set_env(env_name, env)
 
 
 class _Remembering(Context):
@@ -111,10 +138,10 @@ class _Target(CPUTarget):
     def _toplevel_typing_context(self) -> Context:
         return _Remembering(cpu_target.typing_context)
 
-    @property
-    def target_context(self) -> Any:
-        """Of numba itself: there is one."""
-        return cpu_target.target_context
+    @cached_property
+    def _toplevel_target_context(self) -> Any:
+        context = cpu_target.target_context
+        return context.subtarget(_internal_codegen=_Codegen(context.codegen()))
 
 
 class Loop(CPUDispatcher):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.records import record
 
 
@@ -22,7 +22,7 @@ class Heap(NamedTuple):
         return cls(np.empty(rows), np.empty((rows, 2), dtype=np.int32), np.zeros(1, dtype=np.int64))
 
 
-@kernel
+@inner_kernel
 def insert(heap, key, a, b):
     """Put an edge into a heap, unless that is full: it is then to be filled anew, from the mesh."""
     i = heap.size[0]
@@ -39,7 +39,7 @@ def insert(heap, key, a, b):
     heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, a, b
 
 
-@kernel
+@inner_kernel
 def remove_first(heap):
     """Take the edge with the smallest key out of a heap that is not empty; returns key and ends."""
     first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])

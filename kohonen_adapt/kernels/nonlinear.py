@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import DENSITY, RATE
-from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.compilation import inner_kernel
 
 STEPS = 2048  # of a table of W in every octave of |grad u|^2
 LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
 
 
-@kernel
+@inner_kernel
 def stored(laws, law, s):
     """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
     table = laws.table

@@ -1,14 +1,19 @@
 """The table of entries is what a warm-up compiles, and a second process compiles a part of it into the same cache."""
 
+import importlib
 import json
 import os
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
+import kohonen_adapt.kernels as package
 from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.kernels.entry import name_of
 from kohonen_adapt.precompile import compile_missing
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -116,6 +121,14 @@ def test_the_entries_are_the_loops_of_a_warm_up_which_expects_all_and_finds_what
     assert len(entries) == sum(map(len, PLANE.values()))
     assert expected == sorted(PLANE)
     assert compiled == [] and said == ""
+
+
+def test_just_the_entries_have_machine_code_that_python_can_call():
+    found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    kernels = [importlib.import_module(each.name) for each in found]
+    loops = {loop for module in kernels for loop in vars(module).values() if isinstance(loop, Dispatcher)}
+    callable_ones = {name_of(loop.py_func) for loop in loops if not loop.targetoptions["no_cpython_wrapper"]}
+    assert callable_ones == {entry.name for chapter in ENTRIES.values() for entry in chapter}
 
 
 @pytest.mark.slow

@@ -8,11 +8,15 @@ from skfem import MeshTri
 
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
+from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
+
+# only kernels call these, so that there is no machine code that Python could
+find_winner = interpreted(find_winner)
 
 CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}
 CONCAVE = {

@@ -26,6 +26,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.kernels.arrays import FREE, HELD
+from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
@@ -42,6 +43,9 @@ from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, symmetric, wanted_inflow
+
+# only kernels call these, so that there is no machine code that Python could
+element_quality = interpreted(element_quality)
 
 FLOOR = 0.3
 ROUNDS = Schedule((), rounds=3)

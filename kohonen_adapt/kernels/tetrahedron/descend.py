@@ -57,7 +57,7 @@ def descend_nodes(neurons, trial, order, floor):
     return fall
 
 
-@kernel
+@inner_kernel
 def derivatives(neurons, trial, v):
     """The functional of the star of v, with its gradient and Hessian in (x, y, z, w), w the change of v's own value.
 
@@ -144,7 +144,7 @@ def derivatives(neurons, trial, v):
     return (size, total, worst, bent), (by_x, by_y, by_z), by_w, hessian, (xw, yw, zw), ww
 
 
-@kernel
+@inner_kernel
 def parabola(neurons, trial, v, x, y, z, w):
     """The functional of the star with v at (x, y, z) and its value changed by w, its two derivatives by w, and the
     worst cubed quality: (c, r, k, worst).

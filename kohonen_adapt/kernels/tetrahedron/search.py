@@ -201,7 +201,7 @@ def squared_distance_to_edge(ax, ay, az, bx, by, bz):
     return x * x + y * y + z * z
 
 
-@kernel
+@inner_kernel
 def find_winner(neurons, v, x, region, scratch):
     """Walk from node v to the element that holds x, then check the sphere; returns the winner and its distance."""
     e = holding_element(neurons, v, x, region, scratch)

@@ -59,7 +59,7 @@ def descend_nodes(position, star, constraints, trials, order, floor):
     return gain
 
 
-@kernel
+@inner_kernel
 def derivatives(position, star, trial, v):
     """The functional of the star of v with its gradient and Hessian in (x, y, w), w the change of v's own value.
 
@@ -123,7 +123,7 @@ def derivatives(position, star, trial, v):
     return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
 
 
-@kernel
+@inner_kernel
 def quadratic(position, star, trial, v, x, y):
     """The functional of the star with v at (x, y), as c + r w + k w^2 / 2 in the change w of v's value: (c, r, k).
 
@@ -288,7 +288,7 @@ def move_on_chain(position, star, constraints, trials, v, floor):
     return 0.0
 
 
-@kernel
+@inner_kernel
 def parabola(position, star, trial, v, x, y, w):
     """The functional of the star with v at (x, y) and its value changed by w, and its two derivatives by w: (c, r, k).
 

@@ -56,7 +56,7 @@ def may_flip(position, elements, e, k, other, floor):
     return allowed(after, before, floor)
 
 
-@kernel
+@inner_kernel
 def flip_edge(elements, e, k):
     """Replace the edge pq between e = (r, p, q) and its neighbour (s, q, p) by rs: e = (r, p, s), other = (s, q, r)."""
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain

@@ -46,7 +46,7 @@ def descend_flips(position, elements, trials, floor, gainful, first, last, marks
     return gain, flips
 
 
-@kernel
+@inner_kernel
 def gain_of_flip(position, node, trials, e, k, other):
     """What a flip of the edge opposite to corner k of e takes off the sum of functionals; 0 if that is rounding."""
     gain, size = change_by_flip(position, node, trials.one, e, k, other)

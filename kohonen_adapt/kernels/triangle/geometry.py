@@ -34,7 +34,7 @@ def signed_quality(ax, ay, bx, by, cx, cy):
     return SQRT12 * (ux * vy - vx * uy) / squares
 
 
-@kernel
+@inner_kernel
 def element_quality(position, node, e):
     """Signed quality of element e."""
     a, b, c = node[e, 0], node[e, 1], node[e, 2]

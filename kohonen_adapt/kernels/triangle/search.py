@@ -141,7 +141,7 @@ def nearest_reached(position, elements, e, x, scratch):
     return winner, best
 
 
-@kernel
+@inner_kernel
 def find_winner(neurons, v, x, region, scratch):
     """Walk from node v to ever closer neighbours, then check the circle; returns the winner and its distance."""
     position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
