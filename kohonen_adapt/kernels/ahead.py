@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
@@ -26,12 +27,15 @@ progress = logging.getLogger("kohonen_adapt.compiling")
 
 SECONDS = 0.6  # that one core needs for one of `ENTRIES` and what that calls, for a first word
 
-# What the other process runs: the package that is running here, whatever a new process would find. It ends with this
-# process, for its standard input is closed then.
+# What the other process runs: the loops of the package that is running here, whatever a new process would find, without
+# what users call, which takes longer to import than all of them. It ends with this process, for its standard input is
+# closed then.
 RUN = """
-import os, sys, threading
-sys.path[:] = {path!r}
+import os, sys, threading, types
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+sys.path[:] = {path!r}
+sys.modules["kohonen_adapt"] = types.ModuleType("kohonen_adapt")
+sys.modules["kohonen_adapt"].__path__ = [{package!r}]
 from kohonen_adapt.kernels.ahead import compile_each
 compile_each({names!r})
 """
@@ -44,7 +48,6 @@ def compile_ahead() -> None:
 
 def compile_each(names: Iterable[str]) -> None:
     """Compile entries by name, or find them on disk, and write a line for each."""
-    event.unregister("numba:compile", _compiling)  # this is the help, and needs none
     gc.disable()
     entries = {entry.name: entry for chapter in ENTRIES.values() for entry in chapter}
     for name in names:
@@ -95,7 +98,8 @@ class _Compiling(event.Listener):
 
     def _help(self, missing: list[Entry]) -> bool:
         """Start the second process, if that can be."""
-        code = RUN.format(path=sys.path, names=[entry.name for entry in reversed(missing)])
+        names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[1])
+        code = RUN.format(path=sys.path, package=package, names=names)
         hidden = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
         try:
