@@ -79,7 +79,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
         Entry(chains.look_up, CONSTRAINTS, L1, R2),
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
-        Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "recycling": (
         Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),
@@ -101,6 +100,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
         Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
         Entry(smooth.sweep, R2, ELEMENTS, STAR, CONSTRAINTS, R1, boolean, float64, I1, B1, boolean),
+        Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "transport": (
         Entry(transport.share_out, I1, I1, R1, ELEMENTS, STAR, R1),
