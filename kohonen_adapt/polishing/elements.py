@@ -32,8 +32,8 @@ FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
 
 
 def few_for_threads(order: int) -> int:
-    """How many elements or nodes are not worth another thread: with their unknowns the work grows as the square."""
-    return FEW // UNKNOWNS[order - 1] ** 2
+    """How many elements or nodes are not worth another thread: the unknowns around each are eliminated."""
+    return FEW // UNKNOWNS[order - 1] ** 3
 
 
 def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
