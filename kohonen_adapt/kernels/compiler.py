@@ -72,10 +72,11 @@ class _LinkedCode(JITCodeLibrary):
 
     KIND = "linked"
 
-    def finalize(self) -> None:
-        """Link what it calls into it."""
-        for library in dict.fromkeys(self._linking_libraries):
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+    def _optimize_final_module(self) -> None:
+        """Leave that to what it is linked into."""
+
+    def _finalize_final_module(self) -> None:
+        """Let it be linked into whatever calls it."""
         for each in self._final_module.functions:
             if not each.is_declaration:
                 each.linkage = "linkonce_odr"
