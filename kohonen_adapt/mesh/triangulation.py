@@ -88,13 +88,17 @@ class Triangulation:
 
     def areas(self) -> Floats:
         """Area of every element, (m,)."""
-        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        a, b, c = self._corners()
         return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
 
     def centroids(self) -> Floats:
         """Centroid of every element, (m, 2)."""
-        a, b, c = (self.position[self.elements.node[:, k]] for k in range(3))
+        a, b, c = self._corners()
         return (a + b + c) / 3.0
+
+    def _corners(self) -> list[Floats]:
+        """Where the corners of every element are, three times (m, 2)."""
+        return [np.take(self.position, corner, axis=0) for corner in self.elements.node.T]  # sooner than by brackets
 
     def to_mesh(self) -> MeshTri:
         """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""

@@ -50,7 +50,7 @@ def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) ->
     """The state of a movable mesh with these of its nodes and elements, in this order."""
     number = ranks(nodes, len(state["position"]))
     place = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
-    kept = {name: array[elements if name in BY_ELEMENT else nodes] for name, array in state.items()}
+    kept = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
     kept["elements.node"] = number[kept["elements.node"]]
     kept["elements.neighbour"] = place[kept["elements.neighbour"]]
     partner = kept["twins.partner"]
