@@ -131,13 +131,18 @@ def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
     """
     end, count = first + 1, 1
     while end < last:
-        place = position[node[end - 1 : min(end + count, last) + 1]]
-        (ux, uy), (wx, wy) = np.diff(place[:-1], axis=0).T, np.diff(place[1:], axis=0).T
-        turns = np.abs(np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)) > TURN
-        if turns.any():
-            return end + int(np.argmax(turns))
-        end, count = end + len(turns), 2 * count
+        turning = np.abs(turns_between(position, node[end - 1 : min(end + count, last) + 1])) > TURN
+        if turning.any():
+            return end + int(np.argmax(turning))
+        end, count = end + len(turning), 2 * count
     return end
+
+
+def turns_between(position: Floats, nodes: Ints) -> Floats:
+    """The angles by which a run turns at all of some nodes but the first and the last, as `turn_at` has them."""
+    ways = np.diff(position[nodes], axis=0)
+    (ux, uy), (wx, wy) = ways[:-1].T, ways[1:].T
+    return np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
 def turn_at(position: Floats, node: Ints, slot: int) -> float:

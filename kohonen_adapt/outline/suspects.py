@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import STRAIGHT
-from kohonen_adapt.outline.cutting import fitted_circle, turn_at
+from kohonen_adapt.outline.cutting import fitted_circle, turns_between
 from kohonen_adapt.outline.facets import joints_of, outline_facets, runs_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.polylines import without_noise
@@ -41,7 +41,7 @@ def suspects(movable: MovableMesh) -> Iterator[Suspect]:
         rows = runs.facet[first:last]
         if last - first < FACETS or not single[rows].all():
             continue
-        turns = np.array([turn_at(position, runs.node, slot) for slot in range(first + 1, last)])
+        turns = turns_between(position, runs.node[first : last + 1])
         nodes = runs.node[first:last] if runs.node[first] == runs.node[last] else runs.node[first : last + 1]
         x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
         off = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
