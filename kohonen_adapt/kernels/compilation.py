@@ -41,7 +41,10 @@ def expect(*chapters: str) -> None:
 
 @functools.cache
 def interpreted(loop: Any) -> Callable:
-    """The function of a kernel, and those that it calls, as Python runs them: for work that is not worth compiling."""
+    """The function of a kernel, and those that it calls, as Python runs them.
+
+    That is for work that is not worth compiling, and for tests of loops that only kernels call.
+    """
     function = getattr(loop, "py_func", loop)
     called = {name: function.__globals__.get(name) for name in function.__code__.co_names}
     own = {name: interpreted(value) for name, value in called.items() if hasattr(value, "py_func")}

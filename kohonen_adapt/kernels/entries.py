@@ -70,7 +70,7 @@ FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
 # By what needs them. Exchanges stand before sweeps: a second process, which goes backward, comes to them when this one
-# has put on disk what they share with `recycle`.
+# has put on disk what they share with `recycle`. For that the end of a relocation is last in the map.
 ENTRIES: dict[str, tuple[Entry, ...]] = {
     "ground": (
         Entry(connectivity.find_starts, I2, I1),

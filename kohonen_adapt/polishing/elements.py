@@ -32,7 +32,7 @@ FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
 
 
 def few_for_threads(order: int) -> int:
-    """How many elements or nodes are not worth another thread: the unknowns around each are eliminated."""
+    """How many elements or nodes are not worth another thread: the work grows as the cube of their unknowns."""
     return FEW // UNKNOWNS[order - 1] ** 3
 
 

@@ -23,7 +23,6 @@ from kohonen_adapt.kernels.tetrahedron.descend import (
 from kohonen_adapt.kernels.tetrahedron.energy import element_energy
 from kohonen_adapt.polishing.energy_tables import tabulated
 
-# only kernels call these, so that there is no machine code that Python could
 derivatives, parabola = (interpreted(loop) for loop in (derivatives, parabola))
 
 FLOOR = 0.2

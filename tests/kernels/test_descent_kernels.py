@@ -21,7 +21,6 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.ritz import Ritz
 
-# only kernels call these, so that there is no machine code that Python could
 derivatives, flip_edge, gain_of_flip, quadratic = (
     interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, quadratic)
 )

@@ -7,7 +7,6 @@ import numpy as np
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap, insert, remove_first
 
-# only kernels call these, so that there is no machine code that Python could
 insert, remove_first = (interpreted(loop) for loop in (insert, remove_first))
 
 

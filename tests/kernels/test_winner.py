@@ -15,7 +15,6 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
 
-# only kernels call these, so that there is no machine code that Python could
 find_winner = interpreted(find_winner)
 
 CONVEX = {"regular": lambda: square(6), "delaunay": lambda: generic_square(7), "bad": lambda: perturbed(square(6), 3)}

@@ -33,7 +33,6 @@ from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-# only kernels call these, so that there is no machine code that Python could
 derivatives, flip_edge, gain_of_flip, parabola, stored = (
     interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, parabola, stored)
 )

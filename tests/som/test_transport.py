@@ -44,7 +44,6 @@ from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, symmetric, wanted_inflow
 
-# only kernels call these, so that there is no machine code that Python could
 element_quality = interpreted(element_quality)
 
 FLOOR = 0.3
