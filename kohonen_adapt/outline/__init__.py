@@ -1,1 +1,1 @@
-"""Where nodes may go: outlines, curves on them, periodic pairs and layers."""
+"""Constraints on the nodes of boundaries, interfaces, curves and surfaces."""

@@ -1,4 +1,7 @@
-"""Tabulate chains: where the nodes on every piece of outline may be."""
+"""Tables of the curve segments on which nodes slide.
+
+A curve segment (`chain`) is a part of a boundary or interface between two corners: a line, an arc or a cubic spline.
+"""
 
 import logging
 from collections.abc import Mapping
@@ -16,20 +19,21 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["chains_of", "curve_of_facets", "on_chains", "pair_chains", "without_corner"]
 
-WIDEST = np.deg2rad(30.0)  # turn of the tangent along one facet, beyond which that leaves too much of the curve out
-FACETS = 5  # of an arc at least, so that it goes on being seen as one; of a coarse one FEWEST_FACETS
-ROOM = 1.5  # times their mean, on coarse arcs that are given: facets may become as long
-SAMPLES = (8, 512)  # of a curve per facet: at first, and at most
+WIDEST = np.deg2rad(30.0)  # largest turn of the tangent along a facet; beyond, too much of the curve is cut off
+FACETS = 5  # fewest facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
+ROOM = 1.5  # times the mean facet: longest facet of a coarse arc defined by the user or by mid-side nodes
+SAMPLES = (8, 512)  # samples of a curve per facet, first and most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
-SPANS = 4  # of a table between a corner and a mid-side node
-MOST_SHIFT = 0.25  # of a facet: a mid-side node that is farther off its middle folds the element beside it over
-FINE = 1e-10  # of its size: a table that is nearer to its curve needs no more samples
+SPANS = 4  # spans of a table between a corner node and a mid-side node
+MOST_SHIFT = 0.25  # of a facet: a larger offset of a mid-side node along the chord inverts the element
+FINE = 1e-10  # of the size of a curve: a spline this near needs no more samples
 
 
 def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
-    """Which of the given curves or surfaces each of `count` facets is on, -1 for none, (f,); two are refused.
+    """Return the index in `curves` of the shape of every facet, -1 for none, (f,).
 
-    `sides` (f,) are, by name, above 0 where a facet carries that.
+    `sides[name]`, shape (f,), is positive on the facets of boundary `name`. Raises ValueError if two boundaries with a
+    curve or surface share a facet.
     """
     found, names = np.full(count, -1), list(curves)
     for number, name in enumerate(names):
@@ -45,13 +49,19 @@ def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, 
 
 
 def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
-    """Facets on curves that have no corner anywhere, (f,); `curve` (f,) is that of every facet."""
+    """Return the mask (f,) of facets on user-defined lines and arcs.
+
+    `curve`, shape (f,), is the index in `curves` of the curve of every facet, negative for none.
+    """
     smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
     return smooth[np.maximum(curve, -1)]
 
 
 def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve], off: Floats) -> Chains:
-    """The table of chains, one for every piece; mid-side nodes are so far `off` the chords of their facets, (f, 2)."""
+    """Return the table of curve segments, one row for each row of `pieces`.
+
+    `off`, shape (f, 2), is the offset of the mid-side node of every facet from the middle of its chord.
+    """
     count = len(pieces.rows)
     longest, even, angle = (np.empty(count) for _ in range(3))
     lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, even, angle)
@@ -78,10 +88,9 @@ def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str,
 
 
 def straight_table(start: Floats, end: Floats) -> Chains:
-    """Straight chains between points (c, 2)."""
     chord = end - start
     length = np.sqrt(np.sum(chord**2, axis=1))
-    with np.errstate(invalid="ignore"):  # of closed ones, which are not straight
+    with np.errstate(invalid="ignore"):  # the chord of a closed segment is 0; its direction is set later
         direction = chord / length[:, None]
     table = Chains.of(len(start))
     table.origin[:], table.direction[:], table.length[:] = start, direction, length
@@ -90,7 +99,7 @@ def straight_table(start: Floats, end: Floats) -> Chains:
 
 
 def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
-    """Make the chains of round pieces round."""
+    """Make segments round that are arcs, and limit the length of their facets."""
     is_round = pieces.is_round
     centre, radius, angle = pieces.circle[is_round, :2], pieces.circle[is_round, 2], angle[is_round]
     out = table.origin[is_round] - centre
@@ -105,7 +114,7 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
     coarse = np.clip(ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi)
-    # what is given need not be recognised again
+    # arcs defined by the user or by mid-side nodes need not be recognised again
     fewest = np.where(pieces.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
     widest = np.where(pieces.curve[is_round] != -1, coarse, np.minimum(WIDEST, full / fewest))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
@@ -115,14 +124,13 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
 
 
 def straighten(table: Chains, p: int, ends: Floats) -> None:
-    """Let a chain be the line between two points (2, 2)."""
     way = ends[1] - ends[0]
     table.origin[p], table.length[p] = ends[0], np.sqrt(np.sum(way**2))
     table.direction[p] = way / table.length[p]
 
 
 def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
-    """Let a chain be looked up between its knots."""
+    """Make segment `p` a cubic spline, and limit the length of its facets."""
     table.shape[p], table.closed[p] = TABLED, closed
     table.origin[p], table.length[p] = knots[0, POSITION], knots[-1, AT]
     table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
@@ -134,12 +142,16 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
 
 
 def cross(u: Floats, w: Floats) -> Floats:
-    """Third component of the cross products of the rows."""
+    """Return the third components of the cross products of rows, (k,)."""
     return u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
 
 
 def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
-    """Knots of a cubic spline along a curve, from the projections of more and more points of the facets, (k, 5)."""
+    """Return knots (k, 5) of a cubic spline along a user-defined curve.
+
+    Points of the facets are projected onto the curve. Their number per facet doubles until the spline is within `FINE`
+    of the curve.
+    """
     samples, most = SAMPLES
     found = along(curve, nodes, np.arange(samples) / samples, name)
     end = found[0, :1] if closed else projected(curve, nodes[-1:], name)
@@ -163,16 +175,21 @@ def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
 
 
 def along(curve: Curve, nodes: Floats, share: Floats, name: str) -> Floats:
-    """Projections of points that far, of their length, along the facets between nodes, (f, shares, 2)."""
+    """Return projections of points on the facets between nodes, (f, s, 2).
+
+    `share`, shape (s,), is the distance of the points from the first node of a facet as a fraction of its length.
+    """
     points = nodes[:-1, None] + share[:, None] * np.diff(nodes, axis=0)[:, None]
     return projected(curve, points.reshape(-1, 2), name).reshape(points.shape)
 
 
 def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
-    """Knots (s, 5) of a cubic spline through nodes (k + 1, 2) and mid-side nodes (k, 2) so far `off` their chords.
+    """Return knots (s, 5) of a cubic spline through corner and mid-side nodes.
 
-    The parameter is that of the spline, the length of its chords, shifted inside every facet by a smooth bump to have
-    the mid-side node half-way between the corners: so that is where it is looked for again.
+    `nodes` are the corner nodes, shape (k + 1, 2); `off`, shape (k, 2), the offsets of the mid-side nodes from the
+    middles of the chords. The parameter of the table is the chord length, shifted inside every facet by a smooth
+    function so that the mid-side node has the mean parameter of the two corners: there `isoparametric` places mid-side
+    nodes later.
     """
     points = np.empty((2 * len(nodes) - 1, 2))
     points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + off
@@ -196,13 +213,13 @@ def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
 
 
 def bump(share: Floats) -> tuple[Floats, Floats]:
-    """A smooth function of 0 to 1 that is 0 at both ends with its derivative; and that derivative."""
+    """Return b(s) = 16 s^2 (1 - s)^2 and its derivative, s from 0 to 1."""
     beside = 1.0 - share
     return 16.0 * (share * beside) ** 2, 32.0 * share * beside * (beside - share)
 
 
 def least_radius(knots: Floats) -> float:
-    """The least radius of curvature along a table."""
+    """Return the smallest radius of curvature along a table of knots."""
     rate = knots[:, DERIVATIVE]
     turn = np.abs(np.arctan2(cross(rate[:-1], rate[1:]), np.sum(rate[:-1] * rate[1:], axis=1)))
     tightest = np.max(turn / np.diff(knots[:, AT]))
@@ -210,7 +227,7 @@ def least_radius(knots: Floats) -> float:
 
 
 def report(table: Chains, pieces: Pieces) -> None:
-    """Say which circles were recognised."""
+    """Log the arcs and circles that were recognised."""
     for p in np.flatnonzero((table.shape == ROUND) & (pieces.curve < 0)):
         x, y, radius = pieces.circle[p]
         count = pieces.facets[p] + (0 if table.closed[p] else 1)
@@ -219,9 +236,10 @@ def report(table: Chains, pieces: Pieces) -> None:
 
 
 def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> None:
-    """Let chains that are images of others, `mate` (c,), -1 for none, be that exactly, parameters included.
+    """Make paired curve segments exact images of each other, parameters included.
 
-    `motion` (c,) is the number of the one that carries a chain to its mate; of each two the even one decides.
+    `mate`, shape (c,), is the partner of every segment, -1 for none; `motion`, shape (c,), the index in `motions` of
+    the motion that maps the segment onto its partner. Segments with an even index are copied to their partners.
     """
     table.paired[:] = mate >= 0
     first = np.flatnonzero((mate >= 0) & (motion % 2 == 0))
@@ -231,9 +249,12 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
     table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
     for array in (table.length, table.curvature, table.reach, table.merged, table.bulge, table.even):
         array[image] = array[first]
-    table.curvature[image] *= np.sign(np.linalg.det(turn))  # a mirror image bends the other way
+    table.curvature[image] *= np.sign(np.linalg.det(turn))  # a reflection changes the sign of the curvature
 
 
 def on_chains(chain: Ints, chains: Mask) -> Mask:
-    """Which of the sides of elements, that are on these chains (m, 3) or -1, are on some of all chains (c,)."""
+    """Return the mask (m, 3) of element sides that lie on some curve segments.
+
+    `chain`, shape (m, 3), is the curve segment of every side, -1 for none; `chains` the mask (c,) of segments.
+    """
     return (chain >= 0) & chains[chain]

@@ -1,4 +1,4 @@
-"""Recognise arcs of four and five nodes where other outlines have the same centre."""
+"""Recognition of arcs of few nodes by a centre shared with other arcs."""
 
 from collections.abc import Iterator
 
@@ -11,15 +11,15 @@ from kohonen_adapt.outline.polylines import Pieces, without_noise
 
 __all__ = ["centres_of", "with_coarse_arcs"]
 
-ANGLE = 1e-6  # radians: a motion that turns by less is a translation
-CONCENTRIC = 1e-3  # of the radius: centres nearer to each other than that are one
+ANGLE = 1e-6  # radians: a motion with a smaller angle is a translation
+CONCENTRIC = 1e-3  # of the radius: nearer centres coincide
 
 
 def with_coarse_arcs(position: Floats, node: Ints, pieces: Pieces, centres: Floats) -> Pieces:
-    """The pieces with single facets joined to arcs.
+    """Return the curve segments with single facets joined into coarse arcs.
 
-    So few nodes may lie on a circle by chance, as those of a chamfer do. It is one where its centre is that of another
-    arc, recognised or given, of another such piece, or one of the `centres` (k, 2).
+    Four or five nodes may lie on a circle by chance, as on a chamfer. They are an arc if their centre coincides with
+    the centre of an arc, of another candidate, or with one of `centres`, shape (k, 2).
     """
     found = list(candidates(position, node, pieces))
     if not found:
@@ -37,14 +37,14 @@ def with_coarse_arcs(position: Floats, node: Ints, pieces: Pieces, centres: Floa
 
 
 def centres_of(motions: Floats) -> Floats:
-    """Where rotations leave a point in its place, (k, 2); `motions` (m, 2, 3) may be others, too."""
+    """Return the fixed points (k, 2) of the rotations among `motions` (m, 2, 3)."""
     off = np.eye(2) - motions[:, :, :2]
     turns = (np.linalg.det(motions[:, :, :2]) > 0.0) & (np.abs(np.linalg.det(off)) > ANGLE**2)
     return np.linalg.solve(off[turns], motions[turns, :, 2:])[:, :, 0]
 
 
 def candidates(position: Floats, node: Ints, pieces: Pieces) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
-    """First and last piece of every stretch of single facets on one circle, and that circle."""
+    """Yield first segment, last segment and circle of single facets on a circle."""
     rows, single = pieces.rows, (pieces.facets == 1) & ~pieces.is_round & (pieces.curve == -1)
     linked = np.append(single[1:] & single[:-1] & (rows[1:, FIRST] == rows[:-1, LAST]), False)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], linked]).astype(np.int8)))

@@ -1,4 +1,4 @@
-"""Project points on the curves that nodes may slide on: lines, circles and any with a method `project`."""
+"""Lines, arcs and user-defined curves on which nodes slide."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -13,20 +13,20 @@ from kohonen_adapt.checks import checked_points, finite_point
 
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "projected", "size_of"]
 
-KINDS = {2: "curve", 3: "surface"}  # what a boundary is on, in so many dimensions
-NEAR = 1e-3  # of the size of a curve: nodes of a boundary may be that far from the curve given for it
+KINDS = {2: "curve", 3: "surface"}  # word for the shape of a boundary in messages, by dimension
+NEAR = 1e-3  # of the size of a boundary: largest distance of its nodes from their curve
 
 
 class Curve(Protocol):
-    """A curve that a boundary may be given."""
+    """User-defined curve of a boundary."""
 
     def project(self, x: Floats) -> Floats:
-        """The points of the curve nearest to x, (2, n)."""
+        """Return the points of the curve nearest to `x`, shape (2, n)."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """The straight line through two points, without end on both sides.
+    """Straight line through two points, infinite on both sides.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Line:
     Raises
     ------
     ValueError
-        If they are not two different points with finite coordinates.
+        If the points are equal or a coordinate is not finite.
 
     Examples
     --------
@@ -55,22 +55,24 @@ class Line:
             raise ValueError(f"start and end of a Line must be two different points; got {self.start} twice.")
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the line, ``a + (b - a) ((x - a) . (b - a)) / |b - a|^2``.
+        """Return the points of the line nearest to `x`.
+
+        The projection is ``a + (b - a) ((x - a) . (b - a)) / |b - a|^2`` with a = `start`, b = `end`.
 
         Parameters
         ----------
         x
-            (2, n): any points.
+            Points, shape (2, n).
 
         Returns
         -------
-        ndarray (2, n)
-            They may lie beyond `start` or `end`.
+        ndarray of shape (2, n)
+            Points of the line, possibly outside the section from `start` to `end`.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         x = checked_points(x, "x")
         start, end = np.array([self.start, self.end])[:, :, None]
@@ -80,19 +82,21 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """A circle; on it, an arc ends where its chain of facets does.
+    """Circle that carries an arc of a boundary.
+
+    The facets of the boundary determine where the arc begins and ends.
 
     Attributes
     ----------
     centre
-        (x, y).
+        Point (x, y).
     radius
-        Above zero.
+        Radius, positive.
 
     Raises
     ------
     ValueError
-        If the centre is not finite, or the radius not a positive number.
+        If the centre is not finite, or the radius is not a positive number.
 
     Examples
     --------
@@ -111,23 +115,24 @@ class Arc:
         object.__setattr__(self, "radius", float(self.radius))
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the circle, ``c + r (x - c) / |x - c|``.
+        """Return the points of the circle nearest to `x`.
+
+        The projection is ``c + r (x - c) / |x - c|`` with the centre c and the radius r.
 
         Parameters
         ----------
         x
-            (2, n): any points. From the centre all points of the circle are equally near; it goes to the one on its
-            right, ``c + (r, 0)``.
+            Points, shape (2, n). The centre, equally near to all points of the circle, is projected to ``c + (r, 0)``.
 
         Returns
         -------
-        ndarray (2, n)
+        ndarray of shape (2, n)
             Points of the circle.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         centre = np.array(self.centre)[:, None]
         off = checked_points(x, "x") - centre
@@ -137,7 +142,10 @@ class Arc:
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
-    """The points (n, d) of a curve in the plane or a surface in space nearest to some, checked."""
+    """Return the points (n, d) of a curve or surface nearest to `points`.
+
+    Raises ValueError if the user's `project` returns another shape or a coordinate that is not finite.
+    """
     found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
     wrong = np.sum(~np.isfinite(found))
     if found.shape != points.shape[::-1] or wrong:
@@ -150,7 +158,7 @@ def projected(curve: Curve, points: Floats, name: str) -> Floats:
 
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
-    """Refuse a curve or surface that the nodes (n, d) of its boundary are not on."""
+    """Raise ValueError if nodes (n, d) are not on their curve or surface."""
     way = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
     off, size, kind = way.max(), size_of(nodes), KINDS[nodes.shape[1]]
     if off > NEAR * size:
@@ -163,5 +171,5 @@ def check_near(nodes: Floats, curve: Curve, name: str) -> None:
 
 
 def size_of(nodes: Floats) -> float:
-    """The largest extent of some points (n, d)."""
+    """Return the largest extent of points (n, d) along an axis."""
     return float(np.max(np.ptp(nodes, axis=0)))

@@ -1,4 +1,4 @@
-"""Cut runs of outline facets into straight pieces and arcs of circles."""
+"""Cutting of polylines of facets into straight segments and arcs of circles."""
 
 import math
 
@@ -7,33 +7,34 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 
-TURN = 1e-6  # radians: where facets turn by no more they are straight
-BEND = 1e-9  # of its length: no node of a straight piece may lie farther off its chord
-FEWEST = 6  # nodes of an arc
-FEWEST_FACETS = 3  # of a coarse one, of four nodes: any three are on a circle
-CLOSE = 0.05  # of the sagitta of its facet: a node nearer than that to a circle lies on it
-LEAVING = 0.5  # of the same: the next node is farther off where an arc ends; it is 4 off where a tangent goes on
-ROUNDING = 1e-15  # of the coordinates: likewise, however short the facet
-LOOSE = 1e-3  # of the radius: a whole run whose nodes are no farther from a circle is an arc
-DISTINCT = 10.0  # times that distance the run must bulge, or it may as well be straight
-MOST = 1.8 * math.pi  # radians: an arc that goes farther round is two, so that it is clear which end is near
+TURN = 1e-6  # radians: facets with a smaller turn are one straight segment
+BEND = 1e-9  # of the chord: largest distance of the nodes of a straight segment from the chord
+FEWEST = 6  # fewest nodes of an arc
+FEWEST_FACETS = 3  # fewest facets of a coarse arc, with four nodes: any three nodes are on a circle
+CLOSE = 0.05  # of the sagitta of a facet: largest distance of a node that lies on a circle
+LEAVING = 0.5  # of the same sagitta: an arc ends if the next node is farther off; 4 if a tangent follows
+ROUNDING = 1e-15  # of the coordinates: distances up to this are rounding, however short the facet
+LOOSE = 1e-3  # of the radius: a whole polyline with all nodes this near to a circle is an arc
+DISTINCT = 10.0  # times the largest distance from the circle: least extent of an arc across its chord
+MOST = 1.8 * math.pi  # radians: a longer arc is halved, so that the nearer end of a node is unique
 
 
 def cut_runs(
     position: Floats, node: Ints, facet: Ints, start: Ints, closed: Mask, whole: Mask, pieces: Ints, circle: Floats
 ) -> int:
-    """Cut runs into straight pieces, arcs, and facets that are neither; returns the number of pieces.
+    """Cut polylines into straight segments, arcs and single facets.
 
-    Of piece p, `pieces` (p, 4) are the slots of its first and last node, whether it is round, and whether it is closed;
-    `circle` (p, 3) the centre and radius of round ones. Runs that are `whole` are not cut. Closed runs are turned, so
-    that they begin where a piece does.
+    Writes row p of `pieces`, shape (p, 4): the slots (indices in `node`) of the first and last node, 1 if the segment
+    is an arc, 1 if the segment is closed; and row p of `circle`, shape (p, 3): centre and radius of an arc. Polylines
+    of the mask `whole` are not cut, except loops with a corner, which are halved. Closed polylines are rotated in place
+    in `node` and `facet` to begin where a segment begins. Returns the number of segments.
     """
     count = 0
     for r in range(len(start) - 1):
         first, last = int(start[r]), int(start[r + 1]) - 1
         if whole[r]:
             enter_piece(pieces, count, first, last, False, closed[r])
-            if not closed[r] and node[first] == node[last]:  # a loop with a corner: its ends are to be two nodes
+            if not closed[r] and node[first] == node[last]:  # a loop with a corner: a segment needs two end nodes
                 middle = (first + last) // 2
                 pieces[count, LAST] = middle
                 count += 1
@@ -52,7 +53,6 @@ def cut_runs(
 
 
 def enter_piece(pieces: Ints, p: int, first: int, last: int, is_round: bool, closed: bool) -> None:
-    """Write the row of a piece."""
     pieces[p, FIRST], pieces[p, LAST] = first, last
     pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = int(is_round), int(closed)
 
@@ -60,7 +60,10 @@ def enter_piece(pieces: Ints, p: int, first: int, last: int, is_round: bool, clo
 def cut_loop(
     position: Floats, node: Ints, facet: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
 ) -> bool:
-    """Whether a closed run is a circle, which is entered; else it is turned to begin where a piece does."""
+    """Return True if a closed polyline is a circle, and write its segment.
+
+    Otherwise the polyline is rotated to begin where a segment begins.
+    """
     if circle_of_loop(position, node, first, last, circle, count):
         enter_piece(pieces, count, first, last, True, True)
         return True
@@ -78,7 +81,7 @@ def cut_loop(
 
 
 def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None:
-    """Let a closed run begin `shift` nodes later."""
+    """Rotate a closed polyline in place to begin `shift` nodes later."""
     length = last - first
     nodes, facets = node[first:last].copy(), facet[first:last].copy()
     for i in range(length):
@@ -89,7 +92,10 @@ def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None
 def cut_open(
     position: Floats, node: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
 ) -> tuple[int, bool]:
-    """Cut a run from its first node to its last; returns the number of pieces and whether any has several facets."""
+    """Cut a polyline from its first node to its last.
+
+    Returns the number of segments, and True if one of them has several facets.
+    """
     at, begin, proper = first, first, False
     while at < last:
         end, is_round = next_piece(position, node, at, last, begin, circle, count)
@@ -106,10 +112,11 @@ def cut_open(
 def next_piece(
     position: Floats, node: Ints, first: int, last: int, begin: int, circle: Floats, count: int
 ) -> tuple[int, bool]:
-    """Where the piece that begins at a slot ends, and whether it is an arc, whose circle is entered.
+    """Return the last slot and the kind of the segment that begins at `first`.
 
-    A part of another curve looks like an arc, too; but an arc ends where its circle is left at once, and begins where
-    it is entered at once, at slot `begin` or later.
+    The kind is True for an arc, whose circle is written to row `count` of `circle`. Nodes on another smooth curve
+    nearly fit a circle, too. Therefore the neighbouring nodes must be clearly off the circle, except at an end of the
+    polyline and at slot `begin`, where the last segment of several facets ends.
     """
     end = straight_end(position, node, first, last)
     if end > first + 1 and on_chord(position, node, first, end):
@@ -125,9 +132,9 @@ def next_piece(
 
 
 def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
-    """The slot up to which a run does not turn from a slot on.
+    """Return the last slot up to which a polyline is straight from `first`.
 
-    Nodes are looked at many at a time, each time twice as many, for most runs are short or straight.
+    Nodes are tested in blocks of doubling size, because most polylines are short or straight.
     """
     end, count = first + 1, 1
     while end < last:
@@ -139,14 +146,17 @@ def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
 
 
 def turns_between(position: Floats, nodes: Ints) -> Floats:
-    """The angles by which a run turns at all of some nodes but the first and the last, as `turn_at` has them."""
+    """Return the turning angles at all nodes except the first and last, in radians.
+
+    Angles are positive to the left, as in `turn_at`.
+    """
     ways = np.diff(position[nodes], axis=0)
     (ux, uy), (wx, wy) = ways[:-1].T, ways[1:].T
     return np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
 def turn_at(position: Floats, node: Ints, slot: int) -> float:
-    """The angle by which a run turns at the node in a slot, positive to the left."""
+    """Return the turning angle at a node in radians, positive to the left."""
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
     ux, uy = position[v, 0] - position[a, 0], position[v, 1] - position[a, 1]
     wx, wy = position[b, 0] - position[v, 0], position[b, 1] - position[v, 1]
@@ -154,14 +164,17 @@ def turn_at(position: Floats, node: Ints, slot: int) -> float:
 
 
 def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
-    """Whether all nodes of a piece lie on its chord."""
+    """Return True if all nodes of a segment lie on its chord."""
     ux, uy = (position[node[first + 1 : last + 1]] - position[node[first]]).T
     tx, ty = ux[-1], uy[-1]
     return bool(np.all(np.abs(ux * ty - uy * tx) <= BEND * (tx * tx + ty * ty)))
 
 
 def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
-    """The slot up to which nodes from a slot on lie on one circle: each on the one through three of those before."""
+    """Return the last slot up to which nodes lie on one circle from `first`.
+
+    Every node is compared with the circle through the first, middle and last of the nodes before.
+    """
     end = first + 2
     if end > last:
         return first
@@ -176,9 +189,10 @@ def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
 
 
 def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius: float) -> float:
-    """How far node v is off a circle, as a share of how far its facet, to the node beside, leaves that.
+    """Return the distance of node `v` from a circle in sagittas of its facet.
 
-    The node beside is on the circle, so that |v - c|^2 - r^2 can be had without the radius, which may be large.
+    Node `beside`, the other end of the facet, lies on the circle. Hence |v - c|^2 - r^2 is computed without r, which
+    may be large, and the ratio is 4 | |v - c|^2 - r^2 | / |v - beside|^2.
     """
     if radius == np.inf:
         return radius
@@ -190,7 +204,10 @@ def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius
 
 
 def circle_through(position: Floats, a: int, b: int, c: int) -> tuple[float, float, float]:
-    """Centre and radius of the circle through three nodes; the radius is infinite if they lie on a line."""
+    """Return centre and radius of the circle through three nodes.
+
+    The radius is infinite if the nodes are collinear.
+    """
     ux, uy = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
     wx, wy = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1]
     doubled = 2.0 * (ux * wy - uy * wx)
@@ -202,7 +219,10 @@ def circle_through(position: Floats, a: int, b: int, c: int) -> tuple[float, flo
 
 
 def circle_of_part(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
-    """The circle through the ends of a part of a run and a node between, or two nodes where it ends as it began."""
+    """Return the circle through three nodes of a part of a polyline.
+
+    The nodes are the two ends and the middle, or three at equal distances if the part is closed.
+    """
     if node[first] == node[last]:
         third = (last - first) // 3
         return circle_through(position, node[first], node[first + third], node[first + 2 * third])
@@ -210,7 +230,7 @@ def circle_of_part(position: Floats, node: Ints, first: int, last: int) -> tuple
 
 
 def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> bool:
-    """Whether a closed run is a circle, on which every node lies; the circle is entered."""
+    """Return True if a closed polyline is a circle, and write the circle."""
     if last - first < FEWEST:
         return False
     x, y, radius = circle_of_part(position, node, first, last)
@@ -222,9 +242,10 @@ def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: 
 
 
 def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
-    """How far round a whole run goes on a circle that it fits well enough, which is entered; 0 if there is none.
+    """Return the angle of a polyline on its least-squares circle, or 0.
 
-    The circle is that of least squares.
+    The angle is 0 if the polyline has fewer than `FEWEST` nodes, fits the circle too badly (`LOOSE`) or is too straight
+    (`DISTINCT`). Otherwise the circle is written to row `count` of `circle`.
     """
     closed = node[first] == node[last]
     if last - first + (0 if closed else 1) < FEWEST:
@@ -246,7 +267,7 @@ def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Flo
 
 
 def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y: float) -> float:
-    """The angle by which a run goes round a point, one way all along; else 0."""
+    """Return the angle of a polyline seen from (x, y), 0 if the sense changes."""
     total = 0.0
     for i in range(first, last):
         angle = angle_between(position, node[i], node[i + 1], x, y)
@@ -257,21 +278,20 @@ def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y:
 
 
 def is_round_trip(angle: float) -> bool:
-    """Whether that is once round."""
     return abs(abs(angle) - 2.0 * math.pi) < 1.0
 
 
 def angle_between(position: Floats, a: int, b: int, x: float, y: float) -> float:
-    """The angle from node a to node b as seen from (x, y)."""
     ax, ay = position[a, 0] - x, position[a, 1] - y
     bx, by = position[b, 0] - x, position[b, 1] - y
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
 def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
-    """Centre and radius of the circle for which the sum of the squares of |x - c|^2 - r^2 is least (Kasa, 1976).
+    """Return centre and radius of the least-squares circle (Kasa, 1976).
 
-    A run that ends where it began counts that node twice. Relative to the mean of the nodes the equations are 2 by 2.
+    The sum of (|x - c|^2 - r^2)^2 over the nodes is least. Closed polylines count the first node twice. Relative to the
+    mean of the nodes, the equations for the centre are 2 by 2.
     """
     count, mean_x, mean_y = last - first + 1, 0.0, 0.0
     for i in range(first, last + 1):
@@ -293,10 +313,11 @@ def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[
 def lengths_and_angles(
     position: Floats, node: Ints, pieces: Ints, circle: Floats, longest: Floats, even: Floats, angle: Floats
 ) -> None:
-    """Of every piece the longest facet, the length of facets that would cut off as much of a curve were they all alike,
-    and, of round ones, the angle from first to last node, positive to the left.
+    """Write longest facet, equivalent facet length and angle of every segment.
 
-    A chord of length l cuts ``l^3 / (12 r)`` off a circle of radius r, so theirs is the root of sum l^3 / sum l.
+    A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
+    the facets of a segment have the length `even`, sqrt(sum l^3 / sum l). `angle` spans the arc from first to last node
+    in radians, positive to the left, 0 if the segment is straight.
     """
     for p in range(pieces.shape[0]):
         longest[p] = angle[p] = total = cubes = 0.0

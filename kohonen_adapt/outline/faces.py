@@ -1,4 +1,7 @@
-"""Find the faces that hold nodes, on the outer boundary, between regions and named, and how they meet along edges."""
+"""Constrained faces of tetrahedra, and the edges in which they meet.
+
+A face is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
+"""
 
 from typing import NamedTuple
 
@@ -14,42 +17,41 @@ __all__ = ["Edges", "Faces", "Seams", "constrained_faces", "edges_of", "seams_of
 
 
 class Faces(NamedTuple):
-    """The constrained faces, a row each, running counter-clockwise seen from outside their element."""
+    """Constrained faces, counter-clockwise seen from outside their element."""
 
     element: Ints  # (f,)
-    corner: Ints  # (f,) local number of the element's corner opposite to the face
+    corner: Ints  # (f,) local index of the corner opposite to the face
     nodes: Ints  # (f, 3)
-    label: Ints  # (f, 2) seen from the element and from the other side: alike where regions and names there are
+    label: Ints  # (f, 2) regions and names on both sides, seen from the element and from across
     sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT (of the element) or RIGHT
-    regions: Ints  # (f, 2) of the element and of the one across, -1 outside
+    regions: Ints  # (f, 2) of the element and of its neighbour, -1 outside
 
 
 class Edges(NamedTuple):
-    """The edges of the constrained faces, a row each."""
+    """Edges of the constrained faces."""
 
     ends: Ints  # (g, 2) the nodes, ascending
     start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
     face: Ints  # (3 f,)
-    forth: Mask  # (3 f,) whether the face runs along the edge from its first to its second node
+    forth: Mask  # (3 f,) True if the face runs along the edge from its first to its second node
 
     @property
     def faces_around(self) -> Ints:
-        """How many faces meet in each, (g,)."""
+        """Number of constrained faces around every edge, shape (g,)."""
         return np.diff(self.start)
 
 
 class Seams(NamedTuple):
-    """The edges in which just two constrained faces meet."""
+    """Edges in which exactly two constrained faces meet."""
 
     edge: Ints  # (j,)
     faces: Ints  # (j, 2)
-    turn: Floats  # (j,) between the faces, in radians, 0 where the one goes on straight into the other
-    opposite: Mask  # (j,) the elements of both are on the same side
-    alike: Mask  # (j,) the same names and regions on both sides
+    turn: Floats  # (j,) angle between the faces in radians, 0 if they are coplanar
+    opposite: Mask  # (j,) True if the elements of both faces are on the same side
+    alike: Mask  # (j,) True if names and regions on both sides are the same
 
 
 def constrained_faces(tet: Tetrahedralization) -> Faces:
-    """Faces on the outer boundary, between regions, and in named boundaries."""
     mesh, tetrahedra = tet.mesh, tet.elements
     across, own = tetrahedra.neighbour, tetrahedra.region[:, None]
     other = np.where(across >= 0, tetrahedra.region[across], -1)
@@ -69,7 +71,7 @@ def constrained_faces(tet: Tetrahedralization) -> Faces:
 
 
 def edges_of(faces: Faces, nnodes: int) -> Edges:
-    """The edges of faces, in the order of their nodes."""
+    """Return the edges of the faces, sorted by their nodes."""
     start, end = faces.nodes.ravel(), np.roll(faces.nodes, -1, axis=1).ravel()
     code = np.minimum(start, end).astype(np.int64) * nnodes + np.maximum(start, end)
     order = np.argsort(code, kind="stable")
@@ -79,7 +81,7 @@ def edges_of(faces: Faces, nnodes: int) -> Edges:
 
 
 def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
-    """Pair the faces at every edge in which just two meet."""
+    """Return the pairs of faces at all edges in which exactly two meet."""
     edge = np.flatnonzero(edges.faces_around == 2)
     slot = edges.start[edge]
     one, other = edges.face[slot], edges.face[slot + 1]

@@ -1,4 +1,7 @@
-"""Find the facets that outlines are made of, on the outer boundary, between regions and named, and link them."""
+"""Constrained facets of triangles, and the polylines into which they join.
+
+A facet is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
+"""
 
 from typing import NamedTuple
 
@@ -16,27 +19,27 @@ __all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "
 
 
 class Facets(NamedTuple):
-    """The facets that outlines are made of, a row each, running counter-clockwise in their element."""
+    """Constrained facets, counter-clockwise in their element."""
 
     element: Ints  # (f,)
-    corner: Ints  # (f,) local number of the element's corner opposite to the facet
+    corner: Ints  # (f,) local index of the corner opposite to the facet
     nodes: Ints  # (f, 2)
-    label: Ints  # (f, 2) seen along and against the facet: alike where regions and names on both sides are
+    label: Ints  # (f, 2) regions and names on both sides, seen along and against the facet
     sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
 
 
 class Joints(NamedTuple):
-    """The nodes in which just two outline facets meet."""
+    """Nodes in which exactly two constrained facets meet."""
 
     node: Ints  # (j,)
     facets: Ints  # (j, 2)
-    ends: Ints  # (j, 2) the facets' other nodes
-    turn: Floats  # (j,) in radians
-    smooth: Mask  # (j,) a curve may go through: the same names and regions on both sides, no sharp turn
+    ends: Ints  # (j, 2) other nodes of the facets
+    turn: Floats  # (j,) angle between the facets in radians
+    smooth: Mask  # (j,) True if a curve may pass: same names and regions on both sides, no sharp turn
 
 
 def outline_facets(triangulation: Triangulation) -> Facets:
-    """Facets on the outer boundary, between regions, and in named boundaries."""
+    """Return the constrained facets."""
     mesh, elements = triangulation.mesh, triangulation.elements
     across, own = elements.neighbour, elements.region[:, None]
     other = np.where(across >= 0, elements.region[across], -1)
@@ -54,24 +57,27 @@ def outline_facets(triangulation: Triangulation) -> Facets:
 
 
 def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the facet opposite to each corner of the counter-clockwise elements, (m, 3)."""
+    """Return the index in `mesh` of the facet opposite to each corner, (m, 3).
+
+    `node`, shape (m, 3), are the corners of the counter-clockwise elements.
+    """
     number_facets(mesh)
     facet = np.empty_like(node)
-    for row in range(3):  # scikit-fem's facets of an element: corners 01, 12, 02
+    for row in range(3):  # scikit-fem orders the facets of an element by their corners: 01, 12, 02
         corner = np.argmax(node == mesh.t[(row + 2) % 3][:, None], axis=1)
         facet[np.arange(len(node)), corner] = mesh.t2f[row]
     return facet
 
 
 def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | float = 0.0) -> Joints:
-    """Pair the facets at every node in which just two meet.
+    """Return the joints, the nodes in which exactly two facets meet.
 
-    The turns between facets that are `cornerless`, (f,), are those of a curve however sharp they are. Bent facets, with
-    mid-side nodes so far `off` their chords, (f, 2), turn as the parabolas do.
+    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. `off`, shape (f, 2), are the offsets of
+    mid-side nodes from the middles of the chords: then the turn is the angle between the parabolas through the nodes.
     """
     node, rows = meetings(facets.nodes, len(position))
     other = facets.nodes.ravel()[rows ^ 1]
-    # along the first facet to the node, and on along the second: against its own direction where it ends there
+    # the path arrives along the first facet and leaves along the second, so labels may be reversed
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
     bend = np.broadcast_to(4.0 * off, facets.nodes.shape)
     turn = turns(*(position[other[:, side]] - position[node] + bend[rows[:, side] // 2] for side in (0, 1)))
@@ -80,7 +86,7 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | 
 
 
 def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
-    """Trace the facets through the smooth joints, except at the nodes of the mask `stops` (n,)."""
+    """Trace polylines through smooth joints except at nodes of the mask `stops` (n,)."""
     through = np.full((len(stops), 2), -1, dtype=np.int32)
     going = joints.smooth & ~stops[joints.node]
     through[joints.node[going]] = joints.facets[going]

@@ -1,4 +1,8 @@
-"""Find the two sides of thin parts of a mesh: the chains of outline that face each other, and their nodes."""
+"""Detection of the two sides of a thin subdomain.
+
+Rays from the curve segments around the subdomain find segments that face each other. Segments are nodes of a graph with
+relations "same side" and "opposite side".
+"""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,21 +18,24 @@ from kohonen_adapt.outline.rays import views_across
 
 __all__ = ["facing_sides", "joined"]
 
-LOOKS = (8, 2_000)  # rays from every chain at least, and about so many from all together
-FAR = 3.0  # times the median distance: a chain that is farther away, or as much askance, is not across
-UNSURE = 0.5  # of the weight of the sides found: where chains of more weight contradict them, there are no sides
+LOOKS = (8, 2_000)  # fewest rays from a curve segment, and the approximate number of all rays together
+FAR = 3.0  # times the median distance: a segment farther away, or as oblique, is not opposite
+UNSURE = 0.5  # of the weight of the sides found: heavier segments that contradict leave no sides
 
 
 class Looks(NamedTuple):
-    """Pairs of chains that see each other, a row for each ray that met one."""
+    """Pairs of curve segments that see each other, one row per ray."""
 
-    start: Ints  # the chain it starts on
-    end: Ints  # and the one it meets
-    weight: Floats  # length of chain that the ray stands for, by its own length, less where it meets askance
+    start: Ints  # the segment on which the ray starts
+    end: Ints  # the segment that the ray hits
+    weight: Floats  # length that the ray represents divided by the ray's own, less if the hit is oblique
 
 
 def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
-    """The nodes on both sides of a connected part, the regions `inside` (r,); a part may have several such pairs."""
+    """Yield the nodes on both sides of a connected part of a subdomain.
+
+    `inside` is the mask (r,) of the regions of the part. The part may have several pairs of sides.
+    """
     elements = triangulation.elements
     across = elements.neighbour
     own = inside[elements.region]
@@ -44,13 +51,19 @@ def facing_sides(triangulation: Triangulation, constraints: Constraints, inside:
 
 
 def joined(a: Ints, b: Ints, count: int) -> Ints:
-    """Number the connected components of `count` things that pairs (a, b) join, (count,)."""
+    """Return the connected component of each of `count` items, shape (count,).
+
+    Items `a` and `b`, shape (k,) each, are linked pairwise.
+    """
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def ends_of(chain: Ints, nodes: Ints) -> Ints:
-    """The nodes in which chains meet, as rows of chain and node; `chain` (f,) and `nodes` (f, 2) are of facets."""
+    """Return rows (curve segment, node) of the nodes in which segments meet.
+
+    `chain`, shape (f,), is the segment of every facet, `nodes`, shape (f, 2), its ends.
+    """
     rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
     return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
@@ -58,7 +71,10 @@ def ends_of(chain: Ints, nodes: Ints) -> Ints:
 def views_of(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Ints, k: Ints, chains: Ints
 ) -> Looks:
-    """Cast rays inward from the chains, to which the edges opposite to corners k of elements e belong."""
+    """Cast rays inward from curve segments and return the segments hit.
+
+    The rays start on the edges opposite to corners `k` of elements `e`; `chains` are the segments of these edges.
+    """
     length = constraints.chains.length
     least, most = LOOKS
     looks = least + np.round(most * length[chains] / length[chains].sum())
@@ -73,18 +89,19 @@ def views_of(
 
 
 def median(values: Floats, weights: Floats) -> float:
-    """The value that half of the weight is below."""
+    """Return the weighted median of `values`."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
 
 
 def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
-    """The side that every chain of a part is on, (count,): 2 i and 2 i + 1 face each other, -1 for none.
+    """Return the side of every curve segment of a part, -1 for none, (count,).
 
-    Chains that see each other are on opposite sides, and those that touch are on the same one. Where both cannot hold,
-    as for the ends of a gap or the walls of a slot, the larger weight decides. Runs of the other chains belong to the
-    side they touch; those that join two sides are the ends of gaps.
+    Sides 2 i and 2 i + 1 face each other. Segments that see each other lie on opposite sides, and segments that meet in
+    a node lie on the same side. If both cannot hold, as at the ends of a gap or at the walls of a slot, the larger
+    weight decides. The remaining segments belong to the side that they touch; segments between two sides are the ends
+    of a gap.
     """
     sides = Sides(count)
     weight = faced(sides, looks, touching(ends), count)
@@ -105,9 +122,10 @@ def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
 
 
 def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
-    """Relate chains that see each other, those of most weight first; returns the weight that each adds, (count,).
+    """Relate segments that see each other, the largest weight first.
 
-    Those that meet in a sharp corner see each other too, but nothing is between them.
+    Returns the weight that each segment adds, shape (count,). Segments that meet in one of the `corners` see each
+    other, too, but enclose nothing: they are left out.
     """
     seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
     facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
@@ -120,7 +138,7 @@ def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
 
 
 def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
-    """The sides of the accepted chains, and of the runs of others between chains of one side, (c,)."""
+    """Return the sides of accepted segments and of segments between them, (c,)."""
     runs = runs_between(ends, accepted)
     for _, around in runs:
         sides.join(around)
@@ -132,14 +150,20 @@ def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
 
 
 def touching(ends: Ints) -> Ints:
-    """Pairs of chains that end at the same node, each with the next one there; rows of `ends` are chain and node."""
+    """Return pairs of curve segments that end at the same node, (k, 2).
+
+    `ends` has rows (segment, node). At every node each segment is paired with the next.
+    """
     ends = ends[np.argsort(ends[:, 1], kind="stable")]
     same = ends[1:, 1] == ends[:-1, 1]
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
 def runs_between(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]]:
-    """The chains that were not accepted, in connected runs, each with the accepted chains it touches."""
+    """Return the connected sets of segments that were not accepted.
+
+    An entry is the list of segments in a set, and the list of accepted segments that touch the set.
+    """
     is_accepted = accepted[ends[:, 0]]
     links = touching(ends[~np.isin(ends[:, 1], ends[is_accepted, 1])])
     label = joined(links[:, 0], links[:, 1], len(accepted))
@@ -155,21 +179,20 @@ def runs_between(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]
 
 
 class Sides:
-    """Record which chains are on the same side and which on opposite ones; a relation that contradicts is refused."""
+    """Union-find structure of segments on the same or on opposite sides."""
 
     def __init__(self, count: int) -> None:
         self._parent = list(range(count))
-        self._opposite = [False] * count  # to the parent
+        self._opposite = [False] * count  # True if opposite to the parent
         self._size = [1] * count
 
     def copy(self) -> "Sides":
-        """The same relations, to be added to apart."""
         other = Sides(0)
         other._parent, other._opposite, other._size = self._parent.copy(), self._opposite.copy(), self._size.copy()
         return other
 
     def _root(self, chain: int) -> tuple[int, bool]:
-        """The chain that stands for all related ones, and whether this one is opposite to it."""
+        """Return the representative of a segment, and True if both are opposite."""
         opposite = False
         while self._parent[chain] != chain:
             opposite ^= self._opposite[chain]
@@ -177,12 +200,18 @@ class Sides:
         return chain, opposite
 
     def side(self, chain: int) -> int:
-        """A number that is odd on one side and even on the opposite one."""
+        """Return the side of a segment, an integer 2 i or 2 i + 1.
+
+        Sides 2 i and 2 i + 1 are opposite.
+        """
         root, opposite = self._root(chain)
         return 2 * root + opposite
 
     def relate(self, a: int, b: int, opposite: bool) -> bool:
-        """Put two chains on opposite sides, or on the same one; returns whether that contradicts nothing."""
+        """Put two segments on opposite sides, or on the same side.
+
+        Returns False and changes nothing if this contradicts earlier relations.
+        """
         (a, of_a), (b, of_b) = self._root(a), self._root(b)
         if a == b:
             return of_a ^ of_b == opposite
@@ -193,7 +222,7 @@ class Sides:
         return True
 
     def join(self, chains: list[int]) -> None:
-        """Put chains on one side, unless some of them are opposite."""
+        """Put segments on one side unless some of them are on opposite sides."""
         found = {self.side(chain) for chain in chains}
         if not any(side ^ 1 in found for side in found):
             for chain in chains[1:]:

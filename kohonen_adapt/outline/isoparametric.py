@@ -1,4 +1,7 @@
-"""Bend the sides on curved outlines to them, no farther than leaves every Jacobian determinant well above zero."""
+"""Curved sides of elements on curved boundaries and interfaces.
+
+Sides follow the curve as far as the Jacobian determinant of every element stays well above zero.
+"""
 
 import numpy as np
 
@@ -13,16 +16,17 @@ __all__ = ["LEAST", "bent_sides"]
 
 
 def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
-    """How far the mid-side nodes of all sides are off their chords, (m, 3, 2): side k is opposite to corner k.
+    """Return the midside offsets of all element sides, shape (m, 3, 2).
 
-    On curved outlines a mid-side node is at the middle of the chain's parameter, everywhere else on its chord. Where an
-    element would be left with less than `LEAST` of its determinant somewhere, its sides are straightened by just the
-    factor that leaves so much, on both sides of them.
+    The offset is the vector from the middle of the chord to the mid-side node; side k is opposite to corner k. On
+    curved boundaries and interfaces the mid-side node has the mean parameter of the two ends; elsewhere the offset is
+    0. If an element would keep less than `LEAST` of its determinant somewhere, the offsets of its sides are multiplied
+    by the factor that leaves as much, for both elements of each side.
     """
     elements = triangulation.elements
     bent = np.zeros((*elements.node.shape, 2))
     curved = np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain]
-    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))  # each once; -1 beyond the rim
+    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))  # every side once
     bent[e, k] = off_chords(triangulation, constraints, e, k)
     there, back = across(triangulation, e, k)
     bent[there, back] = bent[e, k][elements.neighbour[e, k] >= 0]
@@ -32,7 +36,10 @@ def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats
 
 
 def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
-    """The elements across sides k of elements e, where there are any, and the numbers that the sides have in them."""
+    """Return the elements across sides `k` of elements `e`.
+
+    Returns, of sides that are not on the outer boundary, the elements and the local index that the side has there.
+    """
     neighbour = triangulation.elements.neighbour
     other = neighbour[e, k]
     there = other[other >= 0]
@@ -40,7 +47,7 @@ def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
 
 
 def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
-    """How far the curves are off the middles of sides k of elements e, half-way along, (f, 2)."""
+    """Return the midside offsets of sides `k` of elements `e`, shape (f, 2)."""
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
@@ -51,10 +58,11 @@ def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, 
 
 
 def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, bent: Floats) -> Floats:
-    """By what to multiply the displacements `bent` (q, 3, 2) of the sides of elements `rows`, (q, 3), alike where one.
+    """Return the factors (q, 3) for the midside offsets of elements `rows`.
 
-    Elements that need it are held back to a factor that suffices whatever smaller ones their sides get from elsewhere;
-    that may leave less to others, which are held back in turn.
+    `bent`, shape (q, 3, 2), are the offsets. Sides shared by two elements and periodic pairs have one factor. The
+    factor of an element suffices even if its sides get smaller factors from neighbours. A smaller factor may leave too
+    little to a neighbour, which is limited in turn.
     """
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
@@ -73,10 +81,11 @@ def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, 
 
 
 def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
-    """Factors of displacements that leave elements `LEAST` of their determinant, smaller ones more, (q,).
+    """Return the factors (q,) that leave elements `LEAST` of their determinant.
 
-    Bernstein coefficients are ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk`` for factors t of the sides. Of L and Q the
-    negative parts alone count, so that they fall in every t; for a single bent side, where Q is 0, nothing is lost.
+    With factors t of the sides, the Bernstein coefficients of the determinant are
+    ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk``. Only the negative parts of L and Q are counted: then the coefficients
+    decrease with every t, and smaller factors are sufficient, too. For one curved side Q is 0, and nothing is lost.
     """
     sides = np.eye(3)[:, None, :, None]
     linear = [jacobian_coefficients(corners, bent * side) - doubled[:, None] for side in sides]
@@ -92,7 +101,10 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
 
 
 def sides_alike(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
-    """Numbers of the sides of elements, (q, 3), the same for what is one: seen from two elements, or periodic pairs."""
+    """Return an index of every side of elements, equal for one side, (q, 3).
+
+    The side of two neighbours is one, and so are the sides of a periodic pair.
+    """
     elements, twins = triangulation.elements, constraints.twins
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
     images = twins.partner[ends]

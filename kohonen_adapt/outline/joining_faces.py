@@ -1,4 +1,7 @@
-"""Join constrained faces to patches: connected, on one surface, and alike in names and regions on both sides."""
+"""Patches, the connected constrained faces on one surface.
+
+All faces of a patch have the same names and regions on both sides.
+"""
 
 from collections.abc import Mapping
 
@@ -24,9 +27,9 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 
 def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[str, Surface]) -> Patches:
-    """Join faces to patches, which are numbered in the order of their first faces.
+    """Join constrained faces into patches, in the order of their first faces.
 
-    Refuses surfaces that nodes of their boundary are not on, and two for one face.
+    Raises ValueError if nodes of a boundary are not on its surface, or if a face belongs to two surfaces.
     """
     told = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, Plane | Sphere | Cylinder | Cone) for each in surfaces.values()), 0])
@@ -54,7 +57,7 @@ def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[s
 
 
 def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...], float]:
-    """Shape, origin, axis and size of a surface as loops take it."""
+    """Return shape, origin, axis and size of a surface for the kernels."""
     if isinstance(surface, Plane):
         return PLANE, surface.point, surface.normal, 0.0
     if isinstance(surface, Sphere):
@@ -69,7 +72,11 @@ def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...],
 def planes_of(
     faces: Faces, patch: Ints, first: Ints, position: Floats
 ) -> tuple[NDArray[np.int8], Floats, Floats, Floats]:
-    """Shape, origin, axis and size of patches, were they all plane: a node, and the mean normal by area."""
+    """Return shape, origin, axis and size of patches as if all were planes.
+
+    The origin is a node of the patch, the axis its area-weighted mean normal. `first`, shape (p,), is the first face of
+    every patch.
+    """
     across = normals(position, faces.nodes)
     largest = np.lexsort((-np.einsum("ij,ij->i", across, across), patch))
     reference = across[largest[np.flatnonzero(np.diff(patch[largest], prepend=-1))]]
@@ -82,9 +89,11 @@ def planes_of(
 def sides_of(
     faces: Faces, seams: Seams, patch: Ints, first: Ints, position: Floats
 ) -> tuple[Ints, dict[str, NDArray[np.int8]], Sheet]:
-    """The region on the front of every patch, how it carries each name, and what tells its sides apart.
+    """Return the region in front of every patch, its names, and the `Sheet`.
 
-    The front is the side on which the element of its first face is. Sides of faces go on into one another over seams.
+    The front of a patch is the side on which the element of its first face lies. The sheet distinguishes front and back
+    of patches with the same region on both sides. Across a seam, each side of a face continues in a side of the next
+    face.
     """
     region, behind = faces.regions[first].T
     front = np.where(region == behind, -1, region)

@@ -1,8 +1,8 @@
-"""Keep layers of elements across thin subdomains, by levels of nodes that hold their two sides apart.
+"""Layers of elements across thin subdomains.
 
-Across a subdomain there are k layers if every way over its edges from one side to the other has k edges or more. Levels
-certify it: 0 on one side, k on the other, and no edge joins nodes whose levels differ by more than 1. A node keeps its
-level; what would make an edge against them is refused.
+A subdomain has k layers if every path along its edges from one side to the other has at least k edges. Levels of nodes
+certify this: 0 on one side, k on the other, and a difference of at most 1 along every edge. Nodes keep their levels; a
+change that would make an edge with a larger difference is refused.
 """
 
 from collections import deque
@@ -23,17 +23,17 @@ __all__ = ["Band", "bands_of", "check_number", "lay", "lower_to_steps", "parts_o
 class Band(NamedTuple):
     """Two sides of a subdomain that face each other."""
 
-    name: str  # of the subdomain
-    number: int  # of layers that it is to have
-    pairs: Ints  # (k, 2): the nodes of the edges of its part
-    sides: tuple[Ints, Ints]  # the nodes on either side
+    name: str  # name of the subdomain
+    number: int  # requested number of layers
+    pairs: Ints  # (k, 2) nodes of all edges of its connected part
+    sides: tuple[Ints, Ints]  # nodes on each side
 
 
 def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
-    """Give the nodes of subdomains the levels that keep so many layers of elements across each, by name.
+    """Set the levels that preserve the layers of elements across subdomains.
 
-    Refuses what `checked_layers` does, subdomains without two sides or with fewer layers, and those that touch so that
-    no levels fit all.
+    `layers` maps names of subdomains to numbers of layers. Raises ValueError if `checked_layers` does, if a subdomain
+    has no two sides or too few layers, or if subdomains touch so that no levels fit all of them.
     """
     wanted = checked_layers(triangulation.mesh, layers)
     bands: list[Band] = []
@@ -51,7 +51,7 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
 
 
 def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
-    """The regions of every connected part of a subdomain, as masks (r,)."""
+    """Yield the mask (r,) of regions of every connected part of a subdomain."""
     inside = np.zeros(len(elements.layered), dtype=bool)
     inside[regions] = True
     e, k = np.nonzero(elements.neighbour >= 0)
@@ -65,7 +65,10 @@ def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
 def bands_of(
     triangulation: Triangulation, constraints: Constraints, name: str, number: int, inside: Mask
 ) -> list[Band]:
-    """The bands of one part of a subdomain; most have one, none is refused."""
+    """Return the pairs of sides of one connected part of a subdomain.
+
+    Raises ValueError if the part has none. Most parts have one pair.
+    """
     sides = list(facing_sides(triangulation, constraints, inside))
     if not sides:
         raise ValueError(
@@ -77,7 +80,7 @@ def bands_of(
 
 
 def check_number(position: Floats, band: Band) -> None:
-    """Refuse a band with fewer layers than are to be kept."""
+    """Raise ValueError if a band has fewer layers than requested."""
     steps = np.full(len(position), min(band.number, len(position)))
     steps[band.sides[0]] = 0
     lower_to_steps(band.pairs, steps)
@@ -93,7 +96,10 @@ def check_number(position: Floats, band: Band) -> None:
 
 
 def lower_to_steps(edges: Ints, value: Ints) -> None:
-    """Lower values (n,) until those of joined nodes differ by at most 1: to the least of value plus steps to there."""
+    """Lower values (n,) in place until they differ by at most 1 along edges.
+
+    The result is the minimum of value plus number of edges over all nodes from which a node can be reached.
+    """
     a, b = edges.T
     while np.any(np.abs(value[a] - value[b]) > 1):
         np.minimum.at(value, a, value[b] + 1)
@@ -101,7 +107,10 @@ def lower_to_steps(edges: Ints, value: Ints) -> None:
 
 
 def levels_of(bands: list[Band], count: int) -> Ints:
-    """Levels of the nodes: those of the sides, and between them as near to the middle as steps of 1 allow, (count,)."""
+    """Return the levels of all nodes, shape (count,).
+
+    Between two sides, levels are as near to the mean of the sides as differences of at most 1 permit.
+    """
     level, known = levels_of_sides(bands, count)
     pairs = np.concatenate([band.pairs for band in bands])
     top = int(np.max(np.abs(level)))
@@ -118,7 +127,10 @@ def levels_of(bands: list[Band], count: int) -> Ints:
 
 
 def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
-    """Levels of the nodes on sides, and which nodes those are; sides that share nodes have the same level."""
+    """Return the levels of nodes on sides and the mask of these nodes, (count,).
+
+    Sides with common nodes have the same level.
+    """
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
     label = joined(number, len(sides) + np.concatenate(sides), len(sides) + count)
@@ -146,6 +158,6 @@ def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
 
 
 def contradiction(bands: list[Band]) -> ValueError:
-    """The error where what is asked for in one place cannot be had in another."""
+    """Return the error for subdomains whose layers contradict each other."""
     names = ", ".join(sorted({repr(band.name) for band in bands}))
     return ValueError(f"subdomains with layers touch so that not all can have theirs ({names}); ask for fewer of them.")

@@ -1,4 +1,4 @@
-"""Match the nodes of two boundaries by the motion that carries one onto the other; refuse where none or several do."""
+"""Matching of two boundaries by a rigid motion."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -11,56 +11,58 @@ from kohonen_adapt.mesh.motions import Motion, is_proper, motion_of, moved
 
 __all__ = ["Match", "Sides", "Unmatched", "matched"]
 
-MATCH = 1e-8  # of the size of the mesh: paired nodes are no farther from one another's image
-PROBES = 8  # nodes that are tried first, where there are many motions to try
+MATCH = 1e-8  # of the size of the mesh: largest distance of a paired node from its partner's image
+PROBES = 8  # nodes that are tried first if many motions are to be tried
 SHOWN = 3  # motions that are proposed
-ENOUGH = 16  # motions that fit: where the mesh goes on beyond none of so many, it does beyond no other
+ENOUGH = 16  # fitting motions: if none of so many continues the mesh, no other does
 MIRROR = np.diag([-1.0, 1.0])
 
 
 class Unmatched(ValueError):
-    """The nodes of the one boundary are not where those of the other are."""
+    """Error for two boundaries whose nodes do not match."""
 
 
 class Sides(NamedTuple):
-    """Two boundaries that are to be one another's image."""
+    """Two boundaries of a periodic pair."""
 
     names: tuple[str, str]
     position: Floats  # (2, n)
-    facets: tuple[Ints, Ints]  # (k, 2) each: their nodes, counter-clockwise round the elements
-    size: float  # of the mesh
+    facets: tuple[Ints, Ints]  # (k, 2) each: nodes, counter-clockwise around the elements
+    size: float  # largest extent of the mesh
 
     @property
     def nodes(self) -> tuple[Ints, Ints]:
-        """The nodes of each, (k,)."""
+        """Nodes of each boundary, shape (k,)."""
         one, other = (np.unique(facets) for facets in self.facets)
         return one, other
 
     @property
     def near(self) -> float:
-        """How far a node may be from its partner's image, in mesh units."""
+        """Largest distance of a node from its partner's image, in mesh units."""
         return MATCH * self.size
 
     def said(self, verb: str) -> str:
-        """The names, for the beginning of a message."""
+        """Return the beginning of a message about both boundaries."""
         return f"periodic boundaries {self.names[0]!r} and {self.names[1]!r} {verb}"
 
 
 class Match(NamedTuple):
-    """What a motion does to the nodes of the one boundary."""
+    """Nodes of the first boundary and their images under a motion."""
 
     motion: Floats  # [A | b]
-    nodes: Ints  # (k,) of the one boundary
-    images: Ints  # (k,) those of the other that are nearest to where they are carried
-    off: float  # how far at most
-    goes_on: bool  # whether the mesh, once moved, lies on the other side of the other boundary
-    fault: str  # why the motion will not do, though it carries node to node; empty if it does
+    nodes: Ints  # (k,) nodes of the first boundary
+    images: Ints  # (k,) nodes of the second boundary, nearest to the images of the first
+    off: float  # largest distance between `images` and the images of `nodes`
+    goes_on: bool  # True if the moved mesh lies on the other side of the second boundary
+    fault: str  # why a motion that matches nodes is not suitable; empty if suitable
 
 
 def matched(sides: Sides, named: Motion | None) -> Match:
-    """The match by the motion named, or by the only translation or rotation beyond which the mesh goes on.
+    """Return the match by the motion `named`, or by the only suitable motion.
 
-    Refuses a motion that does not carry nodes to nodes and facets to facets, and where none is named none and several.
+    A suitable motion is a translation or rotation that maps nodes to nodes and facets to facets, and the mesh to the
+    other side of the second boundary. Raises ValueError if several are suitable or none is, or if `named` does not map
+    nodes to nodes and facets to facets.
     """
     one, other = (len(nodes) for nodes in sides.nodes)
     if one != other:
@@ -79,7 +81,7 @@ def matched(sides: Sides, named: Motion | None) -> Match:
 
 
 def the_only(sides: Sides) -> Match:
-    """The match by the one translation or rotation that will do."""
+    """Return the match by the only suitable translation or rotation."""
     tried = first_of(attempts(sides, mirrored=False), sides.near)
     will_do = [match for match in tried if match.off <= sides.near and match.goes_on and not match.fault]
     if len(will_do) == 1:
@@ -93,7 +95,10 @@ def the_only(sides: Sides) -> Match:
 
 
 def first_of(matches: Iterator[Match], near: float) -> list[Match]:
-    """The matches up to the third that will do, or the 16th that fits: on a circle there are as many as nodes."""
+    """Return the first matches, at most `SHOWN` suitable and `ENOUGH` fitting.
+
+    On a circle of k nodes, k rotations fit.
+    """
     found, fitting, will_do = list[Match](), 0, 0
     for match in matches:
         found.append(match)
@@ -105,7 +110,7 @@ def first_of(matches: Iterator[Match], near: float) -> list[Match]:
 
 
 def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
-    """Why none of the translations and rotations will do."""
+    """Return the error that explains why no translation or rotation is suitable."""
     fitting = [match for match in tried if match.off <= sides.near]
     folding = motions_of(sides, [match for match in fitting if not match.fault])
     mirrored = [match for match in attempts(sides, mirrored=True) if match.off <= sides.near and not match.fault]
@@ -125,7 +130,6 @@ def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
 
 
 def unmatched(sides: Sides, motion: str, found: str) -> str:
-    """The message where nodes do not come to lie on nodes."""
     one, other = sides.names
     return (
         f"{motion} must carry the nodes of boundary {one!r} to those of {other!r}, within {MATCH:g} of the size of the "
@@ -134,12 +138,12 @@ def unmatched(sides: Sides, motion: str, found: str) -> str:
 
 
 def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
-    """The motions of matches, but for glide reflections, which have no name."""
+    """Return the motions of matches except glide reflections, which have no name."""
     return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
 
 
 def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
-    """How to name a motion, by some that fit."""
+    """Return a sentence that proposes some motions for a pair."""
     first, *others = (f"kohonen_adapt.{motion!r}" for motion in motions)
     rest = "".join(f", or {motion}" for motion in others)
     kind, (one, other) = type(motions[0]).__name__.lower(), sides.names
@@ -151,9 +155,10 @@ def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
 
 
 def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
-    """What motions do that carry two nodes of the one boundary, far apart, to two of the other; the least turns first.
+    """Yield matches by motions, the smallest angle first.
 
-    Translations and rotations, or else reflections.
+    A motion maps two distant nodes of the first boundary to two nodes of the second. Motions are translations and
+    rotations, or reflections if `mirrored`.
     """
     motions = candidates(sides, mirrored)
     if mirrored:
@@ -168,7 +173,11 @@ def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
 
 
 def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
-    """Motions that carry two nodes of the one boundary to two of the other that lie as its own do; one at least."""
+    """Return motions that map two distant nodes to two nodes of the other boundary.
+
+    Both pairs of nodes have the same distances from each other and from the mean of their boundary, within 4 `near`. At
+    least one motion is returned.
+    """
     points, targets = (sides.position[:, nodes] for nodes in sides.nodes)
     if mirrored:
         points = MIRROR @ points
@@ -187,7 +196,7 @@ def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
 
 
 def attempt(sides: Sides, motion: Floats) -> Match:
-    """What a motion does to the nodes of the one boundary."""
+    """Return the match by a motion, with the fault of the motion."""
     nodes, others = sides.nodes
     off, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
     images, (one, other) = others[at], sides.names
@@ -213,7 +222,10 @@ def attempt(sides: Sides, motion: Floats) -> Match:
 
 
 def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
-    """Whether the facets of the one boundary come to run against facets of the other, and along them, (k,) each."""
+    """Return masks (k,) of facets whose images run against and along a facet.
+
+    The facets belong to the first boundary, and the images of their nodes are compared with facets of the second.
+    """
     count = sides.position.shape[1]
     image = np.full(count, -1, dtype=np.int64)
     image[nodes] = images
@@ -223,20 +235,22 @@ def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
 
 
 def place(sides: Sides, node: int) -> str:
-    """Where a node is, for messages."""
     x, y = sides.position[:, node]
     return f"({x:.6g}, {y:.6g})"
 
 
 def farthest(points: Floats) -> Floats:
-    """Two of the points (2, n) that are far from one another, (2, 2): the farthest on a straight boundary."""
+    """Return two distant points of (2, n), the ends of a straight boundary, (2, 2)."""
     first = np.argmax(np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=0))
     second = np.argmax(np.sum((points - points[:, [first]]) ** 2, axis=0))
     return points[:, [first, second]]
 
 
 def rigid_motion(points: Floats, targets: Floats) -> Floats:
-    """The translation or rotation [A | b] that carries two points (2, 2) to two others as far apart."""
+    """Return the translation or rotation [A | b] of two points to two targets.
+
+    Points and targets have shape (2, 2) and the same distance.
+    """
     (ux, uy), (wx, wy) = points[:, 1] - points[:, 0], targets[:, 1] - targets[:, 0]
     cosine, sine = ux * wx + uy * wy, ux * wy - uy * wx
     length = np.hypot(cosine, sine)

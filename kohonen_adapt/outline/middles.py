@@ -1,4 +1,4 @@
-"""Tell from mid-side nodes which outline facets are bent, and which arcs and splines these are parts of."""
+"""Recognition of curved facets, arcs and splines from mid-side nodes."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,23 +15,29 @@ from kohonen_adapt.outline.polylines import TOLD, without_noise
 
 __all__ = ["Bent", "bent_facets", "joined_alike"]
 
-CIRCULAR = 1e-6  # of the radius: how far corners and mid-side nodes may be off a circle
+CIRCULAR = 1e-6  # of the radius: largest distance of corners and mid-side nodes from their circle
 
 
 class Bent(NamedTuple):
-    """What mid-side nodes tell of outline facets, a row each."""
+    """Offsets of the mid-side nodes of constrained facets."""
 
-    off: Floats  # (f, 2) from the middles of their chords
+    off: Floats  # (f, 2) from the middles of the chords
     is_bent: Mask  # (f,)
-    known: bool  # whether there are bent ones, so that the others are straight and no polygons in place of arcs
+    known: bool  # True if a facet is curved: then all others are straight, and no chords of arcs
 
     def told(self, curve: Ints) -> Ints:
-        """The given curve of every facet, (f,), TOLD in place of none where it is bent."""
+        """Return the curve index of every facet, shape (f,).
+
+        Facets without a user-defined curve have the index `TOLD` if they are curved, -1 if they are straight.
+        """
         return np.where((curve == -1) & self.is_bent, TOLD, curve)
 
 
 def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | None) -> Bent:
-    """Which facets are bent by mid-side nodes so far off the chords of a mesh, (2, nfacets); None where it has none."""
+    """Return the mid-side offsets of facets and which of them are curved.
+
+    `of_mesh`, shape (2, nfacets), are the offsets of the mesh, None if the mesh has no mid-side nodes.
+    """
     if of_mesh is None:
         return Bent(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), known=False)
     off = of_mesh.T[facet_of_edge(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
@@ -43,10 +49,10 @@ def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | 
 
 
 def joined_alike(joints: Joints, facets: Facets, position: Floats, bent: Bent, curve: Ints) -> tuple[Joints, Floats]:
-    """The joints through which one straight line, arc or spline goes, and the circles of facets, (f, 3).
+    """Return the joints inside one line, arc or spline, and the circles of facets.
 
-    A circle is its centre and radius, nan for what is on none. `curve` (f,) tells the facets that have a given one:
-    with these nothing changes.
+    A circle is centre and radius, shape (f, 3), nan for facets on no circle. `curve`, shape (f,), is the curve index of
+    every facet; joints between facets with a user-defined curve remain.
     """
     circle = np.full((len(facets.nodes), 3), np.nan)
     if not bent.known:
@@ -63,7 +69,10 @@ def joined_alike(joints: Joints, facets: Facets, position: Floats, bent: Bent, c
 
 
 def on_one_circle(facets: Facets, position: Floats, bent: Bent, one: Ints, other: Ints) -> Mask:
-    """Whether the corners and mid-side nodes of other facets are on the circles through those of these, (j,)."""
+    """Return True where facets `other` lie on the circles of facets `one`, (j,).
+
+    The circle of a facet passes through both corners and the mid-side node.
+    """
     (a, b), m = ends_and_middle(facets, position, bent, one)
     u, w = b - a, m - a
     twice = 2.0 * (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
@@ -79,19 +88,19 @@ def on_one_circle(facets: Facets, position: Floats, bent: Bent, one: Ints, other
 
 
 def ends_and_middle(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> tuple[tuple[Floats, Floats], Floats]:
-    """The ends and the mid-side nodes of facets, (k, 2) each."""
+    """Return the two ends and the mid-side nodes of facets, shape (k, 2) each."""
     a, b = (position[facets.nodes[rows, side]] for side in (0, 1))
     return (a, b), 0.5 * (a + b) + bent.off[rows]
 
 
 def groups_of(count: int, linked: Ints) -> Ints:
-    """Numbers of the groups of facets that are linked with one another, (count,), by pairs (k, 2)."""
+    """Return the group of each of `count` facets, linked by pairs (k, 2), (count,)."""
     graph = coo_array((np.ones(len(linked), dtype=np.int8), tuple(linked.T)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def members(group: Ints, told: Mask) -> Iterator[Ints]:
-    """The facets of every group of two and more that are told."""
+    """Yield the facets of every group of two or more, within the mask `told`."""
     order = np.argsort(group[told], kind="stable")
     rows = np.flatnonzero(told)[order]
     cuts = np.flatnonzero(np.diff(group[rows])) + 1
@@ -99,7 +108,7 @@ def members(group: Ints, told: Mask) -> Iterator[Ints]:
 
 
 def circle_through(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> Floats:
-    """The circle on which all corners and mid-side nodes of facets are, (3,); nan where they are on none."""
+    """Return the circle (3,) through all corners and mid-side nodes, nan if none."""
     (a, b), m = ends_and_middle(facets, position, bent, rows)
     points = np.concatenate([a, b, m])
     found = without_noise(np.array([fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)]))[0]
