@@ -1,4 +1,4 @@
-"""Make the layers of elements that thin subdomains lack, by splitting edges between their sides."""
+"""Creation of missing layers of elements across thin subdomains."""
 
 import logging
 from collections.abc import Iterator
@@ -20,14 +20,15 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["with_layers"]
 
-MOST = 8  # layers that are made; whoever wants more is to draw them
+MOST = 8  # largest number of layers that is made; more must be in the input mesh
 
 
 def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
-    """The mesh with the layers that the rules ask for, where nodes may be recycled or it `grows`; old nodes come first.
+    """Return the mesh with the layers that the rules request.
 
-    Every edge in the middle of a way across that has too few is halved, until none has; where edges of a pair cross,
-    they do so on both of its sides.
+    Layers are made only if the rules allow recycling or the mesh `grows`. Every edge in the middle of a path across
+    with too few edges is halved, again and again until all paths are long enough. Edges of a periodic boundary that run
+    across are halved on both boundaries of the pair. New nodes follow the nodes of the input in number.
     """
     if not rules.layers or not (grows or rules.topology == "recycle"):
         return mesh
@@ -42,7 +43,7 @@ def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
 
 
 def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
-    """The edges (k, 2) in the middle of the shortest ways across subdomains with fewer layers than wanted."""
+    """Return the edges (k, 2) in the middle of paths that have too few edges."""
     found = [np.empty((0, 2), dtype=np.int64)]
     for band in bands(movable, wanted):
         from_one, from_other = (np.full(movable.nnodes, min(band.number, movable.nnodes)) for _ in band.sides)
@@ -56,7 +57,7 @@ def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
 
 
 def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
-    """The pairs of sides of the subdomains that are to have layers."""
+    """Yield the pairs of sides of the subdomains with requested layers."""
     triangulation = movable.triangulation
     for name, number in wanted.items():
         rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
@@ -65,7 +66,7 @@ def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
 
 
 def split_edges(movable: MovableMesh, edges: Ints) -> None:
-    """Halve edges (k, 2). They are few, and this is done once for a mesh, so it is not worth compiling."""
+    """Halve edges (k, 2)."""
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n + len(edges), unchanged(movable.triangulation))
     find, middle, halve = (interpreted(loop) for loop in (find_edge, midpoint, split))

@@ -1,4 +1,4 @@
-"""Take a mesh apart into what moves: its triangulation, and its outlines, layers and quality rule, which hold nodes."""
+"""Triangle mesh as arrays, with the constraints on its nodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ from kohonen_adapt.outline.rules import Rules, check_for, floor_of
 
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
 
-FLIPS = 2_000_000  # per compiled call: Python hears Ctrl-C at least every half second
+FLIPS = 2_000_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")
@@ -34,13 +34,13 @@ STATE_NAMES = (
 
 
 def shown(title: str, form: str) -> dict[str, str]:
-    """Metadata of a field that is a column in tables of passes, with this title and format."""
+    """Return the metadata of a field that is a column in tables of passes."""
     return {"title": title, "form": form}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """The figures of moving a mesh; `Pass` has them, and says what they are, of the relocation that made its mesh."""
+    """Figures of one relocation, documented in `Pass`."""
 
     quantization_errors: tuple[float, ...] = field(default=(), repr=False)
     max_displacement: float = 0.0
@@ -53,20 +53,22 @@ class Work:
 
 @dataclass
 class MovableMesh:
-    """A mesh with where its nodes may go; map, recycling, transport and polish each change it in place.
+    """Triangle mesh as arrays, with the constraints on its nodes.
+
+    The Kohonen map, recycling, transport and the polish change the arrays in place.
 
     Attributes
     ----------
     triangulation
-        Nodes and elements, with the levels that keep layers.
+        Nodes and elements, with the levels that preserve layers.
     outline
-        What the outlines allow every node, and the names that they carry.
+        Constraints on the nodes of boundaries and interfaces, and the boundary names.
     floor
-        The quality that no change may leave anything below, unless it was there before.
+        Minimum quality after a change, or the worst quality before the change if that is lower.
     flips
-        Whether edges may flip.
+        True if edges may flip.
     curved
-        Whether it is given back with bent sides, as a `MeshTri2`: that is wanted, and some outline is curved.
+        True if `mesh` returns a `MeshTri2`: curved sides are requested, and a boundary or interface is curved.
     """
 
     triangulation: Triangulation
@@ -77,11 +79,13 @@ class MovableMesh:
 
     @classmethod
     def of(cls, mesh: MeshTri, rules: Rules, curved: bool | None = None) -> "MovableMesh":
-        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name.
+        """Return a mesh as arrays with the constraints of `rules`.
 
-        Bent sides are wanted back if `curved`, and with None if the mesh is a `MeshTri2`. Of that its corners move; its
-        bent outlines are curves: those given, arcs, or splines through corners and mid-side nodes. Sides that are bent
-        on no outline become straight.
+        The input is not modified. Raises ValueError if the mesh is not valid or lacks something that the rules name.
+
+        `curved` requests curved sides in the output; None requests them if the input is a `MeshTri2`. Of a `MeshTri2`
+        the corners move. Its curved boundaries are user-defined curves, arcs, or splines through corners and mid-side
+        nodes; curved sides that are on no boundary or interface are straightened.
         """
         check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
@@ -94,31 +98,32 @@ class MovableMesh:
 
     @property
     def nnodes(self) -> int:
-        """Number of nodes."""
         return self.triangulation.nnodes
 
     @property
     def constraints(self) -> Constraints:
-        """What the outlines allow every node, for the kernels."""
         return self.outline.constraints
 
     @property
     def tessellation(self) -> Triangulation:
-        """Nodes and elements, by the name that those of all kinds of movable meshes have."""
+        """Nodes and elements, under the name that all movable meshes have."""
         return self.triangulation
 
     def neurons(self) -> Neurons:
-        """The mesh as loops that train it take it."""
+        """Return the kernel arrays of the mesh."""
         tri = self.triangulation
         return Neurons(tri.position, tri.elements, tri.star, self.constraints)
 
     @property
     def came_from(self) -> MeshTri:
-        """The mesh that was taken apart, of a `MeshTri2` its corners."""
+        """Input mesh, without the mid-side nodes of a `MeshTri2`."""
         return self.triangulation.mesh
 
     def mesh(self) -> MeshTri:
-        """The mesh as it is now, with every name it came with; a `MeshTri2` where it is `curved`."""
+        """Return the present mesh with all names of the input.
+
+        The mesh is a `MeshTri2` if `curved`, otherwise a `MeshTri`.
+        """
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
@@ -127,24 +132,27 @@ class MovableMesh:
         return with_displacements(mesh, off)
 
     def start(self) -> MeshTri:
-        """The mesh to start from, before anything has moved: the one it came from, bent where it is to be `curved`."""
+        """Return the mesh before any node moves, with curved sides if `curved`."""
         return self.mesh() if self.curved else self.came_from
 
     def bent_sides(self) -> Floats:
-        """How far the mid-side nodes of all sides are off their chords, (m, 3, 2), as `isoparametric` says.
+        """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`.
 
-        Rows are those of ``triangulation.elements``, and side k is opposite to corner k. 0 where it is not `curved`.
+        Rows are those of ``triangulation.elements``, and side k is opposite to corner k; see
+        `isoparametric.bent_sides`.
         """
         if not self.curved:
             return np.zeros((*self.triangulation.elements.node.shape, 2))
         return bent_sides(self.triangulation, self.constraints)
 
     def copy(self) -> "MovableMesh":
-        """The mesh as it is now, which later changes leave alone."""
         return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
+        """Return the arrays that change when nodes move, by name.
+
+        Input mesh, rules and these arrays define a movable mesh completely.
+        """
         records = {
             "elements": self.triangulation.elements,
             "constraints": self.constraints,
@@ -155,22 +163,22 @@ class MovableMesh:
         return {"position": self.triangulation.position, "pinned": self.outline.pinned, **arrays}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
+        """Set the arrays to a `state` of the same input mesh and the same rules.
 
-        What cannot be the state of such a mesh is refused, and nothing changed.
+        Raises ValueError and changes nothing if the arrays cannot be such a state.
         """
         self._check_state(state)
         self.become({name: state[name].copy() for name in STATE_NAMES})
 
     def become(self, own: Mapping[str, NDArray[Any]]) -> None:
-        """Take over the arrays of a state that needs no check."""
+        """Set the arrays of a state without validation."""
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
         tri.become(own["position"], elements)
         self.outline.pinned = own["pinned"]
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Refuse arrays of other types and shapes, and numbers of what is not there."""
+        """Raise ValueError for arrays of a wrong type, shape or index range."""
         n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
         chains, motions = len(self.constraints.chains.length), len(self.constraints.twins.motions)
         numbers = {
@@ -186,11 +194,14 @@ class MovableMesh:
         check_state(self.state(), state, rows, numbers)
 
     def settle(self) -> None:
-        """Put the nodes that slide on curves exactly there, as far as the quality rule lets them."""
+        """Project sliding nodes onto their curves as far as `floor` permits."""
         self.outline.settle(self.triangulation, self.floor)
 
     def flip(self) -> int:
-        """Make every region constrained Delaunay as far as the quality rule allows; returns the number of flips."""
+        """Flip edges until every region is constrained Delaunay.
+
+        Flips that leave less than the minimum quality are omitted. Returns the number of flips.
+        """
         if not self.flips:
             return 0
         tri, m = self.triangulation, len(self.triangulation.elements.node)
@@ -209,18 +220,21 @@ class MovableMesh:
         return total
 
     def sagitta(self) -> float:
-        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        """Return the largest distance between a curve and its facets, in mesh units."""
         return self.outline.sagitta(self.triangulation)
 
     def can_move(self) -> bool:
-        """Whether any node is free to move or to slide; a corner is only left to one that slides."""
+        """Return True if a node may move or slide.
+
+        Corners need no test: a corner is handed only to a node that slides.
+        """
         return bool(np.any(self.constraints.kind != HELD))
 
 
 def with_state(
     elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
 ) -> tuple[Elements, Constraints]:
-    """Elements and constraints with the arrays of a state in place of theirs."""
+    """Return elements and constraints with the arrays of a state."""
 
     def arrays(record: str) -> dict[str, Any]:
         return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}

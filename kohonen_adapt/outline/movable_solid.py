@@ -1,4 +1,4 @@
-"""Take a mesh of tetrahedra apart into what moves: its elements, and the patches and ridges, which hold nodes."""
+"""Tetrahedral mesh as arrays, with the constraints on its nodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -45,22 +45,24 @@ STATE_NAMES = ("position", *BY_ELEMENT, "freedom.number", "freedom.place", "free
 
 @dataclass
 class MovableSolid:
-    """A mesh of tetrahedra with where its nodes may go; whatever moves nodes changes it in place.
+    """Tetrahedral mesh as arrays, with the constraints on its nodes.
+
+    The Kohonen map, recycling, transport and the polish change the arrays in place.
 
     Attributes
     ----------
     tetrahedralization
-        Nodes and elements, whose constrained faces carry the number of their patch.
+        Nodes and elements, with the patch of every constrained face.
     surfaces
-        Where patches and ridges are; that never changes.
+        Positions of patches and ridges, constant.
     freedom
-        What every node may do.
+        Constraint of every node.
     patches
-        Which names each patch carries, and which side is its front.
+        Names and front of every patch.
     floor
-        The quality that no change may leave anything below, unless it was there before.
+        Minimum quality after a change, or the worst quality before the change if that is lower.
     flips
-        Whether elements may be swapped.
+        True if elements may be swapped.
     """
 
     tetrahedralization: Tetrahedralization
@@ -72,9 +74,10 @@ class MovableSolid:
 
     @classmethod
     def of(cls, mesh: MeshTet, rules: Rules, curved: bool | None = None) -> "MovableSolid":
-        """Take a mesh apart, which is not modified; refused unless valid and with all that the rules name.
+        """Return a mesh as arrays with the constraints of `rules`.
 
-        Edges are straight: `curved` ones are refused where a surface is.
+        The input is not modified. Raises ValueError if the mesh is not valid or lacks something that the rules name, or
+        if `curved` edges are requested and a surface is curved: edges of tetrahedra are straight.
         """
         check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
@@ -98,26 +101,24 @@ class MovableSolid:
 
     @property
     def nnodes(self) -> int:
-        """Number of nodes."""
         return self.tetrahedralization.nnodes
 
     @property
     def tessellation(self) -> Tetrahedralization:
-        """Nodes and elements, by the name that those of all kinds of movable meshes have."""
+        """Nodes and elements, under the name that all movable meshes have."""
         return self.tetrahedralization
 
     def neurons(self) -> Neurons:
-        """The mesh as loops that train it take it."""
+        """Return the kernel arrays of the mesh."""
         tet = self.tetrahedralization
         return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
 
     @property
     def came_from(self) -> MeshTet:
-        """The mesh that was taken apart."""
         return self.tetrahedralization.mesh
 
     def mesh(self) -> MeshTet:
-        """The mesh as it is now, with every name it came with."""
+        """Return the present mesh with all names of the input."""
         mesh = self.tetrahedralization.to_mesh()
         if self.came_from.boundaries is not None:
             facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
@@ -125,11 +126,11 @@ class MovableSolid:
         return mesh
 
     def start(self) -> MeshTet:
-        """The mesh to start from, before anything has moved: the one it came from."""
+        """Return the mesh before any node moves."""
         return self.came_from
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
-        """The facets of the patches that carry a name; with their sides if it had them."""
+        """Return the facets of the patches with a name, oriented as in the input."""
         tet, used = self.tetrahedralization, self.tetrahedralization.used
         patch, manner = tet.elements.patch[used], self.patches.names[name]
         e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
@@ -141,7 +142,10 @@ class MovableSolid:
         return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
 
     def on_front(self, element: Ints, corner: Ints) -> Mask:
-        """Whether elements are on the front of the patch that the face opposite to these corners is part of."""
+        """Return True for elements on the front of the patch of a face, (k,).
+
+        The face is opposite to corner `corner`, shape (k,), of `element`, shape (k,).
+        """
         tet = self.tetrahedralization
         patch = tet.elements.patch[element, corner]
         nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
@@ -151,27 +155,29 @@ class MovableSolid:
         return found
 
     def copy(self) -> "MovableSolid":
-        """The mesh as it is now, which later changes leave alone."""
         freedom = Freedom(*(array.copy() for array in self.freedom))
         return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that changes when nodes move, by name: with the mesh it came from and the rules this is the whole."""
+        """Return the arrays that change when nodes move, by name.
+
+        Input mesh, rules and these arrays define a movable mesh completely.
+        """
         records = {"tetrahedra": self.tetrahedralization.elements, "freedom": self.freedom}
         named = {name: name.split(".") for name in STATE_NAMES if "." in name}
         arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
         return {"position": self.tetrahedralization.position, **arrays}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Become the mesh whose `state` that was; it came from the same mesh by the same rules.
+        """Set the arrays to a `state` of the same input mesh and the same rules.
 
-        What cannot be the state of such a mesh is refused, and nothing changed.
+        Raises ValueError and changes nothing if the arrays cannot be such a state.
         """
         self._check_state(state)
         self.become({name: state[name].copy() for name in STATE_NAMES})
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Refuse arrays of other types and shapes, and numbers of what is not there."""
+        """Raise ValueError for arrays of a wrong type, shape or index range."""
         n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
         patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
         numbers = {
@@ -191,7 +197,7 @@ class MovableSolid:
                 raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
     def become(self, own: Mapping[str, NDArray[Any]]) -> None:
-        """Take over the arrays of a state."""
+        """Set the arrays of a state without validation."""
 
         def arrays(record: str) -> dict[str, Any]:
             return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
@@ -201,18 +207,21 @@ class MovableSolid:
         self.freedom = self.freedom._replace(**arrays("freedom."))
 
     def settle(self) -> None:
-        """Put the nodes that slide on curved patches and ridges exactly there, as far as the quality rule lets them."""
+        """Project sliding nodes onto their surfaces as far as `floor` permits."""
         tet = self.tetrahedralization
         target = places_of(tet.position, self.surfaces, self.freedom, self.patches)
         tet.position[:] = settled(tet.position, tet.elements, target, self.floor)
 
     def sagitta(self) -> float:
-        """How far at most a surface is from the faces on it, in mesh units; what is between is no part of the mesh."""
+        """Return the largest distance between a surface and its faces, in mesh units."""
         tet = self.tetrahedralization
         return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
 
     def farthest_surface(self) -> str:
-        """Which surface is farthest from its faces: boundaries that it is part of, what is beside it, or its place."""
+        """Return words for the surface that is farthest from its faces.
+
+        The words are the boundaries that contain the surface, or the subdomains beside it, or a point near it.
+        """
         tet = self.tetrahedralization
         p = np.argmax(left_out(tet.position, tet.elements, self.patches))
         names = [name for name, manner in self.patches.names.items() if manner[p]]
@@ -228,12 +237,12 @@ class MovableSolid:
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
     def can_move(self) -> bool:
-        """Whether any node is free to move or to slide."""
+        """Return True if a node may move or slide."""
         return bool(np.any(self.freedom.number != HELD))
 
 
 def inner_nodes(tet: Tetrahedralization) -> Mask:
-    """Nodes inside one region, so that every neighbour belongs to it, (n,)."""
+    """Return the mask (n,) of nodes whose elements are all in one region."""
     used = tet.used
     node, region = tet.elements.node[used], tet.elements.region[used]
     one = np.full(tet.nnodes, -1, dtype=np.int32)
@@ -244,7 +253,7 @@ def inner_nodes(tet: Tetrahedralization) -> Mask:
 
 
 def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
-    """Patches and ridges as loops take them."""
+    """Return patches and ridges as a kernel record."""
     return Surfaces(
         shape=patches.shape,
         origin=patches.origin,

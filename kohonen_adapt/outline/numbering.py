@@ -1,4 +1,7 @@
-"""Number nodes and elements of a movable mesh along a space-filling curve for a while, to have near what is near."""
+"""Temporary numbering of nodes and elements along a space-filling curve.
+
+Mesh generators number nodes in the order of their creation. Along the curve, neighbours are near in memory.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -14,16 +17,16 @@ from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh
 
 __all__ = ["along", "numbered_along_curve", "with_rows"]
 
-FEW = 10_000  # nodes that a processor's cache holds, wherever they are
-FAR = 4.0  # times the root of the number of nodes: what is numbered row by row has half of its edges within one row
+FEW = 10_000  # nodes: smaller meshes fit in the cache of a processor however they are numbered
+FAR = 4.0  # times sqrt(nnodes): largest median index distance of neighbours with which numbers stay as they are
 
 
 @contextmanager
 def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
-    """Number nodes and elements along a curve, and in the end as before, where neighbours have numbers far apart.
+    """Number nodes and elements along a space-filling curve within a context.
 
-    That is so in meshes from generators, which number nodes as they make them. Gives the number before of every
-    element, (m,), or None where all keep theirs. There must be as many nodes and elements in the end.
+    Yields the previous index of every element, shape (m,), or None if neighbours have near indices already and nothing
+    changes. On exit the old numbering is restored; the numbers of nodes and elements must be the same as on entry.
     """
     tri = movable.triangulation
     if not is_scattered(tri):
@@ -39,7 +42,7 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
 
 
 def is_scattered(triangulation: Triangulation) -> bool:
-    """Whether there are many nodes, and half of the neighbours have numbers that are far apart."""
+    """Return True if a mesh is large and its neighbours have distant indices."""
     node = triangulation.elements.node
     if triangulation.nnodes < FEW:
         return False
@@ -47,7 +50,10 @@ def is_scattered(triangulation: Triangulation) -> bool:
 
 
 def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
-    """The state of a movable mesh with these of its nodes and elements, in this order."""
+    """Return a state with selected rows of nodes and elements, in a new order.
+
+    `nodes` and `elements` are old rows in the new order. Indices inside the arrays are adjusted.
+    """
     number = ranks(nodes, len(state["position"]))
     place = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
     kept = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
@@ -59,5 +65,5 @@ def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) ->
 
 
 def along(node: Ints, number: Ints) -> Ints:
-    """The order of elements (m, 3) by the lowest number of their nodes."""
+    """Return the order of elements (m, 3) by the lowest number of their nodes."""
     return np.argsort(number[node].min(axis=1), kind="stable")

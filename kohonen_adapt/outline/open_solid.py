@@ -1,4 +1,4 @@
-"""Make room in the arrays of a movable solid for swaps, splits and collapses, and give the rows in use back."""
+"""Arrays of a tetrahedral mesh with spare rows for new nodes and elements."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -28,26 +28,26 @@ from kohonen_adapt.outline.parts import Parts, wait_in
 
 __all__ = ["OpenSolid", "swap_elements"]
 
-PER_NODE = 7.5  # elements: meshes of well shaped ones have 5 to 6.5
-GOOD = 0.7  # quality of elements that need no swap after nodes have moved: a tenth is worse
-LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
+PER_NODE = 7.5  # elements per node: meshes of good quality have 5 to 6.5
+GOOD = 0.7  # quality: better elements are not queued after nodes have moved; a tenth is worse
+LOOKS = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
 
-# What stands in rows that are not in use, where it is not -1.
+# Values of unused rows; all other arrays have -1 there.
 UNUSED = {"position": 0.0, "freedom.number": HELD, "freedom.pinned": False}
 
 
 @dataclass(frozen=True)
 class OpenSolid:
-    """The arrays of a movable solid with room for more nodes and elements, by name and as loops take them.
+    """Arrays of a tetrahedral mesh with spare rows for new nodes and elements.
 
     Attributes
     ----------
     state
-        The arrays by the names of `MovableSolid.state`.
+        Arrays by the names of `MovableSolid.state`.
     mesh
-        The same, as loops take them.
+        The same arrays as a kernel record.
     queue
-        Elements whose surroundings have changed since swaps were looked for.
+        Elements whose surroundings have changed since the last search for swaps.
     """
 
     state: dict[str, NDArray[Any]]
@@ -56,9 +56,10 @@ class OpenSolid:
 
     @classmethod
     def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
-        """Copies with a node more than the larger of what there are and a `target`; every element waits for its turn.
+        """Copy the arrays of `movable`, with spare rows and all elements in the queue.
 
-        `density` (nnodes,) is wanted nodes per volume, up to a factor.
+        Rows are allocated for at least one node more than max(nnodes, `target`). `density`, shape (nnodes,), is the
+        wanted number of nodes per volume up to a factor.
         """
         n, node = movable.nnodes, movable.tetrahedralization.elements.node
         rows = max(n, target) + 2
@@ -93,7 +94,7 @@ class OpenSolid:
         return cls(state, mesh, queue)
 
     def copy(self) -> "OpenSolid":
-        """The solid as it is now, which later changes leave alone; scratch is shared."""
+        """Return an independent copy that shares scratch memory."""
         state = {name: array.copy() for name, array in self.state.items()}
         position, elements, freedom = records_of(state)
         pool = Pool(*(array.copy() for array in self.mesh.pool))
@@ -102,33 +103,36 @@ class OpenSolid:
         return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
 
     def swap(self) -> int:
-        """Swap until no swap makes the worst of what it touches better; returns how often."""
+        """Apply swaps that raise the worst quality involved, until none does.
+
+        Returns the number of swaps.
+        """
         return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
 
     def look_again(self) -> None:
-        """Have the elements that are not good looked at, because nodes have moved."""
+        """Queue all elements of less than good quality, after nodes have moved."""
         enter_worse(self.mesh, self.queue, GOOD**3)
 
     def parts(self) -> Parts:
-        """The mesh as it is now, cut into parts for threads."""
+        """Return the present mesh, cut into parts for threads."""
         return Parts(self.mesh)
 
     def star(self) -> Star:
-        """The elements around every row of nodes, as they are now."""
+        """Return the elements around every row of nodes."""
         return star_of(self.mesh.elements.node, len(self.mesh.position))
 
     def nodes(self) -> Ints:
-        """The rows of nodes in use."""
+        """Return the rows of nodes in use."""
         return np.flatnonzero(self.mesh.pool.anchor >= 0)
 
     def elements(self) -> Ints:
-        """The rows of elements in use."""
+        """Return the rows of elements in use."""
         return np.flatnonzero(self.mesh.elements.node[:, 0] >= 0)
 
     def renumber(self) -> None:
-        """Put the rows in use first, along a space-filling curve: what is near is so in memory then.
+        """Move the rows in use to the front, along a space-filling curve.
 
-        Elements that wait do so in this order.
+        Neighbours are then near in memory. Queued elements wait in the new order.
         """
         mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
         mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
@@ -150,16 +154,16 @@ class OpenSolid:
             stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
 
     def along_curve(self) -> tuple[Ints, Ints]:
-        """The rows of nodes and of elements in use, in the order of a space-filling curve."""
+        """Return the rows in use of nodes and elements along a space-filling curve."""
         node, kept, used = self.mesh.elements.node, self.nodes(), self.elements()
         kept = kept[along_curve(self.mesh.position[kept])]
         first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
         return kept, used[np.argsort(first, kind="stable")]
 
     def hand_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
-        """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
+        """Write the rows in use to `movable`, and return the row of every node.
 
-        Returns the row of every node.
+        The rows are ordered along a space-filling curve if `renumbered`: neighbours are then near in memory.
         """
         node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
         kept, used = self.along_curve() if renumbered else rows
@@ -172,13 +176,16 @@ class OpenSolid:
 
 
 def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
-    """The arrays of a state as loops take them."""
+    """Return the arrays of a state as kernel records."""
     freedom = Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"])
     return state["position"], Tetrahedra(*(state[name] for name in BY_ELEMENT)), freedom
 
 
 def swap_elements(movable: MovableSolid) -> None:
-    """Swap until no swap makes the worst of what it touches better, if that is allowed; nodes keep their numbers."""
+    """Apply swaps that raise the worst quality involved, if the rules allow swaps.
+
+    Nodes keep their indices.
+    """
     if movable.flips:
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         opened.swap()
@@ -186,7 +193,6 @@ def swap_elements(movable: MovableSolid) -> None:
 
 
 def star_of(node: NDArray[np.int32], nodes: int) -> Star:
-    """The elements around so many nodes."""
     star = Star.of(nodes, len(node))
     fill_star(node, star)
     return star

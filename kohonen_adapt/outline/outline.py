@@ -1,4 +1,7 @@
-"""Outlines: chains of facets from corner to corner, where each node may go, and which names each chain carries."""
+"""Constraints of boundaries and interfaces on the nodes of a triangulation.
+
+Boundaries and interfaces are cut at corners into curve segments (`chains`).
+"""
 
 from dataclasses import dataclass, replace
 
@@ -41,25 +44,25 @@ from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["Outline"]
 
-STILL = 1e-13  # of the size of the mesh: a node so near to its place on its curve is left there
+STILL = 1e-13  # of the size of the mesh: nodes this near to their curve are not moved
 
 
 @dataclass
 class Outline:
-    """What the outlines of a triangulation allow each node, and the names of its chains.
+    """Constraints of boundaries and interfaces on the nodes of a triangulation.
 
     Attributes
     ----------
     constraints
-        Arrays for the kernels, which change them when nodes slide or jump.
+        Kernel arrays, which change when nodes slide or when a corner passes to another node.
     names
-        Per boundary name, how each chain carries it: 0, UNORIENTED, LEFT or RIGHT, (c,).
+        By boundary name, how each curve segment carries the name: 0, UNORIENTED, LEFT or RIGHT, shape (c,).
     pinned
-        (n,): nodes that were asked to stay where they are.
+        Mask (n,) of nodes pinned by the user.
     curves
-        The curves given for boundaries, by name.
+        User-defined curves by boundary name.
     given
-        Which of them each chain is on, -1 for none, (c,).
+        Index in `curves` of every curve segment, negative for none, shape (c,).
     """
 
     constraints: Constraints
@@ -70,11 +73,14 @@ class Outline:
 
     @classmethod
     def of(cls, triangulation: Triangulation, rules: Rules, off: Floats | None = None) -> "Outline":
-        """Find the chains of a triangulation, and mark their facets in it.
+        """Find the curve segments of a triangulation, and mark their facets there.
 
-        Mid-side nodes that are so far `off` the chords of the facets, (2, nfacets), tell what these are parts of.
-        Nodes may leave junctions of three chains where edges may flip: elements then change sides for that. Refuses
-        curves of what is no boundary or has nodes that are not on it, and periodic boundaries that do not match.
+        `off`, shape (2, nfacets), are the offsets of mid-side nodes from the middles of the chords, by which curved
+        facets, arcs and splines are recognised. If edges may flip, a node may leave the junction of three segments,
+        because elements can then change sides.
+
+        Raises ValueError if a curve belongs to no boundary or does not contain the nodes of its boundary, or if
+        periodic boundaries do not match.
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
@@ -108,15 +114,14 @@ class Outline:
         return cls(constraints, names, pinned, curves, pieces.curve)
 
     def copy(self) -> "Outline":
-        """The outline as it is now."""
-        own = ("kind", "chain", "parameter", "inner")  # chains and twins stay what they are
+        own = ("kind", "chain", "parameter", "inner")  # curve segments and periodic pairs do not change
         arrays = {name: getattr(self.constraints, name).copy() for name in own}
         return replace(self, constraints=self.constraints._replace(**arrays))
 
     def settle(self, triangulation: Triangulation, floor: float) -> None:
-        """Put the nodes that slide on curves exactly there, as far as the quality rule lets them.
+        """Project sliding nodes onto their curves as far as `floor` permits.
 
-        Curves of which kernels have a table are asked themselves.
+        Kernels hold some user-defined curves as splines; there the method `project` of the curve is called instead.
         """
         kind, chain, chains = self.constraints.kind, self.constraints.own_chain, self.constraints.chains
         curved = (chains.shape != STRAIGHT) | (self.given >= 0)
@@ -133,11 +138,14 @@ class Outline:
         move_to_targets(triangulation.position, triangulation.star, nodes, target, still, floor)
 
     def sagitta(self, triangulation: Triangulation) -> float:
-        """How far at most a curve is from the facets on it, in mesh units; what lies between is no part of the mesh."""
+        """Return the largest distance between a curve and its facets, in mesh units."""
         return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]
 
     def farthest_curve(self, triangulation: Triangulation) -> str:
-        """Which curve is farthest from its facets: the boundaries that it is part of, or what lies beside it."""
+        """Return words for the curve that is farthest from its facets.
+
+        The words are the boundaries that contain the curve, or the subdomains beside it.
+        """
         _, c = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
         names = [name for name, manner in self.names.items() if manner[c]]
         if names:
@@ -148,19 +156,16 @@ class Outline:
 
     @property
     def straight(self) -> Mask:
-        """Chains that are straight, (c,)."""
+        """Mask (c,) of straight curve segments."""
         return self.constraints.chains.shape == STRAIGHT
 
     @property
     def on_circles(self) -> Mask:
-        """Chains that are arcs or circles, (c,)."""
+        """Mask (c,) of arcs and circles."""
         return self.constraints.chains.shape == ROUND
 
     def nodes_by_freedom(self) -> dict[str, Mask]:
-        """Masks (n,) of the nodes that are free, that slide on outlines, that others may take the place of, and held.
-
-        The keys are words for a legend.
-        """
+        """Return masks (n,) of nodes by their freedom, under words for a legend."""
         kind, (one, other) = self.constraints.kind, self.constraints.chain.T
         held, jumps = kind == HELD, (other >= 0) | (one == JUNCTION)
         return {
@@ -171,11 +176,14 @@ class Outline:
         }
 
     def points_on(self, chain: Ints, parameter: Floats) -> Floats:
-        """The points of chains (k,) at so much arc length, (k, 2)."""
+        """Return the points (k, 2) of curve segments (k,) at arc lengths (k,)."""
         return points_on(self.constraints, chain, parameter)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
-        """`mesh`, just made from the triangulation, with the named boundaries of the mesh that one came from."""
+        """Return `mesh` with the named boundaries of the input mesh.
+
+        `mesh` must be made from the present `triangulation`.
+        """
         if triangulation.mesh.boundaries is None:
             return mesh
         facet = facet_of_edge(mesh, triangulation.elements.node)
@@ -183,7 +191,7 @@ class Outline:
         return mesh
 
     def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:
-        """The facets on the chains that carry a name; with their sides if it had them."""
+        """Return the facets of curve segments with a name, oriented as in the input."""
         chain = triangulation.elements.chain
         e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
         number, first = np.unique(facet[e, k], return_index=True)
@@ -195,7 +203,7 @@ class Outline:
 
 
 def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
-    """The curves, with the circle in place of a spline through points of one."""
+    """Return curves with circles in place of splines whose points lie on a circle."""
     arcs = {name: curve.as_arc() for name, curve in curves.items() if isinstance(curve, Spline)}
     return curves | {name: arc for name, arc in arcs.items() if arc is not None}
 
@@ -210,7 +218,11 @@ def cut_alike(
     curves: dict[str, Curve],
     circle: Floats,
 ) -> tuple[Runs, Pieces, Mask]:
-    """Runs, the pieces they are cut into, and the nodes inside pieces, (n,): what slides does so with its partner."""
+    """Cut polylines into segments so that paired nodes slide or stay together.
+
+    Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner cannot
+    slide ends its segment. Raises ValueError if a periodic boundary has a user-defined curve or a spline.
+    """
     paired = np.flatnonzero(pairs.partner >= 0)
     if np.any(((curve >= 0) | ((curve == TOLD) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(
@@ -231,7 +243,7 @@ def cut_alike(
 
 
 def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twins:
-    """The pairs as kernels need them."""
+    """Return the periodic pairs as a kernel record."""
     region = triangulation.elements.region
     there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
     rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.goes_on, False)[pairs.facet_motion])
@@ -240,7 +252,7 @@ def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twin
 
 
 def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
-    """Let paired chains be the same but for their motion, and the parameters of paired nodes."""
+    """Make paired segments and the parameters of paired nodes equal, up to motion."""
     rows = np.flatnonzero(pairs.facet >= 0)
     mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
     mate[chain[rows]], motion[chain[rows]] = chain[pairs.facet[rows]], pairs.facet_motion[rows]
@@ -250,7 +262,7 @@ def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
 
 
 def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
-    """FREE, SLIDING or HELD for every node, (n,)."""
+    """Return FREE, SLIDING or HELD for every node, shape (n,)."""
     kind = np.full(len(sliding), FREE, dtype=np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD
@@ -261,21 +273,23 @@ def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
 def chains_of_nodes(
     facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask, junctions: bool
 ) -> NDArray[np.int32]:
-    """The chain of every sliding node, and those between which a corner may be left, JUNCTION where of three, (n, 2).
+    """Return the two curve segments of every node, -1 for none, shape (n, 2).
 
-    Corners that are `occupied`, (n,), nobody leaves: pinned ones, and those of periodic boundaries.
+    Both columns of a sliding node hold its segment. A corner of two segments holds both, and a corner of three holds
+    JUNCTION if `junctions`. Nodes of the mask `occupied`, shape (n,), hold -1, because no other node may take over
+    their corner: pinned nodes, and nodes of periodic boundaries that do not slide.
     """
     own = np.full((len(sliding), 2), -1, dtype=np.int32)
     own[joints.node] = chain[joints.facets]
     if junctions:
         own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, OWN] = JUNCTION
     own[occupied] = -1
-    own[(own[:, OWN] == own[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no other chain to leave it for
+    own[(own[:, OWN] == own[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no second segment to slide onto
     return own
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:
-    """Nodes neither on the outer boundary nor on an interface, (n,)."""
+    """Return the mask (n,) of nodes on no outer boundary and on no interface."""
     elements = triangulation.elements
     inner = np.ones(triangulation.nnodes, dtype=bool)
     across = elements.neighbour
@@ -285,7 +299,10 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
 
 
 def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
-    """Whether the edges opposite to these corners run counter-clockwise in the direction of their chains."""
+    """Return True for edges directed along their curve segment, (k,).
+
+    Edges are opposite to corners `corner` of elements `element`, and counter-clockwise there.
+    """
     ends, chain = triangulation.elements.ends(element, corner), triangulation.elements.chain[element, corner]
     start, end = (parameters_of(triangulation.position, constraints, chain, node) for node in ends)
     return ways_along(constraints.chains, chain, start, end) > 0.0

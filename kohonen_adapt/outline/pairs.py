@@ -1,4 +1,4 @@
-"""Periodic pairs: boundaries that are one another's image, the motions between them, and nodes that are one."""
+"""Periodic pairs of boundaries, with their motions and matched nodes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,20 +19,21 @@ __all__ = ["Pairs", "find_pairs", "image_nodes", "sliding_pairs"]
 
 
 class Pairs(NamedTuple):
-    """Which nodes and outline facets belong together, and how the mesh goes on beyond them; see `Twins`."""
+    """Partners of nodes and facets on periodic boundaries."""
 
-    partner: NDArray[np.int32]  # (n,)
-    motion: NDArray[np.int32]  # (n,)
-    motions: Floats  # (k, 2, 3), those there and back one after the other
-    goes_on: Mask  # (k,) whether the mesh does where a motion carries it; beyond mirrored sides it may not
-    facet: Ints  # (f,) the outline facet that is one with this one, -1 for most
-    facet_motion: Ints  # (f,) the motion that carries a facet there, -1 likewise
+    partner: NDArray[np.int32]  # (n,) partner of the node, -1 for none
+    motion: NDArray[np.int32]  # (n,) index of the motion onto the partner, -1 for none
+    motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse
+    goes_on: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
+    facet: Ints  # (f,) partner of the facet, -1 for none
+    facet_motion: Ints  # (f,) index of the motion onto the partner, -1 for none
 
 
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
-    """Find the motion that carries the first boundary of every pair onto the second, unless it is named.
+    """Return the partners of nodes and facets on all periodic boundaries.
 
-    Refuses what `checked_pairs` and `matched` do.
+    The motion of a pair is the user's or, without one, the only suitable translation or rotation. Raises ValueError if
+    `checked_pairs` or `matched` does.
     """
     n = triangulation.nnodes
     partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
@@ -54,16 +55,16 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
 
 
 def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
-    """Nodes of the first of every two boundaries, (k,), that slide, and their partners, (k,)."""
+    """Return the sliding nodes of first boundaries and their partners, (k,) each."""
     twins, slides = constraints.twins, constraints.kind == SLIDING
     node = np.flatnonzero(slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner])
     return node, twins.partner[node]
 
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
-    """For every pair of boundaries the nodes of the first, (k,), and those of the second that they are one with, (k,).
+    """Return the matched nodes of both boundaries of every pair, (k,) each.
 
-    Refuses what `find_pairs` does.
+    Raises ValueError if `find_pairs` does.
     """
     triangulation = Triangulation.of(mesh)
     facets = outline_facets(triangulation)
@@ -72,7 +73,7 @@ def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Int
 
 
 def match_of(triangulation: Triangulation, facets: Facets, one: str, other: str, named: Motion | None) -> Match:
-    """The match of two boundaries, which lie on the outer boundary of the mesh."""
+    """Return the match of two boundaries, which must lie on the outer boundary."""
     check_outer(triangulation, facets, one, other)
     on_one, on_other = (facets.nodes[facets.sides[name] > 0] for name in (one, other))
     position = triangulation.mesh.p
@@ -80,7 +81,7 @@ def match_of(triangulation: Triangulation, facets: Facets, one: str, other: str,
 
 
 def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> None:
-    """Refuse boundaries inside the mesh, which does not go on beyond."""
+    """Raise ValueError if a facet of a boundary is not on the outer boundary."""
     inside = triangulation.elements.neighbour[facets.element, facets.corner] >= 0
     for name in names:
         on = facets.sides[name] > 0
@@ -92,7 +93,10 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
 
 
 def mates_of(facets: Facets, partner: Ints) -> Ints:
-    """For every outline facet the one between the partners of its nodes, -1 where there is none, (f,)."""
+    """Return the partner of every facet, -1 for none, shape (f,).
+
+    The partner of a facet is the facet between the partners of its nodes.
+    """
     count = len(partner)
     images = partner[facets.nodes].astype(np.int64)
     key = facets.nodes.min(axis=1).astype(np.int64) * count + facets.nodes.max(axis=1)

@@ -1,4 +1,7 @@
-"""Find the parameters of nodes on chains, and the ways between them, for many nodes at once."""
+"""Parameters and points of many nodes on curve segments.
+
+The parameter of a point is its arc length from the beginning of the segment, approximately so on splines.
+"""
 
 import numpy as np
 
@@ -11,9 +14,10 @@ __all__ = ["find_parameters", "parameters_of", "points_on", "ways_along"]
 
 
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
-    """Find the parameters of the sliding nodes of every chain, ``node[first[c] : last[c]]`` in order.
+    """Set the parameters of the sliding nodes of every curve segment.
 
-    On curves each is looked for from the one before on. This is done once for a mesh, so it is not worth compiling.
+    Nodes of segment c are ``node[first[c] : last[c]]``, in order. On a curve each search starts from the parameter of
+    the node before. The loop is interpreted, because it runs once for a mesh.
     """
     chains, nearest = constraints.chains, interpreted(nearest_parameter)
     for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
@@ -29,7 +33,10 @@ def find_parameters(position: Floats, constraints: Constraints, node: Ints, firs
 
 
 def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node: Ints) -> Floats:
-    """The parameters of nodes on chains, (k,); a node that does not slide there is at one of the chain's ends."""
+    """Return the parameters of nodes on curve segments, shape (k,).
+
+    A node that does not slide on the segment is the nearer of its two ends.
+    """
     chains = constraints.chains
     slides = (constraints.kind[node] == SLIDING) & (constraints.chain[node, OWN] == chain)
     start, end = (np.sum((position[node] - place[chain]) ** 2, axis=1) for place in (chains.origin, ends_of(chains)))
@@ -37,7 +44,7 @@ def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node:
 
 
 def ends_of(chains: Chains) -> Floats:
-    """The points in which chains end, (c, 2)."""
+    """Return the end points of curve segments, shape (c, 2)."""
     end = chains.origin + chains.length[:, None] * chains.direction
     is_round, is_tabled = chains.shape == ROUND, chains.shape == TABLED
     half = 0.5 * (chains.curvature * chains.length)[is_round]
@@ -50,14 +57,17 @@ def ends_of(chains: Chains) -> Floats:
 
 
 def ways_along(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
-    """How far it is from one parameter to another on a chain, (k,); on a loop the shorter way round."""
+    """Return the signed distance between parameters on curve segments, (k,).
+
+    On a loop the shorter direction is taken.
+    """
     way, length = end - start, chains.length[chain]
     beyond = chains.closed[chain] & (np.abs(way) > 0.5 * length)
     return np.where(beyond, way - np.copysign(length, way), way)
 
 
 def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:
-    """The points of chains (k,) at these parameters, (k, 2)."""
+    """Return the points (k, 2) of curve segments (k,) at parameters (k,)."""
     along = constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
     points = np.empty((len(chain), 2))
     look_up(along, np.arange(len(chain)), points)

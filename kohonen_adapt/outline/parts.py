@@ -1,9 +1,11 @@
-"""Cut a mesh of tetrahedra into parts that threads change side by side: no result depends on their number.
+"""Partition of a tetrahedral mesh into parts that threads change in parallel.
 
-Nodes are cut in two ways: what lies at the cuts of the one lies mostly deep in a part of the other, and little is left
-for one thread alone. An element belongs to a part if all four of its nodes do. Where all elements that surgery takes
-out are of one part, so are those that it puts in, and all that it changes beside them is what an element across a face
-of theirs knows of this face: as three nodes of it are of the part, no other part changes it.
+Results do not depend on the number of threads. Nodes are partitioned in two ways: most nodes at the cuts of one
+partition are inside a part of the other, and few are left for one thread alone.
+
+An element belongs to a part if all of its four nodes do. If all elements that surgery removes belong to one part, so do
+all elements that it creates. Beside them surgery changes only neighbour indices of elements across their faces. Three
+nodes of such a face belong to the part, so no other part changes the same index.
 """
 
 from collections.abc import Callable
@@ -22,20 +24,22 @@ from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, sh
 
 __all__ = ["Parts", "wait_in"]
 
-MARGINS = MARGIN, 0.4  # of the curves that are cut: they halve the mesh at different places
-STRIPS = 0.25  # share of the nodes that may be so near the cuts of one way that they have to wait
-LEAST = 1_000  # nodes in a part: fewer are not worth a thread
-FEW = 2_000  # elements that wait: fewer are not worth to be shared out
+MARGINS = MARGIN, 0.4  # margins of two space-filling curves, which halve the mesh at different places
+STRIPS = 0.25  # largest fraction of nodes at the cuts of a partition, which have to wait
+LEAST = 1_000  # nodes per part: fewer do not justify a thread
+FEW = 2_000  # queued elements: fewer are not distributed among threads
 
 
 @dataclass(frozen=True)
 class Parts:
-    """A mesh, whose nodes are cut into parts when that is first asked for; until nodes are made or taken away.
+    """Partitions of the nodes of a mesh, computed on first use.
+
+    Partitions are valid until nodes are created or removed.
 
     Attributes
     ----------
     mesh
-        The mesh.
+        Mesh with spare rows.
     """
 
     mesh: OpenTetrahedra
@@ -47,7 +51,10 @@ class Parts:
 
     @cached_property
     def ways(self) -> tuple[Nodes, ...]:
-        """The part that each row of nodes belongs to, (n,), 0 for those not in use; in two ways, or none for few."""
+        """Part of every row of nodes, shape (n,), in each of two partitions.
+
+        Rows not in use have part 0. There are no partitions if nodes are too few.
+        """
         count = parts_for(len(self.order))
         orders = [self.order, self._along(MARGINS[1])] if count > 1 else []
         return tuple(parts_along(order, len(self.mesh.position), count) for order in orders)
@@ -57,7 +64,10 @@ class Parts:
         return nodes[along_curve(self.mesh.position[nodes], margin)]
 
     def sweep(self, star: Star, task: Callable[[int, Nodes], float]) -> float:
-        """Call ``task(thread, nodes)`` for all nodes; adds up what it returns, and may depend on neighbours alone."""
+        """Call ``task(thread, nodes)`` for all nodes and return the sum of the results.
+
+        The result for a node may depend on its neighbours only.
+        """
         ways = list[tuple[Nodes, NDArray[np.bool_]]]()
         for part in self.ways:
             deep = np.empty(len(part), dtype=np.bool_)
@@ -66,10 +76,10 @@ class Parts:
         return shared_in_parts(task, self.order, *ways)
 
     def work_off(self, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
-        """Call ``task(mesh, queue)`` with a part and its own queue, again and again until no element waits, and then
-        with what is left of them; returns the sum of what it returns.
+        """Call ``task(mesh, queue)`` until no element waits, and return the sum.
 
-        It swaps elements, as many as it likes in a call, and makes and takes away no node.
+        First the parts run in parallel, with a queue each, then the remaining elements in one thread. A task may swap
+        any number of elements per call, but may not create or remove nodes.
         """
         gain = 0.0
         for part in self.ways if queue.state[1] >= FEW else ():
@@ -78,7 +88,6 @@ class Parts:
 
 
 def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
-    """Call the task until the queue is empty; returns the sum of what it returns."""
     gain = 0.0
     while queue.state[1]:
         gain += task(mesh, queue)
@@ -86,8 +95,10 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
 
 
 def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
-    """Work off what waits inside of parts, which threads take side by side; what is at their cuts, and waits or has
-    been in the way, then waits in the queue.
+    """Run the task on the queued elements inside parts, in parallel.
+
+    Returns the sum of the results. Afterwards the queue holds the elements at cuts between parts that were queued
+    before, or that a task had to leave alone.
     """
     waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), dtype=np.int32)
     find_parts(mesh.elements.node, part, of_element)
@@ -111,7 +122,10 @@ def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[O
 
 
 def waiting_rows(mesh: OpenTetrahedra, queue: Queue) -> Nodes:
-    """The elements in a queue that are still there, the first come the first; the others wait no more."""
+    """Return the queued elements that still exist, in order.
+
+    Elements that do not exist any more are removed from the queue.
+    """
     first, count = queue.state
     rows = queue.element[(first + np.arange(count)) % len(queue.element)]
     there = mesh.elements.node[rows, 0] >= 0
@@ -120,14 +134,18 @@ def waiting_rows(mesh: OpenTetrahedra, queue: Queue) -> Nodes:
 
 
 def wait_in(queue: Queue, rows: Ints) -> None:
-    """Have these elements wait, in this order, and no others."""
+    """Replace the contents of the queue by elements `rows`, in this order."""
     queue.waiting[:] = FREE
     queue.waiting[rows] = WAITS
     queue.element[: len(rows)], queue.state[:] = rows, (0, len(rows))
 
 
 def shares_of(pool: Pool, count: Ints) -> list[Pool]:
-    """Free rows of elements for every part, in proportion to the `count` that it has, and room for all of these."""
+    """Return a pool of free element rows for every part.
+
+    Free rows are distributed in proportion to `count`, the number of elements of the parts. Every pool has capacity for
+    the rows of all these elements, too.
+    """
     free = pool.free_elements[: pool.height[1]]
     cuts = np.cumsum(count)[:-1] * len(free) // max(1, int(count.sum()))
     return [
@@ -137,9 +155,10 @@ def shares_of(pool: Pool, count: Ints) -> list[Pool]:
 
 
 def parts_for(nodes: int) -> int:
-    """The largest power of two of parts, p, beside whose cuts, 6 (p^(1/3) - 1) n^(2/3) nodes, no more are than allowed.
+    """Return the number of parts for a mesh of `nodes` nodes, a power of two.
 
-    So many lie beside the planes that cut a cube of n nodes into p cubes.
+    Planes that cut a cube of n nodes into p cubes are next to 6 (p^(1/3) - 1) n^(2/3) nodes. The number of parts p is
+    the largest for which these are at most `STRIPS` n, and for which parts have at least `LEAST` nodes.
     """
     parts = 1
     while 2 * parts * LEAST <= nodes and 6.0 * ((2 * parts) ** (1 / 3) - 1.0) <= STRIPS * nodes ** (1 / 3):

@@ -1,4 +1,4 @@
-"""List the patches that faces of tetrahedra are part of: where each is, its sides and names; put nodes on them."""
+"""Patches of constrained faces, and the projection of nodes onto them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,31 +20,34 @@ from kohonen_adapt.outline.surfaces import (
 
 __all__ = ["Patches", "Sheet", "on_their_patches", "onto_all"]
 
-STILL = 1e-15  # of the size of the mesh: nodes that projections move no farther are on all of their patches
-ROUNDS = 100  # of projections; on two patches at right angles the first one does it
+STILL = 1e-15  # of the size of the mesh: nodes that move less are on all of their patches
+ROUNDS = 100  # largest number of repetitions; on two patches at right angles the first suffices
 
 
 class Patches(NamedTuple):
-    """The patches, a row each, and which of them every constrained face is part of."""
+    """Patches, and the patch of every constrained face."""
 
     of_face: Ints  # (f,)
     shape: NDArray[np.int8]  # (p,)
     origin: Floats  # (p, 3)
     axis: Floats  # (p, 3)
     size: Floats  # (p,)
-    given: Ints  # (p,) which of the surfaces told for boundaries, -1 for none
-    surfaces: dict[str, Surface]  # those, by name
-    front: Ints  # (p,) the region on its front, -1 where both sides are in one
+    given: Ints  # (p,) index of the user-defined surface, -1 for none
+    surfaces: dict[str, Surface]  # user-defined surfaces by boundary name
+    front: Ints  # (p,) region in front of the patch, -1 if both sides are in the same region
     names: dict[str, NDArray[np.int8]]  # per boundary name (p,): 0, UNORIENTED, LEFT (of its front) or RIGHT
     sheet: "Sheet"
 
     @property
     def moves(self) -> Mask:
-        """Patches whose nodes may have to be put there: all but planes that the nodes themselves told, (p,)."""
+        """Mask (p,) of patches onto which nodes are projected.
+
+        These are all patches except recognised planes, on which nodes are already.
+        """
         return (self.shape != PLANE) | (self.given >= 0)
 
     def project(self, patch: Ints, x: Floats) -> Floats:
-        """The points of patches (k,) nearest to x, (k, 3)."""
+        """Return the points (k, 3) of patches (k,) nearest to `x`."""
         found, shape = x.copy(), self.shape[patch]
         for kind, put in ((PLANE, on_plane), (CYLINDER, on_cylinder), (CONE, on_cone), (SPHERE, on_sphere)):
             rows = np.flatnonzero(shape == kind)
@@ -59,27 +62,30 @@ class Patches(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """The faces, as they were, of patches with one region on both sides: what tells one side from the other."""
+    """Faces of the input on patches that have the same region on both sides.
 
-    tree: cKDTree  # of the middles of faces, and of their patches times `apart`
-    back: Floats  # (s, 3) normals of those faces, away from the front
+    The nearest of these faces decides which side of a moved face is the front.
+    """
+
+    tree: cKDTree  # centroids of the faces, with the patch index times `apart` as a fourth coordinate
+    back: Floats  # (s, 3) normals of the faces, away from the front
     apart: float
 
     @classmethod
     def of(cls, middles: Floats, patch: Ints, back: Floats, size: float) -> "Sheet":
-        """Of faces of these patches, in a mesh of that size."""
+        """Return the sheet of faces of patches in a mesh of extent `size`."""
         return cls(cKDTree(np.column_stack([middles, patch * (10.0 * size)])), back, 10.0 * size)
 
     def looks_back(self, middles: Floats, patch: Ints, out: Floats) -> Mask:
-        """Whether faces of patches (k,) look away from the front by their normals, as the nearest face did."""
+        """Return True for faces of patches whose normal `out` points backwards, (k,)."""
         nearest = self.tree.query(np.column_stack([middles, patch * self.apart]))[1]
         return np.einsum("ij,ij->i", out, self.back[nearest]) > 0.0
 
 
 def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
-    """Where nodes would be were each on all of its patches, (n, 3), the faces being of these nodes (f, 3).
+    """Return positions (n, 3) of nodes projected onto all of their patches.
 
-    Those of plane patches alone are where they are.
+    `nodes`, shape (f, 3), are the nodes of the faces. Nodes on recognised planes alone stay where they are.
     """
     count = len(patches.shape)
     there = np.unique(nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
@@ -94,7 +100,10 @@ def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
 
 
 def onto_all(turns: Sequence[tuple[Ints, Ints]], patches: Patches, position: Floats) -> Floats:
-    """Project nodes on one patch after the other, over and over, as `turns` of nodes and their patches say."""
+    """Project nodes onto one patch after another until no node moves any more.
+
+    `turns` is a sequence of nodes and their patches, (k,) each, projected in this order.
+    """
     x, still = position.copy(), STILL * np.ptp(position, axis=0).max()
     for _ in range(ROUNDS):
         before = x.copy()

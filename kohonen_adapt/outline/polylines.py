@@ -1,4 +1,4 @@
-"""Join segments to runs from corner to corner or round a loop, and cut those into straight pieces and arcs."""
+"""Tracing of polylines along facets, and their division into curve segments."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -28,81 +28,86 @@ __all__ = [
     "without_noise",
 ]
 
-BITS = 43  # of centres and radii of recognised circles
-TOLD = -2  # in place of the number of a given curve: what the facet is on is told by its mid-side node
-CORNER = np.radians(35.0)  # a turn as large as this, or larger, is a corner
+BITS = 43  # bits kept of centres and radii of recognised circles
+TOLD = -2  # index of curve of a facet that is curved by its mid-side node, without a user-defined curve
+CORNER = np.radians(35.0)  # an angle of this size or more is a corner
 
 
 class Polyline(NamedTuple):
-    """Nodes in order; a closed one goes on from the last to the first, which is not repeated."""
+    """Open or closed polyline.
+
+    A closed polyline continues from the last node to the first, which is not repeated.
+    """
 
     nodes: Ints
     closed: bool
 
 
 class Runs(NamedTuple):
-    """Segments that go on into one another, from end to end or all round."""
+    """Open or closed polylines of facets."""
 
-    node: NDArray[np.int32]  # (s,) in order, run after run; a closed run begins and ends with the same node
-    facet: NDArray[np.int32]  # (s,) the segment after each node, -1 after the last of a run
-    start: NDArray[np.int32]  # (r + 1,) where the runs begin in those
-    closed: Mask  # (r,) whether it goes on from its last node
+    node: NDArray[np.int32]  # (s,) in order, polyline after polyline; closed polylines repeat the first node at the end
+    facet: NDArray[np.int32]  # (s,) facet after each node, -1 after the last node of a polyline
+    start: NDArray[np.int32]  # (r + 1,) first slot of every polyline in `node` and `facet`
+    closed: Mask  # (r,) True if the polyline is a loop without a corner
 
 
 class Pieces(NamedTuple):
-    """What the runs were cut into, a row for each piece."""
+    """Curve segments into which polylines are cut."""
 
-    rows: Ints  # (p, 4): slots of the first and the last node, whether it is round, whether it is closed
-    circle: Floats  # (p, 3): centre and radius of round ones
-    curve: Ints  # (p,): which of the given curves it is on, -1 for none, TOLD for what mid-side nodes tell
+    rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
+    circle: Floats  # (p, 3) centre and radius of arcs
+    curve: Ints  # (p,) index of the user-defined curve, -1 for none, `TOLD` if curved by mid-side nodes
 
     @property
     def first(self) -> Ints:
-        """Slots of the first nodes, (p,)."""
+        """Slots of the first nodes, shape (p,)."""
         return self.rows[:, FIRST]
 
     @property
     def last(self) -> Ints:
-        """Slots of the last nodes, (p,)."""
+        """Slots of the last nodes, shape (p,)."""
         return self.rows[:, LAST]
 
     @property
     def facets(self) -> Ints:
-        """Numbers of facets, (p,)."""
+        """Number of facets of every segment, shape (p,)."""
         return self.last - self.first
 
     @property
     def is_round(self) -> Mask:
-        """Which are arcs or circles, (p,)."""
+        """Mask (p,) of arcs and circles."""
         return self.rows[:, IS_ROUND] == 1
 
     @property
     def closed(self) -> Mask:
-        """Which are closed, (p,)."""
+        """Mask (p,) of closed segments."""
         return self.rows[:, IS_CLOSED] == 1
 
     @property
     def of_slot(self) -> Ints:
-        """The piece of the facet after every slot, for the slots of pieces one after another."""
+        """Segment of every slot in `slots`."""
         return np.repeat(np.arange(len(self.rows)), self.facets)
 
     @property
     def slots(self) -> Ints:
-        """The slots of the first nodes of all facets, piece by piece."""
+        """Slots of the first nodes of all facets, segment by segment."""
         count = self.facets
         return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 
 
 def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
-    """Join segments that meet two by two, cut where they turn by 35 degrees or more.
+    """Join segments into polylines that end at corners of 35 degrees or more.
 
-    `segments` are the nodes at the ends, (m, 2), at least one segment and none twice; or (m, 3) with a node of the
-    segment between them, and the turn is that of the parabolas through these. `position` (2, n) is where nodes are.
-    Loops without a corner are closed. A loop with one corner starts and ends there.
+    `segments`, shape (m, 2), are the end nodes of one segment or more, no segment twice. With a mid-side node between
+    the ends, shape (m, 3), the angle is measured between the parabolas through the nodes. `position` has shape (2, n).
+
+    Polylines also end where other than two segments meet. Loops without a corner are closed; a loop with one corner
+    starts and ends there.
     """
     end = segments[:, [0, -1]]
     node, segment, start, closed = traced(end, _smooth(segments, position))
-    forth = end[segment, 0] == node  # of the last of a run the segment is -1
+    forth = end[segment, 0] == node  # the segment after the last node of a polyline is -1
     polylines = []
     for first, last, loop in zip(start[:-1], start[1:] - 1, closed, strict=True):
         along = segments[segment[first:last]]
@@ -113,24 +118,25 @@ def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
 
 
 def traced(ends: Ints, through: Ints) -> Runs:
-    """Trace segments with the ends (m, 2) from node to node.
+    """Trace polylines along segments with the ends (m, 2).
 
-    `through` (n, 2) has the two that go on into one another at a node, -1 where runs end. Way 2 f + s along segment f
-    begins at its end s; of the ways round a loop, and of the two along an open run, the first in number is taken.
+    `through`, shape (n, 2), holds the two segments that join smoothly at a node, -1 at nodes where polylines end.
+    Direction 2 f + s of segment f starts at its end s. Among the starts of a loop and the two directions of an open
+    polyline, the lowest number is chosen.
     """
     begin, end = ends.ravel(), ends[:, ::-1].ravel()
     way = np.arange(len(begin))
     back = np.where(through[begin, 0] < 0, way // 2, through[begin].sum(axis=1) - way // 2)  # the segment before
-    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)  # along it to where this one begins
+    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)  # the direction that ends here
     before = np.where(through[begin, 0] < 0, way, before)
     run = connected_components(coo_array((np.ones(len(way)), (way, before)), shape=(len(way),) * 2), directed=False)[1]
     closed = np.bincount(run, before == way) == 0
     first = np.full(len(closed), len(way))
     np.minimum.at(first, run, np.where(closed[run] | (before == way), way, len(way)))
     before[first], place = first, (way != first[run]).astype(np.int64)
-    while np.any(before != before[before]):  # twice as far back each time
+    while np.any(before != before[before]):  # twice as far back in every iteration
         place, before = place + place[before], before[before]
-    twin = run[way ^ 1]  # the same run the other way round
+    twin = run[way ^ 1]  # the same polyline in the other direction
     chosen = np.flatnonzero(first[run] <= first[twin])
     start = first[run[chosen]]
     order = chosen[np.lexsort((place[chosen], start, closed[run[chosen]]))]
@@ -144,10 +150,11 @@ def traced(ends: Ints, through: Ints) -> Runs:
 
 
 def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], told: Floats) -> tuple[Runs, Pieces]:
-    """Cut runs into pieces; closed runs may begin elsewhere afterwards. `curve` (f,) is that of every facet.
+    """Cut polylines into curve segments.
 
-    Those that are told by mid-side nodes are not cut; `told` (f, 3) are their circles, nan for what is no arc. Nodes
-    that are not near the curve given for their boundary are refused.
+    Closed polylines may begin elsewhere afterwards. `curve`, shape (f,), is the curve index of every facet. Facets of
+    index `TOLD` are not cut; `told`, shape (f, 3), are their circles, nan for none. Raises ValueError if nodes are not
+    near the curve of their boundary.
     """
     node, facet = runs.node.copy(), runs.facet.copy()
     of_run = curve[facet[runs.start[:-1]]]
@@ -167,18 +174,24 @@ def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], 
 
 
 def without_noise(circle: Floats) -> Floats:
-    """Circles (p, 3) rounded to some 1e-13 of their radius: however often nodes slide, the same is recognised again."""
+    """Return circles (p, 3) rounded to about 1e-13 of their radius.
+
+    Circles are then recognised with the same bits however often nodes have slid.
+    """
     step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
     return np.round(circle / step) * step + 0.0  # no -0
 
 
 def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
-    """Where the nodes of a piece are, in order, (k, 2)."""
+    """Return the positions (k, 2) of the nodes of a segment, in order."""
     return position[node[pieces.first[p] : pieces.last[p] + 1]]
 
 
 def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
-    """The nodes (j,) in which just two segments end, and which ends these are, (j, 2): 2 k and 2 k + 1 of segment k."""
+    """Return the nodes (j,) in which exactly two segments end, and the ends (j, 2).
+
+    Ends of segment k have the indices 2 k and 2 k + 1.
+    """
     flat = ends.ravel()
     order, count = np.argsort(flat, kind="stable"), np.bincount(flat, minlength=nnodes)
     node = np.flatnonzero(count == 2)
@@ -187,12 +200,15 @@ def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
 
 
 def turns(u: Floats, w: Floats) -> Floats:
-    """By how much a way turns that comes along -u and goes on along w, (j,) for (j, 2), in radians."""
+    """Return the angles in radians from direction -u to direction w, (j,)."""
     return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
 
 
 def _smooth(segments: Ints, position: Floats) -> Ints:
-    """The two segments of which one goes on into the other at a node, (n, 2); -1 at ends and corners."""
+    """Return the two segments that join smoothly at every node, (n, 2).
+
+    Other nodes have -1.
+    """
     node, end = meetings(segments[:, [0, -1]], position.shape[1])
     way = _directions(segments, position)
     smooth = turns(way[end[:, 0]], way[end[:, 1]]) < CORNER
@@ -202,7 +218,10 @@ def _smooth(segments: Ints, position: Floats) -> Ints:
 
 
 def _directions(segments: Ints, position: Floats) -> Floats:
-    """Directions in which segments leave their ends, (2 m, 2); with three nodes those of the parabola through them."""
+    """Return the directions in which segments leave their ends, (2 m, 2).
+
+    Segments with a mid-side node have the directions of the parabola through their nodes.
+    """
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)
