@@ -1,4 +1,4 @@
-"""Estimate the error of any P1 solution in the energy norm, and of a functional of one of order 1 to 3, by element."""
+"""Error estimators, in the energy norm and for a functional of the solution."""
 
 from kohonen_adapt.estimators.dual_weighting import goal_error, goal_oriented
 from kohonen_adapt.estimators.equilibration import duality_gap, equilibrated, equilibrated_flux

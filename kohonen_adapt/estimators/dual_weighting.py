@@ -1,4 +1,4 @@
-"""Weight the error of every element with how much it matters to a linear functional, the goal."""
+"""Dual-weighted error estimates for a functional of the solution, the goal."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["goal_error", "goal_oriented"]
 
-OF_DUAL = "of the dual problem, "  # begins what is said against its arguments
+OF_DUAL = "of the dual problem, "  # prefix of error messages about its arguments
 
 Given = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
 
@@ -31,64 +31,69 @@ def goal_oriented(
     fixed: ArrayLike | None = None,
     region: ArrayLike | None = None,
 ) -> Floats:
-    """Goal-oriented indicators of a solution: where the error of ``J(u)`` comes from.
+    """Return goal-oriented error indicators of a solution.
 
-    The goal is ``J(u) = int dual_source u + dual_flux . grad u``; for one that is not linear (energy, force, torque)
-    these are its derivative at u_h. The dual z solves ``-div(nu grad z - dual_flux) = dual_source`` on the same mesh,
-    with zero where u is given. Then ``J(u) - J(u_h) = int nu grad(u - u_h) . grad(z - z_h)`` (Becker and Rannacher,
-    Acta Numerica 10, 2001), in which the two gradients are approximated by the equilibrated corrections
-    ``t = sigma* - sigma_h`` of both problems (`equilibrated_flux`; Mozolevski and Prudhomme, Comput. Methods Appl.
-    Mech. Engrg. 288, 2015)::
+    The goal is ``J(u) = int dual_source u + dual_flux . grad u``. For a nonlinear goal (energy, force, torque) this is
+    its derivative at u_h. The dual solution z solves ``-div(nu grad z - dual_flux) = dual_source`` on the same mesh,
+    and is zero where u has Dirichlet values. Then ``J(u) - J(u_h) = int nu grad(u - u_h) . grad(z - z_h)`` (Becker and
+    Rannacher, Acta Numerica 10, 2001). Both gradients are approximated by the equilibrated corrections
+    ``t = sigma* - sigma_h`` (`equilibrated_flux`; Mozolevski and Prudhomme, Comput. Methods Appl. Mech. Engrg. 288,
+    2015)::
 
         eta_K^2 = |int_K t_u . t_z / nu|.
 
-    On tetrahedra, where no fluxes are equilibrated, t is what the averages of `recovery` have beyond sigma_h. Of order
-    2 and 3, told by the number of values, eta_K^2 is the product of the residual estimates of both problems instead,
-    each scaled to be near the error of its solution in the energy norm.
+    On tetrahedra, which have no equilibrated fluxes, t is the averaged flux of `recovery` minus sigma_h. At order 2 and
+    3, recognised by the number of values, eta_K^2 is the product of the residual estimates of both problems. Each is
+    scaled to be near the error of its solution in the energy norm.
 
-    (For a linear J and data that are constant per element, the error of J differs from half the sum of these integrals
-    by at most half the product of the `equilibrated` estimates of both problems; but mostly by far less than that.)
-    The product is taken before the absolute value: elements in which the two errors stand at right angles do no harm,
-    and products of the two norms would put nodes there. For `adapt`, a problem with these indicators should offer a
-    `ritz` with a dual, or none: else the polish lowers the energy of u alone. Measured at equal nodes against the
-    default for the energy, the error of a force is 3 times smaller and that of the energy in a part of a yoke 29 times;
-    the mean field in a spot of air far from all corners is up to 5 times worse, since on the other mesh errors of both
-    signs cancel there, but here `goal_error` tells the error.
+    For a linear J and data constant per element, the error of J differs from half the sum of these integrals by at most
+    half the product of the `equilibrated` estimates of both problems, and mostly by far less.
+
+    The product is taken before the absolute value. Elements where the two errors are orthogonal add nothing to the
+    error of J, and a product of two norms would place nodes there. A problem for `adapt` with these indicators should
+    have a `ritz` with a dual, or no `ritz`, because the polish would otherwise lower the energy of u alone.
+
+    Measured at equal numbers of nodes against the default indicators of the energy, the error of a force is 3 times
+    smaller and the error of the energy in a part of a yoke 29 times smaller. The mean field in a small area of air far
+    from all corners is up to 5 times worse, because with the default indicators errors of both signs cancel there.
+    `goal_error` estimates the error of the goal.
 
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux, fixed
-        As of `equilibrated`, of the problem that u solves; or a `MeshTet`, on which `fixed` has no say. Of order 2 and
-        3 there are (nunknowns,) values of scikit-fem's `ElementTriP2` or `ElementTriP3`, the mesh may be a `MeshTri2`,
-        fluxes may be at the corners, (2, 3, nelements), and `fixed` has no say.
+        As in `equilibrated`, for the problem that u solves. The mesh may also be a `MeshTet`, for which `fixed` is
+        ignored. At order 2 and 3 the potential has the (nunknowns,) values of scikit-fem's `ElementTriP2` or
+        `ElementTriP3`, the mesh may be a `MeshTri2`, fluxes may be given at the corners, (2, 3, nelements), and `fixed`
+        is ignored.
     region : (nelements,) of integers, optional
-        As of `recovery`, for both problems on a `MeshTet`; in the plane it has no say.
+        As in `recovery`, for both problems on a `MeshTet`; ignored in the plane.
     dual : (nnodes,) or (nunknowns,)
         Values of the dual solution z_h, by the same elements.
     dual_source : (nelements,), optional
         Right-hand side of the dual problem; None is zero.
     dual_flux : (d, nelements), optional
-        Its prescribed flux; None is zero. For ``J(u) = int w . grad u`` with a weight w that is not constant in the
-        elements, the mean of w in each.
+        Prescribed flux of the dual problem; None is zero. For ``J(u) = int w . grad u`` with a weight w that varies
+        inside elements, give the mean of w in each element.
 
     Returns
     -------
     ndarray (nelements,)
-        The root of what each element adds at most to the error of J, in the root of the unit of J: as it is what
-        `density_from_indicators` takes. The sum of squares is 3 to 30 times ``|J(u) - J(u_h)|``, because in that what
-        the elements add cancels.
+        Root of the estimated contribution of each element to the error of J, without its sign, in the root of the unit
+        of J, as `density_from_indicators` takes indicators. The sum of squares is 3 to 30 times ``|J(u) - J(u_h)|``,
+        because contributions of both signs cancel in the latter.
 
     Raises
     ------
     ValueError
-        As `equilibrated` does, on tetrahedra as `recovery`, for either problem.
+        As in `equilibrated`, or as in `recovery` on tetrahedra, for either problem.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
-    >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=np.ones(8), dual_source=np.ones(8))  # of int u
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
+    >>> load = np.ones(8)
+    >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=load, dual_source=load)  # goal: int u
     >>> density = ka.density_from_indicators(mesh, eta)
     """
     check_mesh(mesh, bent=True, space=True)
@@ -113,30 +118,32 @@ def goal_error(
     fixed: ArrayLike | None = None,
     region: ArrayLike | None = None,
 ) -> float:
-    """Estimate of ``J(u) - J(u_h)`` with its sign: the residual of u_h, weighted by a dual of one order more.
+    """Estimate ``J(u) - J(u_h)`` with its sign.
 
-    For a linear J and its exact dual z, ``J(u) - J(u_h) = int source z - (nu grad u_h - flux) . grad z`` (Becker and
-    Rannacher, Acta Numerica 10, 2001). In place of z this takes what P2 elements on the same mesh make of it, less z_h,
-    at which the residual vanishes: it is the change of J from P1 to P2, and of order 2 and 3 that to one order more.
-    Measured at order 1 for a force and for the energy in a part of a yoke, with `dual_flux` at the corners, it was 0.77
-    to 1.7 times the error on the mesh there was and on those adapted for the goal.
+    The estimate is the residual of u_h, weighted by a dual solution of one order more. For a linear J and its exact
+    dual z, ``J(u) - J(u_h) = int source z - (nu grad u_h - flux) . grad z`` (Becker and Rannacher, Acta Numerica 10,
+    2001). At order 1 the dual solution of P2 elements on the same mesh, minus z_h, replaces z (the residual at z_h is
+    zero). The estimate is therefore the change of J from P1 to P2; at order 2 and 3, the change to one order more.
+    Measured at order 1 for a force and for the energy in a part of a yoke, with `dual_flux` at the corners, the
+    estimate was 0.77 to 1.7 times the error on the initial mesh and on meshes adapted for the goal.
 
-    On tetrahedra it is the sum of the integrals of `goal_oriented`, with their signs, by recovery: of the force between
-    two magnets 1.1 to 1.4 times the error on adapted meshes of 2730 nodes and more, 0.6 to 1.2 times on uniform ones.
+    On tetrahedra the estimate is the sum of the signed integrals of `goal_oriented`, by recovery. For the force between
+    two magnets the estimate was 1.1 to 1.4 times the error on adapted meshes of 2730 nodes and more, and 0.6 to 1.2
+    times on uniform meshes.
 
-    Two things are no part of it. Of a J that is not linear, all but the first derivative: of a quadratic one
-    ``J''(u - u_h, u - u_h) / 2``, up to a third of the error in those cases. And what the mesh cuts off curved
-    outlines: the error is that on its polygon, or between its parabolas.
+    Two parts of the error are not included. For a nonlinear J these are all terms above the first derivative, for a
+    quadratic J ``J''(u - u_h, u - u_h) / 2``, up to a third of the error in the cases above. The other part is the
+    difference between curved boundaries or interfaces and the straight or parabolic sides of the mesh.
 
     Parameters
     ----------
     mesh, potential, dual, reluctivity, source, flux, dual_source, fixed, region
-        As of `goal_oriented`.
+        As in `goal_oriented`.
     dual_flux : (d, nelements) or (d, d + 1, nelements), optional
-        As of `goal_oriented`; or at the corners of every element, in the order of ``mesh.t``, and linear between them.
-        Give that where the weight w of ``J(u) = int w . grad u`` is not constant in the elements, as the arm of a
-        torque is not: the means leave out a part as large as the error, which on meshes adapted for a torque made the
-        estimate up to 13 times too large, or of the wrong sign.
+        As in `goal_oriented`, or at the corners of every element, in the order of ``mesh.t`` and linear between them.
+        Give values at the corners if the weight w of ``J(u) = int w . grad u`` varies inside elements, as the lever arm
+        of a torque does. Means omit a part as large as the error: on meshes adapted for a torque they made the estimate
+        up to 13 times too large, or of the wrong sign.
 
     Returns
     -------
@@ -146,22 +153,22 @@ def goal_error(
     Raises
     ------
     ValueError
-        As `goal_oriented` does.
+        As in `goal_oriented`.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
-    >>> missing = ka.estimators.goal_error(mesh, u, u, np.ones(8), source=np.ones(8), dual_source=np.ones(8))
-    >>> true = 0.0351443 - 1 / 64  # int of the solution less that of u
-    >>> bool(0.9 * true < missing < true)
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
+    >>> estimate = ka.estimators.goal_error(mesh, u, u, np.ones(8), source=np.ones(8), dual_source=np.ones(8))
+    >>> error = 0.0351443 - 1 / 64  # int u of the exact solution minus int u_h
+    >>> bool(0.9 * error < estimate < error)
     True
     """
     check_mesh(mesh, bent=True, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
     order = higher_order(mesh, potential)
-    if order == 1:  # in the plane asked for what they refuse: what solves neither problem
+    if order == 1:  # also in the plane, to refuse values that do not solve their problem
         parts = _contributions(mesh, reluctivity, (fixed, region), primal, weight)
         if cell_of(mesh) is not TRIANGLE:
             return float(np.sum(parts))
@@ -172,7 +179,10 @@ def goal_error(
 def _contributions(
     mesh: Mesh, reluctivity: ArrayLike, places: tuple[ArrayLike | None, ArrayLike | None], primal: Given, dual: Given
 ) -> Floats:
-    """``int_K t_u . t_z / nu`` of every element, with its sign, in the unit of J; `places` are `fixed` and `region`."""
+    """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J.
+
+    `places` are the arguments `fixed` and `region`.
+    """
     fixed, region = places
     if cell_of(mesh) is not TRIANGLE:
         discrete, one, number = recovered_correction(mesh, primal[0], reluctivity, *primal[1:], region)
@@ -188,7 +198,6 @@ def _contributions(
 def _of_dual(
     mesh: MeshTri, reluctivity: ArrayLike, fixed: ArrayLike | None, dual: Given
 ) -> tuple[DiscreteFlux, Floats]:
-    """The discrete flux of the dual problem and its equilibrated correction."""
     try:
         return equilibrated_correction(mesh, dual[0], reluctivity, *dual[1:], fixed)
     except ValueError as error:

@@ -1,4 +1,7 @@
-"""Bound the energy error from above by a flux in exact equilibrium; of nonlinear material by the duality gap."""
+"""Equilibrated error bounds, with the duality gap for nonlinear material.
+
+A flux in exact equilibrium with the source bounds the error in the energy norm from above.
+"""
 
 from collections.abc import Callable
 
@@ -25,10 +28,10 @@ __all__ = [
     "weighted_product",
 ]
 
-# What a free node may leave unbalanced, of the largest balance of any node. Direct solvers leave 1e-15, iterative ones
-# and Newton 1e-8; a node whose value was given, but is not in `fixed`, leaves 1e-2 and more.
+# Limit for the residual at a node, relative to the largest sum of absolute terms at any node. Direct solvers leave
+# 1e-15, iterative solvers and Newton's method 1e-8. A Dirichlet node that `fixed` omits leaves 1e-2 and more.
 UNBALANCED = 1e-6
-DEGREE = 4  # of the quadrature of the duality gap: exact for linear material
+DEGREE = 4  # of the quadrature of the duality gap, exact for linear material
 
 
 def equilibrated(
@@ -40,44 +43,45 @@ def equilibrated(
     flux: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
 ) -> Floats:
-    """Equilibrated indicators of a P1 solution of ``-div(nu grad u - flux) = source``: they bound its error.
+    """Return equilibrated error indicators of a P1 solution.
 
-    ``eta_K^2 = int_K |sigma* - sigma_h|^2 / nu_K`` with ``sigma_h = nu grad u_h - flux`` and the flux sigma* of
-    `equilibrated_flux`. By the theorem of Prager and Synge (Quart. Appl. Math. 5, 1947) ::
+    For ``-div(nu grad u - flux) = source`` the indicator is ``eta_K^2 = int_K |sigma* - sigma_h|^2 / nu_K`` with
+    ``sigma_h = nu grad u_h - flux`` and the flux sigma* of `equilibrated_flux`. The theorem of Prager and Synge (Quart.
+    Appl. Math. 5, 1947) states ::
 
-        int nu |grad(u - u_h)|^2 + int |sigma* - sigma|^2 / nu = sum eta_K^2,
+        int nu |grad(u - u_h)|^2 + int |sigma* - sigma|^2 / nu = sum eta_K^2.
 
-    so the root of the sum of squares is never below the error, without any constant, for any reluctivity and mesh. It
-    was measured at 1.04 to 1.3 times the error. What it bounds is the error on the meshed polygon, for data that are
-    constant per element and given values that are linear along each facet; the bound is for the plane, not for axial
-    symmetry.
+    The root of the sum of squares is therefore never below the error, without a constant, for any reluctivity and mesh.
+    Measured values are 1.04 to 1.3 times the error. The bound is for the error on the meshed polygon, with data
+    constant per element and Dirichlet values linear along each facet, in the plane and not around an axis.
 
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux
-        As of `residual`; the potential must satisfy the P1 equations at all nodes that are not fixed.
+        As in `residual`, for triangles only. The potential must satisfy the P1 equations at all nodes that are not
+        fixed.
     fixed : (nnodes,) of bool, optional
-        Nodes whose value is given; None: those of the whole boundary. A boundary facet between two of them has given
-        values, every other boundary facet the natural condition ``n . sigma = 0``.
+        Nodes with a Dirichlet value; None means all boundary nodes. A boundary facet between two of these nodes is a
+        Dirichlet facet, and every other boundary facet has the natural condition ``n . sigma = 0``.
 
     Returns
     -------
     ndarray (nelements,)
-        As of `residual`.
+        As in `residual`.
 
     Raises
     ------
     ValueError
-        As `residual` does, and for a potential that does not satisfy the P1 equations at a node where it should: also
-        inside the mesh, where values may not be given, and where parts of it hang together by a single node.
+        As in `residual`, and if the potential violates the P1 equations at a node that is not fixed, or at a fixed node
+        without a Dirichlet facet, as inside the mesh. Parts of the mesh that share a single node are also refused.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
     >>> eta = ka.estimators.equilibrated(mesh, u, np.ones(8), source=np.ones(8))
-    >>> squared_error = 0.0351443 - 1 / 64  # int |grad u|^2 of the solution less that of u
+    >>> squared_error = 0.0351443 - 1 / 64  # int |grad u|^2 of the exact solution minus int |grad u_h|^2
     >>> bool(squared_error <= np.sum(eta**2) <= 1.5 * squared_error)
     True
     """
@@ -94,35 +98,36 @@ def equilibrated_flux(
     flux: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
 ) -> Floats:
-    """Flux sigma* near ``nu grad u - flux`` that is in equilibrium: ``-div sigma* = source`` in every element.
+    """Return a flux in equilibrium, near the flux of a P1 solution.
 
-    Its normal component is continuous across facets and zero on those of the boundary where nothing is given. It is
-    linear in every element (BDM1), the sum over all nodes a of the field on the elements around a that has the
-    divergence ``grad phi_a . sigma_h - phi_a source``, no normal component on the rim, and the least distance from
-    ``phi_a sigma_h`` in the norm ``sqrt(int |.|^2 / nu)`` (Braess and Schoeberl, Math. Comp. 77, 2008; Ern and
-    Vohralik, SIAM J. Numer. Anal. 53, 2015). In magnetostatics ``H* = (-sigma*_y, sigma*_x)``.
+    The flux sigma* satisfies ``-div sigma* = source`` in every element. Its normal component is continuous across
+    facets and zero on boundary facets with the natural condition. Sigma* is linear in every element (BDM1) and a sum
+    over all nodes a. The term of node a lives on the elements around a, has the divergence
+    ``grad phi_a . sigma_h - phi_a source`` and no normal component on the boundary of this patch, and is as near to
+    ``phi_a sigma_h`` as possible in the norm ``sqrt(int |.|^2 / nu)`` (Braess and Schoeberl, Math. Comp. 77, 2008; Ern
+    and Vohralik, SIAM J. Numer. Anal. 53, 2015). In magnetostatics ``H* = (-sigma*_y, sigma*_x)``.
 
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux, fixed
-        As of `equilibrated`.
+        As in `equilibrated`.
 
     Returns
     -------
     ndarray (2, 3, nelements)
-        At the three corners of every element, in the order of ``mesh.t``, in units of `flux`: component, corner,
-        element. At a point of barycentric coordinates l_i it is ``sum l_i sigma*_i``.
+        Values at the three corners of every element, in the order of ``mesh.t`` and in the unit of `flux`; axes are
+        component, corner, element. At barycentric coordinates l_i the flux is ``sum l_i sigma*_i``.
 
     Raises
     ------
     ValueError
-        As `equilibrated` does.
+        As in `equilibrated`.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
     >>> ka.estimators.equilibrated_flux(mesh, u, np.ones(8), source=np.ones(8)).shape
     (2, 3, 8)
     """
@@ -139,51 +144,55 @@ def duality_gap(
     *,
     flux: ArrayLike | None = None,
 ) -> Floats:
-    """Indicators whose sum of squares bounds twice the height of a P1 function's energy above the minimum.
+    """Return indicators that bound the energy of a P1 function above the minimum.
 
-    For ``min int W(|grad u|) - flux . grad u - source u`` with W convex, and a flux sigma* in equilibrium
-    (`equilibrated_flux`), at every function u_h with the given values ::
+    Let u minimise ``J(u) = int W(|grad u|) - flux . grad u - source u`` with W convex, and let sigma* be a flux in
+    equilibrium (`equilibrated_flux`). Every function u_h with the same Dirichlet values satisfies ::
 
         J(u_h) - J(u) <= sum_K int_K W(|grad u_h|) + W*(|s|) - grad u_h . s,    s = sigma* + flux,
 
-    by Fenchel's inequality (Repin, Math. Comp. 69, 2000), where ``W*(h) = max_b (b h - W(b))``. In magnetostatics W is
-    the energy density int H dB of a material without its magnet, W* its co-energy density int B dH, and s the field
-    ``H* + Hc``. For linear material, ``W = nu b^2 / 2`` and ``W* = h^2 / (2 nu)``, these are the equilibrated
-    indicators. The integral of W* is taken by a quadrature of degree 4: for other material the bound holds up to that.
+    by Fenchel's inequality (Repin, Math. Comp. 69, 2000), where ``W*(h) = max_b (b h - W(b))``. The sum of squared
+    indicators is twice this bound. In magnetostatics W is the energy density int H dB of a material without its
+    remanence, W* its co-energy density int B dH, and s the field ``H* + Hc``, turned like `flux`. For linear material,
+    ``W = nu b^2 / 2`` and ``W* = h^2 / (2 nu)``, the result equals the equilibrated indicators. W* is integrated by a
+    quadrature of degree 4, and for nonlinear material the bound holds up to the error of the quadrature.
 
     Parameters
     ----------
-    mesh, potential
-        As of `residual`; between them and the solution of the discrete equations no difference is made.
+    mesh
+        As in `equilibrated`.
+    potential
+        Nodal values (nnodes,) of u_h, which need not solve the discrete equations.
     field : (2, 3, nelements)
-        The flux sigma* at the corners of the elements, what `equilibrated_flux` returns for the reluctivity at u_h.
+        The flux sigma* at the corners of the elements, from `equilibrated_flux` with the reluctivity at u_h.
     energy
-        W: takes ``|grad u_h| >= 0`` of all elements, (1, nelements), and returns as many densities.
+        The function W. Called with ``|grad u_h| >= 0`` of all elements, (1, nelements); returns densities of the same
+        shape.
     coenergy
-        W*: takes ``|s| >= 0`` at quadrature points of all elements, (npoints, nelements), and returns as many
-        densities.
+        The function W*. Called with ``|s| >= 0`` at quadrature points of all elements, (npoints, nelements); returns
+        densities of the same shape.
     flux : (2, nelements), optional
-        As of `residual`: for magnets ``Hc`` turned, ``(-Hc_y, Hc_x)``.
+        As in `residual`; for magnets the turned coercive field ``(-Hc_y, Hc_x)``.
 
     Returns
     -------
     ndarray (nelements,)
-        ``sqrt(2 gap_K)``, unsquared indicators in the unit of the energy norm.
+        Unsquared indicators ``sqrt(2 gap_K)``, in the unit of the energy norm.
 
     Raises
     ------
     ValueError
-        As `residual` does, and for densities that are not finite or of the wrong shape.
+        As in `residual`, and if densities are not finite or have the wrong shape.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
     >>> given = (mesh, u, np.ones(8))
     >>> flux = ka.estimators.equilibrated_flux(*given, source=np.ones(8))
     >>> eta = ka.estimators.duality_gap(mesh, u, flux, lambda b: b**2 / 2, lambda h: h**2 / 2)
-    >>> np.allclose(eta, ka.estimators.equilibrated(*given, source=np.ones(8)))  # of linear material
+    >>> np.allclose(eta, ka.estimators.equilibrated(*given, source=np.ones(8)))  # linear material
     True
     """
     _check_plane(mesh)
@@ -199,7 +208,7 @@ def duality_gap(
     size = np.linalg.norm(at_points, axis=0)
     stored = _densities("energy", energy, np.linalg.norm(slope, axis=0)[None])
     gap = stored + _densities("coenergy", coenergy, size) - np.einsum("ck,cqk->qk", slope, at_points)
-    # Fenchel's inequality holds at every point, but for rounding.
+    # By Fenchel's inequality the gap is negative by rounding only.
     return np.sqrt(2.0 * area(mesh) * np.maximum(2.0 * weights @ gap, 0.0))
 
 
@@ -221,7 +230,10 @@ def equilibrated_correction(
     flux: ArrayLike | None,
     fixed: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats]:
-    """The discrete flux sigma_h, and ``sigma* - sigma_h`` at the corners, (2, 3, nelements); arguments as above."""
+    """Return the discrete flux sigma_h and the correction ``sigma* - sigma_h``.
+
+    The correction is given at the corners, shape (2, 3, nelements). Arguments are as in `equilibrated`.
+    """
     _check_plane(mesh)
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
     held = fixed_nodes(mesh, fixed)
@@ -236,14 +248,17 @@ def equilibrated_correction(
 
 
 def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floats:
-    """``int_K one . other / nu``, (nelements,), of two fluxes that are linear in every element, by their corners."""
+    """Return ``int_K one . other / nu`` per element, shape (nelements,).
+
+    The two fluxes are linear in every element, given at its corners, (d, d + 1, nelements).
+    """
     product = np.sum(one * other, axis=(0, 1)) + np.sum(one.sum(axis=1) * other.sum(axis=1), axis=0)
     corners = one.shape[1]
     return discrete.area / (corners * (corners + 1)) * product / discrete.reluctivity
 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
-    """Where the value is given, (nnodes,), checked; None stands for the whole boundary."""
+    """Return the checked Dirichlet mask, or the mask of all boundary nodes if None."""
     if fixed is None:
         held = np.zeros(mesh.p.shape[1], dtype=bool)
         held[mesh.facets[:, mesh.f2t[1] < 0]] = True
@@ -258,7 +273,6 @@ def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
 
 
 def _check_plane(mesh: object) -> None:
-    """Refuse what is not a plain mesh of triangles; of tetrahedra it is said what estimates their error."""
     if type(mesh) is TETRAHEDRON.mesh:
         raise ValueError(
             "mesh must be a skfem.MeshTri: fluxes are not equilibrated in space; got MeshTet1. Take "
@@ -268,7 +282,10 @@ def _check_plane(mesh: object) -> None:
 
 
 def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxData, NDArray[np.int64]]:
-    """The kernel's arguments, and the place in ``mesh.t`` of the corners of its counter-clockwise elements."""
+    """Return the arguments of the kernel, and the counter-clockwise corner order.
+
+    Corner k of counter-clockwise element e is ``mesh.t[order[e, k], e]``.
+    """
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
     turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
@@ -281,7 +298,10 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxDat
 
 
 def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: Mask, imbalance: Floats) -> None:
-    """Refuse a potential that leaves a node out of balance: nothing would be bounded."""
+    """Raise ValueError if the potential violates the P1 equations at a node.
+
+    `imbalance` is the residual that equilibration leaves at each node. The indicators bound nothing if one is large.
+    """
     parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
     size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
     largest = np.bincount(mesh.t.ravel(), size.ravel()).max()

@@ -1,4 +1,8 @@
-"""Estimate errors from the discrete flux of a P1 solution: by its jumps across facets, or from its averages."""
+"""Residual and recovery estimators of P1 solutions.
+
+Both use the discrete flux ``nu grad u - flux``. The residual estimator takes its jumps across facets, the recovery
+estimator its distance to averages at the nodes.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -29,7 +33,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class DiscreteFlux:
-    """The flux ``nu grad u - flux`` of a P1 solution, with what an estimator needs beside it, per element."""
+    """Flux ``nu grad u - flux`` of a P1 solution, and the data per element."""
 
     area: Floats  # (nelements,)
     hats: Floats  # (d, d + 1, nelements), gradients of the hat functions
@@ -42,7 +46,10 @@ class DiscreteFlux:
 def discrete_flux(
     mesh: Mesh, potential: ArrayLike, reluctivity: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None
 ) -> DiscreteFlux:
-    """Check the arguments of an estimator and evaluate the flux of the solution; what is None counts as zero."""
+    """Check the arguments of an estimator and return the flux of the solution.
+
+    `source` and `flux` are zero if None.
+    """
     check_mesh(mesh, space=True)
     number_facets(mesh)
     (dim, nnodes), nelements = mesh.p.shape, mesh.t.shape[1]
@@ -58,7 +65,7 @@ def discrete_flux(
 
 
 def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:
-    """The reluctivity of every element, (nelements,), if all are positive."""
+    """Return the reluctivity, shape (nelements,), and require positive values."""
     material = finite_reals("reluctivity", reluctivity, {"nelements": mesh.t.shape[1]}, "element")
     bad = np.flatnonzero(material <= 0.0)
     if bad.size:
@@ -70,7 +77,11 @@ def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:
 
 
 def mean_and_rest(mesh: Mesh, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
-    """The mean of a flux in every element, and what it has beyond that at the corners, (d, d + 1, nelements)."""
+    """Return the mean of a flux per element and its deviation at the corners.
+
+    A flux of shape (d, nelements) or None is returned as given, with a deviation of zero. The deviation has shape (d, d
+    + 1, nelements).
+    """
     check_kind(mesh, space=True)
     dim = cell_of(mesh).dim
     shape = {str(dim): dim, str(dim + 1): dim + 1, "nelements": mesh.t.shape[1]}
@@ -90,19 +101,23 @@ def residual(
     flux: ArrayLike | None = None,
     joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
 ) -> Floats:
-    """Residual indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
+    """Return residual error indicators of a P1 solution.
 
-    ``eta_K^2 = h_K^2 ||source||_K^2 / nu_K + 1/2 sum_F h_F ||[(nu grad u - flux) . n]||_F^2 / max(nu)`` over the
-    interior facets F of K, with the larger reluctivity of the two elements at F; facets of the boundary add nothing.
-    h_K is the square root of the area of K, h_F the length of F; in space the cube root of the volume, and the square
-    root of the area. With this weight the effectivity does not depend on
-    the ratio of the materials (Bernardi and Verfuerth, Numer. Math. 85, 2000); with each element's own nu the estimate
-    sends all nodes into the iron. In magnetostatics the jump is that of the tangential field strength H_t.
+    For ``-div(nu grad u - flux) = source`` the indicator of element K is ::
+
+        eta_K^2 = h_K^2 ||source||_K^2 / nu_K + 1/2 sum_F h_F ||[(nu grad u - flux) . n]||_F^2 / max(nu),
+
+    summed over the interior facets F of K, with the larger reluctivity of both elements at F. Boundary facets add
+    nothing. In the plane h_K is the square root of the area of K and h_F the length of F; in space they are the cube
+    root of the volume and the square root of the area. The maximum of nu makes the effectivity independent of the ratio
+    of the materials (Bernardi and Verfuerth, Numer. Math. 85, 2000). With the nu of each element in its place the
+    estimate concentrates all nodes in the iron. In magnetostatics the jump is the jump of the tangential field strength
+    H_t.
 
     Parameters
     ----------
     mesh
-        A plain mesh of triangles or of tetrahedra.
+        A `MeshTri` or `MeshTet` with straight sides.
     potential : (nnodes,)
         Nodal values of the solution u.
     reluctivity : (nelements,)
@@ -110,30 +125,30 @@ def residual(
     source : (nelements,), optional
         Right-hand side; None is zero.
     flux : (d, nelements), optional
-        Prescribed flux in d dimensions, for magnets in the plane ``nu (-Br_y, Br_x)``; None is zero. Where it varies
-        inside of elements (d, d + 1, nelements): at their corners, in the order of ``mesh.t``, and linear between. The
-        mean alone would jump from element to element, and the estimate be off by half.
+        Prescribed flux in d dimensions, for magnets in the plane ``nu (-Br_y, Br_x)``; None is zero. A flux that varies
+        inside elements has shape (d, d + 1, nelements), with values at the corners in the order of ``mesh.t`` and
+        linear between them. Its mean alone would jump from element to element and make the estimate wrong by half.
     joined : (k,), (k,), (k,), optional
-        Facets of the boundary, those that a periodic mesh goes on with beyond them, and the sign that u changes by, 1
-        or -1: across these there is a jump, too.
+        Facets on one side of periodic boundaries, the matching facets on the opposite side, and the factor between the
+        values of u there, 1 (periodic) or -1 (antiperiodic). These pairs count as interior facets.
 
     Returns
     -------
     ndarray (nelements,)
-        Indicators of the energy norm ``sqrt(int nu |grad e|^2)``, unsquared, in its unit. The root of their sum of
-        squares is 3.4 to 4.4 times the error, on tetrahedra 2.8 to 3.8 times, with slivers up to 5.2 times.
+        Unsquared indicators of the energy norm ``sqrt(int nu |grad e|^2)``, in its unit. The root of their sum of
+        squares is 3.4 to 4.4 times the error; on tetrahedra 2.8 to 3.8 times, with slivers up to 5.2 times.
 
     Raises
     ------
     ValueError
-        For arguments of the wrong shape, not finite or not positive, and for a mesh that is broken or neither a plain
+        If an argument has the wrong shape, is not finite or not positive, or if the mesh is invalid or neither a plain
         `MeshTri` nor a `MeshTet`.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
     >>> eta = ka.estimators.residual(mesh, u, np.ones(8), source=np.ones(8))
     >>> eta.shape
     (8,)
@@ -142,7 +157,7 @@ def residual(
     """
     mean, rest = mean_and_rest(mesh, "flux", flux)
     discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
-    # h_K^2 ||source||_K^2 with h_K^d = |K|: with the longest edge for h_K, loads would count twice as much as jumps.
+    # h_K^d = |K|. If h_K were the longest edge, the source would count twice as much as the jumps.
     load = discrete.area ** (1.0 + 2.0 / len(discrete.hats)) * discrete.source**2 / discrete.reluctivity
     return np.sqrt(load + _jumps(mesh, discrete, rest, joined))
 
@@ -150,10 +165,11 @@ def residual(
 def _jumps(
     mesh: Mesh, discrete: DiscreteFlux, rest: Floats, joined: tuple[ArrayLike, ArrayLike, ArrayLike] | None
 ) -> Floats:
-    """The facet part of eta_K^2: h_F ||jump||_F^2 is the square of the jump integrated over F, times h_F / |F|.
+    """Return the facet part of eta_K^2, shape (nelements,).
 
-    In the plane that factor is one. Of a flux that varies, which has the rest (d, d + 1, nelements) beyond its mean,
-    the jump is that in the middle of F.
+    For a constant jump, h_F ||jump||_F^2 is the squared integral of the jump over F, times h_F / |F|. In the plane the
+    last factor is one. Of a flux that varies inside elements, with deviation `rest` from its mean, the jump at the
+    centroid of F is taken.
     """
     cell, nfacets, side = cell_of(mesh), mesh.facets.shape[1], mesh.t2f.ravel()
     at_sides = discrete.values[:, None] - np.stack([rest[:, corners].mean(axis=1) for corners in cell.facets], axis=1)
@@ -183,37 +199,37 @@ def recovery(
     flux: ArrayLike | None = None,
     region: ArrayLike | None = None,
 ) -> Floats:
-    """Recovery indicators of a P1 solution of ``-div(nu grad u - flux) = source``.
+    """Return recovery error indicators of a P1 solution.
 
-    ``eta_K^2 = int_K |q* - q|^2 / nu_K`` with ``q = nu grad u - flux`` and q* the P1 field of its averages at the
-    nodes, weighted by area or volume (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987), taken separately over
-    each region: connected elements of equal reluctivity and flux. Averages across materials would smear the true jump
-    at the interface and overrate the error there, without bound as the ratio of the materials grows.
+    For ``-div(nu grad u - flux) = source`` the indicator is ``eta_K^2 = int_K |q* - q|^2 / nu_K`` with
+    ``q = nu grad u - flux``. The P1 field q* has at each node the average of q over the elements around the node,
+    weighted by area or volume (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987). Averages are taken separately
+    in each region, a connected set of elements of equal reluctivity and flux. Averages across materials would smooth
+    the true jump at an interface and overestimate the error there, without bound as the ratio of the materials grows.
 
     Parameters
     ----------
     mesh, potential, reluctivity, source, flux
-        As of `residual`, the flux at corners with a `region`; the source is checked, though the averages do not need
-        it.
+        As in `residual`. A flux given at the corners requires `region`. The source is checked, but not used.
     region : (nelements,) of integers, optional
-        What regions are told by, in place of reluctivity and flux: the number of the material, where these change
-        inside one (saturated iron, radial magnets).
+        Index of the material of every element. Regions are then connected sets of elements with equal index. Give this
+        where reluctivity or flux vary inside a material (saturated iron, radial magnets).
 
     Returns
     -------
     ndarray (nelements,)
-        As of `residual`. Zero in a region of a single element, which has nothing to be compared with.
+        As in `residual`. Zero in a region of a single element, because its average is the flux itself.
 
     Raises
     ------
     ValueError
-        As `residual` does.
+        As in `residual`.
 
     Examples
     --------
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)  # 9 nodes, one of them inside
-    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the rim
+    >>> u = np.isin(np.arange(9), mesh.interior_nodes()) / 16  # solves -div grad u = 1 with u = 0 on the boundary
     >>> eta = ka.estimators.recovery(mesh, u, np.ones(8), source=np.ones(8))
     >>> eta.shape
     (8,)
@@ -235,8 +251,10 @@ def recovered_correction(
     flux: ArrayLike | None,
     region: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats, Ints]:
-    """The discrete flux, what it lacks of its averages at the corners, (d, d + 1, nelements), and the number of the
-    region of every element that they are taken in; arguments as of `recovery`.
+    """Return the discrete flux, its correction by averaging, and the region indices.
+
+    The correction is the recovered flux minus the discrete flux at the corners, shape (d, d + 1, nelements). Region
+    indices have shape (nelements,). Arguments are as in `recovery`.
     """
     mean, rest = mean_and_rest(mesh, "flux", flux)
     discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
@@ -245,10 +263,11 @@ def recovered_correction(
 
 
 def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
-    """Averages, weighted by |K|, of values per element (k, nelements), or per corner of each (k, d + 1, nelements), at
-    the corners of the elements, (k, d + 1, nelements).
+    """Return averages of `values` at the corners of elements, weighted by ``|K|``.
 
-    A corner takes the elements around its node that are of its own region, so that jumps between regions stay jumps.
+    The average at a corner is over the elements around its node that lie in its own region, so that jumps between
+    regions remain. `values` has shape (k, nelements), or (k, d + 1, nelements) if given per corner; the result has
+    shape (k, d + 1, nelements).
     """
     pair = region * mesh.p.shape[1] + mesh.t
     corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
@@ -258,7 +277,7 @@ def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
 
 
 def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
-    """Data that are equal inside a region, a column for each element."""
+    """Return the data that are equal inside a region, one column per element."""
     if region is None:
         return np.vstack((discrete.reluctivity, discrete.prescribed))
     number = np.asarray(region)
@@ -271,7 +290,10 @@ def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
 
 
 def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
-    """Number of the region of every element: connected across facets, of equal data."""
+    """Return the region index of every element, shape (nelements,).
+
+    A region is a set of elements that are connected across facets and have equal columns of `data`.
+    """
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
     same = np.all(data[:, one] == data[:, other], axis=0)

@@ -1,4 +1,8 @@
-"""Weight errors for a goal: by residuals at points, of order 2 and 3, and by elements of one order more."""
+"""Dual-weighted error estimates at order 2 and 3, and by a dual of higher order.
+
+The indicators of order 2 and 3 are products of residual estimates. The signed error estimate solves the dual problem by
+elements of one order more, also at order 1.
+"""
 
 from typing import Any, NamedTuple
 
@@ -20,11 +24,11 @@ from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
 
 __all__ = ["DualPair", "higher_order"]
 
-CURVED = 2  # degrees more by which elements with curved sides are integrated
+CURVED = 2  # additional degrees of the quadrature in elements with curved sides
 
 
 class Given(NamedTuple):
-    """One problem ``-div(nu grad u - flux) = source`` and its solution."""
+    """Solution and data of one problem ``-div(nu grad u - flux) = source``."""
 
     values: Floats  # (nunknowns,)
     source: Floats  # (nelements,)
@@ -32,25 +36,31 @@ class Given(NamedTuple):
 
 
 def higher_order(mesh: Mesh, potential: ArrayLike) -> int:
-    """The order of triangles that have as many unknowns as there are values, if that is 2 or 3; else 1."""
+    """Return the order 2 or 3 with as many unknowns as values, or else 1."""
     if cell_of(mesh) is not TRIANGLE:
         return 1
     return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
 
 
 class DualPair:
-    """A problem and its dual on one mesh, by elements of order 1 to 3; arguments as of `goal_oriented`."""
+    """Primal and dual problem on one mesh, by elements of order 1 to 3.
+
+    Arguments are as in `goal_oriented`.
+    """
 
     def __init__(self, mesh: MeshTri, order: int, reluctivity: ArrayLike) -> None:
         self.order, self.shape, self.size = order, Isoparametric(mesh), area(mesh)
-        self.turned = np.argsort(mesh.t, axis=0)[None]  # its straight triangles have their corners sorted
+        self.turned = np.argsort(mesh.t, axis=0)[None]  # scikit-fem sorts the corners of the straight triangles
         corners, curved = self.shape.corners, bool(self.shape.curved.any())
         self.mesh = with_displacements(corners, self.shape.off) if curved else corners
         self.reluctivity = checked_reluctivity(mesh, reluctivity)
         self.degree = 2 * order + 2 + CURVED * curved
 
     def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None, of: str = "") -> Given:
-        """The values, source and flux of one of both problems, checked; `of` which one begins the message."""
+        """Return the checked values, source and flux of the primal or the dual problem.
+
+        Error messages begin with `of`, which names the problem.
+        """
         unknowns, count = count_unknowns(self.mesh, self.order), self.size.size
         source = np.zeros(count) if source is None else source
         flux = np.zeros((2, count)) if flux is None else flux
@@ -65,7 +75,7 @@ class DualPair:
         return Given(nodal, load, np.take_along_axis(corners, self.turned, axis=1))
 
     def indicators(self, primal: Given, dual: Given) -> Floats:
-        """The roots of the products of both residual estimates of order 2 or 3, (nelements,)."""
+        """Return the root of the product of both residual estimates, (nelements,)."""
         return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
 
     def _residual(self, given: Given) -> Floats:
@@ -77,13 +87,17 @@ class DualPair:
         return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around)
 
     def _strength(self, basis: Basis, given: Given) -> Floats:
-        """``nu grad u - flux`` at the points of a basis of this order, (2, nelements, q)."""
+        """Return ``nu grad u - flux`` at quadrature points, (2, nelements, q)."""
         share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
         slope = np.asarray(basis.interpolate(given.values).grad)
         return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", given.flux, share)
 
     def error(self, primal: Given, dual: Given, fixed: ArrayLike | None) -> float:
-        """``int source w - (nu grad u_h - flux) . grad w`` for w what the dual is by one order more, less z_h."""
+        """Return the dual-weighted residual, an estimate of the error of the goal.
+
+        The residual is ``int source w - (nu grad u_h - flux) . grad w`` for ``w = z - z_h``, where z is the dual
+        solution by elements of one order more.
+        """
         own, more = (Basis(self.mesh, KINDS[k](), intorder=self.degree) for k in (self.order, self.order + 1))
         nothing = dual._replace(values=np.zeros_like(dual.values))
         load = _residual_of(more, dual.source, self._strength(own, nothing))
@@ -95,21 +109,21 @@ class DualPair:
 
 
 def _residual_of(basis: Basis, source: Floats, strength: Floats) -> Floats:
-    """``int source v - strength . grad v`` for the functions v of a basis."""
+    """Return ``int source v - strength . grad v`` for the functions v of a basis."""
     return LinearForm(balance).assemble(basis, source=source[:, None], strength=strength)
 
 
 def held_unknowns(basis: Basis, held: Mask) -> Ints:
-    """The unknowns that are given: at these nodes, and on outer facets between them."""
+    """Return the Dirichlet unknowns, at nodes and on boundary facets between them."""
     outer = (basis.mesh.f2t[1] < 0) & held[basis.mesh.facets].all(axis=0)
     return np.concatenate((basis.nodal_dofs[0, held], basis.facet_dofs[:, outer].ravel()))
 
 
 def balance(v: Any, w: Any) -> Any:
-    """What a source and a strength have of a function v, for a `LinearForm`: ``source v - strength . grad v``."""
+    """Return ``source v - strength . grad v``, the integrand of a `LinearForm`."""
     return w.source * v - dot(w.strength, grad(v))
 
 
 def slopes(u: Any, v: Any, w: Any) -> Any:
-    """``nu grad u . grad v``, for a `BilinearForm`."""
+    """Return ``nu grad u . grad v``, the integrand of a `BilinearForm`."""
     return w.nu * dot(grad(u), grad(v))

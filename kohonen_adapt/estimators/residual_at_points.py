@@ -1,4 +1,4 @@
-"""Estimate errors of order 2 and 3 by the residual of a flux, which is known at points of the elements."""
+"""Residual estimates at order 2 and 3, from fluxes at points of the elements."""
 
 import numpy as np
 
@@ -10,19 +10,20 @@ from kohonen_adapt.mesh.polynomials import facet_products
 
 __all__ = ["HIGHER_SCALES", "LATTICE", "Facets", "divergences", "residual_at_points"]
 
-# What the indicators are multiplied by, so that the root of their sum of squares is near the error. Of order 2 smooth
-# fields on squares and random meshes have 5.9 - 6.4 times the error by the bare residual, a rectangle magnet 6.0 - 6.1,
-# corners of iron 6.0 - 6.2 (test_quadratic.py). With 1 / 6.1 all of them come within 5 %. Of order 3: smooth fields 8.5
-# - 10.0, a rectangle magnet 9.6, adapted 10.1 (test_cubic.py); with 1 / 9.7 within 12 %. A round magnet on curved
-# elements: of order 2 5.9 - 6.0, of order 3 10.2 - 10.6 (`benchmarks curves`).
+# Factors of the indicators that bring the root of their sum of squares near the error.
+# Order 2: the bare residual is 5.9 - 6.4 times the error for smooth fields on squares and random meshes, 6.0 - 6.1 for
+# a rectangular magnet and 6.0 - 6.2 at corners of iron (test_quadratic.py). The factor 1 / 6.1 is right within 5 %.
+# Order 3: 8.5 - 10.0 for smooth fields, 9.6 for a rectangular magnet, 10.1 for the same, adapted (test_cubic.py). The
+# factor 1 / 9.7 is right within 12 %.
+# A round magnet on curved elements: 5.9 - 6.0 at order 2, 10.2 - 10.6 at order 3 (`benchmarks curves`).
 HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
 
-ENDS, OPPOSITE = TRIANGLE.facets, list(TRIANGLE.opposite)  # scikit-fem's sides of a triangle
+ENDS, OPPOSITE = TRIANGLE.facets, list(TRIANGLE.opposite)  # in the order of scikit-fem
 
-# Corners and middles of sides by barycentric coordinates.
+# Barycentric coordinates of the corners and the midsides, one row each.
 LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in ENDS]))
 
-Facets = tuple[Ints, Ints, Floats]  # facets that are one, and the sign between them
+Facets = tuple[Ints, Ints, Floats]  # periodic facets, the matching facets, and the factor between their values
 
 
 def residual_at_points(
@@ -34,24 +35,27 @@ def residual_at_points(
     around: tuple[Floats, Floats],
     joined: Facets | None = None,
 ) -> Floats:
-    """``eta_K^2 = h_K^2 ||source + div q||_K^2 / nu_K + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu)``, unsquared,
-    (nelements,).
+    """Return unsquared residual indicators, shape (nelements,).
+
+    With ``q = nu grad u - flux`` ::
+
+        eta_K^2 = h_K^2 ||source + div q||_K^2 / nu + 1/2 sum_F h_F ||[q . n]||_F^2 / max(nu).
 
     Parameters
     ----------
     shape, size : (nelements,)
         The elements and their areas.
     flux : (2, 3, nelements) or (2, 6, nelements)
-        ``q = nu grad u - flux``, a polynomial in every element, by its values at the corners, and of degree 2 in the
-        middles of the sides: the `LATTICE`.
+        The flux q, a polynomial in every element, by its values at the corners and, if of degree 2, at the midsides, in
+        the order of `LATTICE`.
     load : (n, nelements)
-        ``source + div q``, of which the mean square over the n points is that over the element.
+        ``source + div q`` at n points whose mean square equals the mean square over the element.
     weight : (nelements,)
-        nu.
+        The reluctivity nu.
     around : (nelements,), (nfacets,)
-        What elements and facets are integrated over beside their own area and length: 1, or the way around an axis.
+        Factors of the integrals over elements and facets: 1 in the plane, the circumference ``2 pi r`` around an axis.
     joined
-        As of `residual`.
+        As in `residual`.
     """
     elements, facets = around
     squared = np.mean(load**2, axis=0)
@@ -59,8 +63,11 @@ def residual_at_points(
 
 
 def divergences(flux: Floats, shape: Isoparametric) -> Floats:
-    """Divergence of a vector (2, points, nelements) known on the `LATTICE`: in each element, or in the middles of its
-    sides, which tell the mean of a squared linear function.
+    """Return the divergence of a vector field, in each element or at its midsides.
+
+    `flux` contains values on `LATTICE`, shape (2, points, nelements). A linear field, with 3 points, has one value per
+    element, (1, nelements); a quadratic field has values at the midsides, (3, nelements), because the mean square there
+    is the mean square of a linear function over the element.
     """
     hats = hat_gradients(shape.corners)
     if flux.shape[1] == 3:
@@ -74,15 +81,16 @@ def divergences(flux: Floats, shape: Isoparametric) -> Floats:
 
 
 def _slopes(share: Floats) -> Floats:
-    """Derivatives of the functions of order 2 on the `LATTICE` by barycentric coordinates, (6, 3)."""
+    """Return the derivatives of the P2 basis by barycentric coordinates, (6, 3)."""
     at_middles = [4.0 * (share[a] * np.eye(3)[b] + share[b] * np.eye(3)[a]) for a, b in ENDS]
     return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
 
 
 def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None, around: Floats) -> Floats:
-    """The facet part: a jump that is a polynomial on a facet, from its values at both ends and in the middle.
+    """Return the facet part of eta_K^2, shape (nelements,).
 
-    Around an axis that is integrated over the way around it of every facet, (nfacets,).
+    The jump is a polynomial of degree 1 or 2 on each facet, integrated from its values at both ends and, at degree 2,
+    the midside. `around`, shape (nfacets,), is the factor of the integral over each facet.
     """
     mesh, degree = shape.corners, flux.shape[1] // 3  # 1 or 2
     nfacets, normals = mesh.facets.shape[1], outward(shape)
@@ -99,11 +107,11 @@ def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | 
             np.add.at(outflow[2], facet, at[2])
         np.maximum.at(largest, facet, weight)
         np.add.at(sides, facet, 1)
-        along[facet] = first ^ (side == 2) ^ clockwise  # runs counter-clockwise in the only element of an outer facet
+        along[facet] = first ^ (side == 2) ^ clockwise  # of boundary facets: counter-clockwise
     jump, turned = np.where(sides == 2, outflow, 0.0), [1, 0, 2][: degree + 1]
     if joined is not None:
         one, other, sign = joined
-        same = along[one] != along[other]  # partners run against one another
+        same = along[one] != along[other]  # True if the matching facets run in opposite directions
         beyond = np.where(same, outflow[:, other], outflow[turned][:, other])
         jump[:, one] = outflow[:, one] + sign * beyond
         jump[:, other] = sign * np.where(same, jump[:, one], jump[turned][:, one])
@@ -113,9 +121,10 @@ def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | 
 
 
 def outward(shape: Isoparametric) -> Floats:
-    """The tangents of sides turned outwards, at both ends and in the middle, (3 sides, 3 points, 2, nelements).
+    """Return outward normals of the sides, shape (3 sides, 3 points, 2, nelements).
 
-    An integral over a side is one from 0 to 1 over what has these as factors: they are as long as a straight side.
+    The points are both ends and the midside. Each normal has the length of the tangent for a parameter from 0 to 1, so
+    that an integral over the side is the integral of the product with this normal from 0 to 1.
     """
     mesh = shape.corners
     straight = -2.0 * (area(mesh) * hat_gradients(mesh))[:, OPPOSITE].swapaxes(0, 1)
