@@ -127,8 +127,9 @@ def adapt(
         A folder, created if missing, that gets a file for every finished pass, whole or not at all. If it has passes
         of this run (the same mesh and arguments; those that say when to end may differ, and `passes` too without
         `target_nodes`), the loop goes on from the last of them: it hears its callback about each again, solves that
-        mesh again, and the best one if that is another. A linear problem then has the same history and the same result,
-        bit for bit, as without a break; a nonlinear one to the accuracy of its solver.
+        mesh again, and the best one if that is another; if this one fails, the last pass is the result. A linear
+        problem then has the same history and the same result, bit for bit, as without a break; a nonlinear one to the
+        accuracy of its solver.
 
     Returns
     -------

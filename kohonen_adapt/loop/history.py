@@ -140,6 +140,7 @@ class History:
         self._kept = self._kept.extended(solved)
         self._steps.begun = True
         if self._interim:
+            self._solve_best()
             self._interim(self._result(under_way(self._kept.passes, self._kept.best.record)))
         if self._checkpoint:
             number = solved.record.number
@@ -173,10 +174,15 @@ class History:
                 raise
             self._ending = interrupted(self._kept.passes, self._kept.best.record)
         except StepFailed as failure:
-            self._ending = failed(failure, self._steps.number, self._kept.best.record)
+            self._ending = failed(failure, self._kept.best.record)
 
     def result(self) -> AdaptResult:
-        """The best pass with its solution, the history and the way the loop ended."""
+        """Return the best pass with its solution, the history and the way the loop ended.
+
+        If the best pass of a resumed run cannot be solved again, the result is the last pass.
+        """
+        with self.ending_kept():
+            self._solve_best()
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
         result = self._result(final(self._ending, self._kept.passes, self._adaptation.settings))
@@ -186,15 +192,24 @@ class History:
         remark = worse_outputs(result.history[0], result.best, better)
         return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
 
+    def _solve_best(self) -> None:
+        """Solve the best pass if another process solved it."""
+        kept = self._kept
+        best, last = kept.best, kept.last
+        if best.solution is not UNSOLVED or last is None:
+            return
+        self._kept = kept.solved(best, last)  # the result if the solver fails
+        record = best.record
+        with self._steps("solve again", number=record.number):
+            solution = solve_again(self._adaptation.problem, record.mesh, record.indicators)
+        self._steps.begun = True
+        self._kept = kept.solved(best, replace(best, solution=solution))
+
     def _result(self, ending: Ending) -> AdaptResult:
         best = self._kept.best
-        solution = best.solution
-        if solution is UNSOLVED:
-            self._steps.begin(best.record.number, "solve again")
-            solution = solve_again(self._adaptation.problem, best.record.mesh, best.record.indicators)
         return AdaptResult(
             mesh=best.record.mesh,
-            solution=solution,
+            solution=best.solution,
             indicators=best.record.indicators,
             estimate=best.record.estimate,
             history=self._kept.passes,

@@ -13,11 +13,11 @@ TIMED = ("solve", "estimate", "relocate", "polish")
 
 
 class StepFailed(Exception):
-    """A step of the loop raised when there was a pass to give back; what it raised is the ``__cause__``."""
+    """The failure of a step of pass `number`, with the exception as its cause."""
 
-    def __init__(self, step: str) -> None:
-        super().__init__(step)
-        self.step = step
+    def __init__(self, step: str, number: int) -> None:
+        super().__init__(step, number)
+        self.step, self.number = step, number
 
 
 class Steps:
@@ -58,12 +58,13 @@ class Steps:
         That says what was `failing`, where it is not the step as a whole. The pass is the one in the making, if no
         `number` of another is given.
         """
-        self.begin(self.number if number is None else number, step)
+        number = self.number if number is None else number
+        self.begin(number, step)
         start = perf_counter()
         try:
             yield
         except Exception as error:
             if not self.begun:
                 raise
-            raise StepFailed(failing or step) from error
+            raise StepFailed(failing or step, number) from error
         self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start

@@ -200,11 +200,11 @@ def interrupted(passes: Passes, best: Pass) -> Ending:
     return Ending(Status.STOPPED, f"Stopped by Ctrl-C {after}; {said(best)}, adapt it again to go on.")
 
 
-def failed(failure: StepFailed, number: int, best: Pass) -> Ending:
-    """A step raised on the way to pass `number`."""
+def failed(failure: StepFailed, best: Pass) -> Ending:
+    """Return the ending after a step that raised."""
     error = failure.__cause__
     first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
-    message = f"Failed in pass {number}, {failure.step}: {first_line}; {said(best)}, the exception is in error."
+    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}; {said(best)}, the exception is in error."
     return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 

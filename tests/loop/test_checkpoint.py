@@ -236,6 +236,52 @@ def test_the_best_pass_is_solved_again_where_it_is_not_the_last(tmp_path):
     assert problem.solves == 3  # pass 1 again, pass 2, and the input again
 
 
+class FailsOnTheInput(Counting):
+    """A problem with the best indicators on the input, which a later process cannot solve."""
+
+    def solve(self, mesh):
+        self.solves += 1
+        if self.error and np.array_equal(mesh.p, MESH.p):
+            raise self.error
+        return PROBLEM.solve(mesh)
+
+    def indicators(self, mesh, solution):
+        return PROBLEM.indicators(mesh, solution) * (1.0 if np.array_equal(mesh.p, MESH.p) else 10.0)
+
+
+@pytest.mark.parametrize("hooks", [{}, {"interim": lambda result: None}], ids=["at the end", "interim"])
+def test_a_best_pass_that_cannot_be_solved_again_ends_the_loop(hooks, tmp_path):
+    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
+    error = RuntimeError("no licence")
+    problem = FailsOnTheInput(error)
+    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path, **hooks)
+    assert (result.status, result.error) == (ka.Status.FAILED, error)
+    assert result.message.startswith("Failed in pass 0, solve again: RuntimeError: no licence; the result is pass 2 ")
+    assert result.best.number == 2 and len(result.history) == 3
+    assert_array_equal(result.solution.potential, PROBLEM.solve(result.mesh).potential)
+    assert problem.solves == 3
+
+
+def test_ctrl_c_while_the_best_pass_is_solved_again_stops_the_loop(tmp_path):
+    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
+    result = ka.adapt(MESH, FailsOnTheInput(KeyboardInterrupt()), passes=2, checkpoint=tmp_path)
+    assert result.status is ka.Status.STOPPED and result.best.number == 2
+
+
+def test_interim_solves_the_best_pass_of_before_once(tmp_path):
+    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
+    problem, seen = FailsOnTheInput(), []
+    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path, interim=seen.append)
+    assert [each.best.number for each in (*seen, result)] == [0, 0]
+    assert problem.solves == 3  # pass 1 again, pass 2, and the input again
+
+
+def test_what_a_finished_run_raises_when_it_is_solved_again_is_raised(tmp_path):
+    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
+    with pytest.raises(RuntimeError, match=r"^no licence$"):
+        ka.adapt(MESH, FailsOnTheInput(RuntimeError("no licence")), passes=1, checkpoint=tmp_path)
+
+
 def test_the_callback_hears_of_the_passes_from_before_and_may_end_there(tmp_path):
     ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
     heard = []
