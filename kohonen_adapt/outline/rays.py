@@ -1,4 +1,4 @@
-"""Cast rays inward from the chains around a part of a mesh, and see which chains they meet."""
+"""Rays cast inward from the curve segments around a part of a mesh."""
 
 from typing import NamedTuple
 
@@ -13,20 +13,20 @@ __all__ = ["Views", "views_across"]
 
 
 class Views(NamedTuple):
-    """The chains seen from points spread evenly over chains, a row for each point."""
+    """Curve segments hit by rays, one row per ray."""
 
-    start: Ints  # (s,) the chain looked from
-    end: Ints  # (s,) the chain seen
-    nearness: Floats  # (s,) 1 by how far it is away, times the squared cosine of the angle at which it is met
+    start: Ints  # (s,) segment on which the ray starts
+    end: Ints  # (s,) segment that the ray hits
+    nearness: Floats  # (s,) squared cosine of the angle of incidence divided by the length of the ray
 
 
 def views_across(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, element: Ints, corner: Ints, step: Floats
 ) -> Views:
-    """Look inward from the edges opposite to corners, through the regions `inside` (r,).
+    """Cast rays inward from edges, through regions of the mask `inside` (r,).
 
-    Points are `step` (c,) apart on their chain, half of that from its beginning: where nodes are on the chain makes no
-    difference to them.
+    Edges are opposite to corners `corner` of elements `element`. Rays start at intervals `step`, shape (c,), along
+    every segment, the first at half an interval. So they do not depend on the nodes of the segment.
     """
     elements, position = triangulation.elements, triangulation.position
     (a, b), c = elements.ends(element, corner), elements.chain[element, corner]
@@ -40,9 +40,10 @@ def views_across(
 
 
 def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: Ints) -> tuple[Floats, Floats]:
-    """The parameters of nodes a on their chains, and the ways from there to their neighbours b.
+    """Return the parameters of nodes `a`, and the signed arc lengths to nodes `b`.
 
-    A corner in which a chain both begins and ends is taken for its beginning or its end, whichever is nearer.
+    Nodes a and b are neighbours on curve segments `c`. A corner at which a segment both begins and ends has two
+    parameters, of which the nearer to the neighbour is returned.
     """
     start, end = (parameters_of(position, constraints, c, node) for node in (a, b))
     way = ways_along(constraints.chains, c, start, end)
@@ -55,7 +56,10 @@ def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: I
 def look(
     position: Floats, elements: Elements, inside: Mask, element: Ints, corner: Ints, points: Floats
 ) -> tuple[Ints, Floats]:
-    """From points on the edges opposite to corners straight into their elements and on: chains met, and nearness."""
+    """Return the segments hit by rays, and the nearness of the hits.
+
+    Rays start at `points`, perpendicular to the edges opposite to corners `corner` of elements `element`.
+    """
     e, k, going = element.copy(), corner.copy(), np.arange(len(element))
     a, b = elements.ends(e, k)
     dx, dy = position[a, 1] - position[b, 1], position[b, 0] - position[a, 0]

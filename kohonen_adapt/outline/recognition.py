@@ -1,4 +1,4 @@
-"""Recognise spheres and cylinders among faces that turn by little, whole or after planes have been taken out."""
+"""Recognition of spheres and cylinders among constrained faces."""
 
 from dataclasses import dataclass, replace
 
@@ -13,27 +13,27 @@ from kohonen_adapt.outline.rounds import Round, are_coaxial, round_of
 
 __all__ = ["Skin", "rounds_among"]
 
-SEEDS = (24, 96)  # faces around one from which a sphere or cylinder is grown
-TRIES = 64  # faces from which that is tried, of one set of faces that turn by little
-GROWTHS = 20  # at most, until no face is added any more
+SEEDS = (24, 96)  # faces around a seed to which a sphere or cylinder is fitted first
+TRIES = 64  # largest number of seeds in a connected set of faces
+GROWTHS = 20  # largest number of growth steps; growth ends when no face is added
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Faces, and the seams in which they go on into one another, smoothly or in one plane.
+    """Constrained faces, and the smooth seams between them.
 
     Attributes
     ----------
     position
-        (n, 3), of the nodes.
+        Positions of the nodes, shape (n, 3).
     nodes
-        (f, 3), of the faces.
+        Nodes of the faces, shape (f, 3).
     pairs
-        (j, 2): the faces at every seam.
+        Faces on both sides of every seam, shape (j, 2).
     turn
-        (j,): by how much they turn there, below 35 degrees.
+        Angle between the faces in radians, below 35 degrees, shape (j,).
     plane
-        (f,): number of the plane part that each face is in.
+        Index of the plane part to which each face belongs, shape (f,).
     """
 
     position: Floats
@@ -43,7 +43,10 @@ class Skin:
     plane: Ints
 
     def sets(self, faces: Mask) -> list[Ints]:
-        """The connected sets of these faces (f,), of more than one plane part each, in the order of their first."""
+        """Return the connected sets of faces that consist of several plane parts.
+
+        `faces` is a mask (f,). Sets are in the order of their first faces.
+        """
         count = len(self.nodes)
         inside = self.pairs[faces[self.pairs].all(axis=1)]
         label = connected_components(linked(inside, count), directed=False)[1]
@@ -56,12 +59,15 @@ class Skin:
         return sorted((part for part in parts if len(part)), key=lambda part: int(part[0]))
 
     def proper_planes(self, faces: Ints) -> Mask:
-        """Faces (f,), of these, of plane parts with a node where nothing turns: strips of cylinders have none."""
+        """Return the mask (f,) of faces that lie in proper planes, among some faces.
+
+        A proper plane has a node around which all faces are coplanar. The plane strips of a cylinder have none.
+        """
         among = np.zeros(len(self.nodes), dtype=bool)
         among[faces] = True
         seams = self.pairs[among[self.pairs].all(axis=1) & (self.turn > TURN)]
         turning = np.zeros(len(self.position), dtype=bool)
-        for one, other in (seams.T, seams[:, ::-1].T):  # a node of both faces is on the seam
+        for one, other in (seams.T, seams[:, ::-1].T):  # nodes of both faces are on the seam
             for k in range(3):
                 on = np.any(self.nodes[one, k, None] == self.nodes[other], axis=1)
                 turning[self.nodes[one[on], k]] = True
@@ -72,15 +78,16 @@ class Skin:
 
 
 def linked(pairs: Ints, count: int) -> csr_array:
-    """The graph of `count` things in which these pairs (j, 2) are neighbours."""
+    """Return the adjacency matrix of `count` items linked by pairs (j, 2)."""
     one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     return csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
 
 
 def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
-    """The spheres and cylinders among faces (f,), each with the faces that are on it.
+    """Return the spheres and cylinders among faces (f,), each with its faces.
 
-    A cylinder of fewer than ten nodes, or at four or five places around its axis, must share that with another one.
+    A cylinder with fewer than ten nodes, or with nodes at fewer than six angles around the axis, is kept only if
+    another cylinder has the same axis.
     """
     found = [each for part in skin.sets(faces) for each in rounds_of_set(skin, part)]
     sure = [each for _, each in found if not each.is_coarse]
@@ -95,7 +102,7 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
-    """The spheres and cylinders of a connected set of faces that turn by little."""
+    """Return the spheres and cylinders of one connected set of faces."""
     whole = round_of(skin.position, skin.nodes[part])
     if whole:
         return [(part, whole)]
@@ -112,7 +119,7 @@ def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
 
 
 def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
-    """Spheres and cylinders that go on into one another, grown one by one from faces in their midst."""
+    """Return spheres and cylinders that are grown from seed faces one by one."""
     number = np.full(len(skin.nodes), -1)
     number[part] = np.arange(len(part))
     own = number[skin.pairs]
@@ -135,7 +142,10 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
 
 
 def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Ints, Round | None]:
-    """The sphere or cylinder around a face, and the faces that are on it: as many as hang together."""
+    """Return the faces of a sphere or cylinder around a seed, and the shape.
+
+    The faces are connected. The shape is None if none fits.
+    """
     order = breadth_first_order(graph, seed, directed=False, return_predecessors=False)
     for count in SEEDS:
         on = np.sort(order[:count])
@@ -156,7 +166,10 @@ def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Int
 
 
 def near(skin: Skin, each: Round) -> Mask:
-    """Faces whose nodes are on a sphere or cylinder: as near as a small part of what the face leaves out of it."""
+    """Return the mask (f,) of faces whose nodes are on a sphere or cylinder.
+
+    Nodes may be off by `CLOSE` of the sagitta of the longest edge of the face.
+    """
     corners = skin.position[skin.nodes]
     squared = np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2).max(axis=1)
     off = each.distance(corners.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
@@ -164,7 +177,7 @@ def near(skin: Skin, each: Round) -> Mask:
 
 
 def reached(skin: Skin, graph: csr_array, seed: int, faces: Mask) -> NDArray[np.integer]:
-    """The faces of a mask (f,) that hang together with one of them."""
+    """Return the faces of a mask (f,) that are connected with face `seed`."""
     if not faces[seed]:
         return np.empty(0, dtype=np.int64)
     one, other = graph.nonzero()

@@ -1,4 +1,7 @@
-"""Trace the ridges in which patches meet or end, from corner to corner, and say what each node of them may do."""
+"""Ridges, the curves along which patches meet or end.
+
+Nodes slide along ridges; corners, the ends of ridges, stay where they are.
+"""
 
 from typing import NamedTuple
 
@@ -27,18 +30,18 @@ from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, with
 
 __all__ = ["Ridges", "freedom_of", "ridges_of"]
 
-MOST = 4  # patches that a ridge can tell; nodes where more meet along an edge are held
-SAME = 1e-8  # of the size of the mesh: lines and circles that are no farther apart are one
+MOST = 4  # patches of a ridge at most; nodes of edges in which more patches meet are held
+SAME = 1e-8  # of the size of the mesh: lines and circles that differ by less are the same
 ACROSS = 1e-3  # sine of the least angle at which two patches meet in an INTERSECTION
-APEX = 1e-9  # of the size of the mesh: a node so near to the apex of a cone is there
+APEX = 1e-9  # of the size of the mesh: nodes this near to the apex of a cone are held
 
 
 class Ridges(NamedTuple):
-    """The ridges, a row each, and the edges that are part of them."""
+    """Ridges, and the ridge of every edge."""
 
     ends: Ints  # (k, 2) nodes of the edges
-    of_edge: Ints  # (k,) ridge of every edge, -1 where more than MOST patches meet or none tells where the ridge is
-    meets: NDArray[np.int32]  # (r, MOST) the patches that meet there, ascending, then -1
+    of_edge: Ints  # (k,) ridge of every edge, -1 if more than MOST patches meet or the shape is unknown
+    meets: NDArray[np.int32]  # (r, MOST) patches that meet, ascending, padded with -1
     shape: NDArray[np.int8]  # (r,)
     origin: Floats  # (r, 3)
     axis: Floats  # (r, 3)
@@ -46,10 +49,10 @@ class Ridges(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """What ridge edges were cut into, a row each: pieces of one shape."""
+    """Pieces of one shape into which ridge edges are cut."""
 
     of_edge: Ints  # (k,)
-    kind: Ints  # (q,) of the patches that meet there
+    kind: Ints  # (q,) row of the patches that meet
     shape: NDArray[np.int8]  # (q,)
     origin: Floats  # (q, 3)
     axis: Floats  # (q, 3)
@@ -57,14 +60,17 @@ class Pieces(NamedTuple):
 
 
 def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
-    """Trace the ridges; pieces of one line or circle between the same patches are one, whatever is between them."""
+    """Return the ridges of a mesh.
+
+    Pieces on the same line or circle between the same patches are one ridge, even if they are not connected.
+    """
     meets, crowded, is_ridge = meeting_patches(edges, patches)
     ends, crowded = edges.ends[is_ridge], crowded[is_ridge]
     kinds, kind = np.unique(meets[is_ridge], axis=0, return_inverse=True)
     kind = np.where(crowded, -1, kind.ravel())
     pieces = cut(ends, kind, kinds, patches, position)
     known = (pieces.shape >= 0) & (pieces.kind >= 0)
-    known &= np.bincount(pieces.of_edge, minlength=len(known)) > 0  # runs that were cut further are none
+    known &= np.bincount(pieces.of_edge, minlength=len(known)) > 0  # polylines that were cut further have no edges
     ridge = np.full(len(known), -1)
     ridge[known] = joined(int(known.sum()), same_pairs(pieces, np.flatnonzero(known), position))
     kept = np.flatnonzero(known)[np.unique(ridge[known], return_index=True)[1]]
@@ -73,7 +79,10 @@ def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
 
 
 def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], Mask, Mask]:
-    """The patches that meet in every edge, (g, MOST); whether they are more; and whether the edge is one of a ridge."""
+    """Return the patches that meet at every edge, (g, MOST), and two masks (g,).
+
+    The first mask is True if more than MOST patches meet, the second if the edge belongs to a ridge.
+    """
     count = len(patches.shape)
     edge = np.repeat(np.arange(len(edges.ends)), edges.faces_around)
     row, patch = np.divmod(np.unique(edge * count + patches.of_face[edges.face]), max(count, 1))
@@ -85,7 +94,10 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 
 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
-    """Cut edges, of kinds by the patches (q, MOST) that meet there, into pieces: straight ones all at once."""
+    """Cut ridge edges into pieces of one shape.
+
+    `kind`, shape (k,), is the row of `kinds`, shape (q, MOST), with the patches that meet at the edge, -1 for too many.
+    """
     runs, bent = smooth_runs(ends, kind, position)
     first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]
     way = position[last] - position[first]
@@ -110,7 +122,10 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
 
 
 def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Runs, Mask]:
-    """Trace edges through nodes in which just two of one kind meet and turn by little; which runs turn at all, (r,)."""
+    """Trace polylines of edges of one kind that join smoothly.
+
+    Returns the polylines, and the mask (r,) of polylines that are not straight.
+    """
     node, end = meetings(ends, len(position))
     other = ends.ravel()[end ^ 1]
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
@@ -131,10 +146,10 @@ Rows = tuple[NDArray[np.int8], Floats, Floats, Floats]
 
 
 def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position: Floats) -> tuple[Ints, Rows]:
-    """The pieces of a run that bends, nodes in order: which one each edge is part of, and what they are.
+    """Return the piece of every edge of a curved polyline, and all pieces.
 
-    In a plane it is cut as outlines are, into straight pieces and arcs. What remains lies where two patches meet, or
-    else every edge is a piece of its own.
+    A polyline between patches that are not all planes is one piece: a circle, the intersection of two patches, or of
+    unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single edges.
     """
     x = position[node]
     middle, ways = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
@@ -156,16 +171,16 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
 
 
 def circle_through(x: Floats) -> Floats:
-    """The circle that all nodes of a run in its plane (k, 2) are on to rounding, (1, 3); nan where there is none."""
+    """Return the circle (1, 3) on which all nodes (k, 2) lie, nan for none."""
     circle = without_noise(np.array([fitted_circle(x, np.arange(len(x)), 0, len(x) - 1)]))
     off = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
     return circle if off <= BEND * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
 
 
 def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
-    """Straight pieces and arcs of a run in its plane (k, 2), as `cut_runs` has them; a closed run begins where it did.
+    """Return straight pieces and arcs of a polyline in its plane (k, 2).
 
-    Where that begins elsewhere, the part across the beginning is two pieces.
+    The first piece begins at the first node. A piece of a closed polyline across this node is returned as two.
     """
     count = len(x) - 1
     node, facet = np.append(np.arange(count), 0 if closed else count), np.append(np.arange(count), -1)
@@ -180,7 +195,10 @@ def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
 
 
 def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) -> Rows:
-    """Lines and circles in space, of pieces in a plane through `middle` along the first two of three `ways`."""
+    """Return pieces in a plane as lines and circles in space.
+
+    The plane contains the point `middle` and the first two of three orthonormal vectors `ways`, shape (3, 3).
+    """
     start, way = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
     is_round = rows[:, 2] == 1
     length = np.linalg.norm(way, axis=1, keepdims=True)
@@ -190,11 +208,14 @@ def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) 
 
 
 def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
-    """Whether the first two patches cut each other at an angle at all these points: loops put nodes on both."""
+    """Return True if the first two patches intersect at an angle at all points.
+
+    Otherwise kernels could not project nodes onto both patches.
+    """
     step = 1e-3 * np.ptp(x, axis=0).max()
     normal = []
     for p in meeting[:2].tolist():
-        off = x + step * np.array([[0.36, 0.48, 0.8]])  # a direction that is none of the axes
+        off = x + step * np.array([[0.36, 0.48, 0.8]])  # a direction parallel to no axis
         patch = np.full(len(x), p)
         away = off - patches.project(patch, off)
         again = x + step * np.array([[0.8, -0.36, 0.48]])
@@ -206,7 +227,10 @@ def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
 
 
 def same_pairs(pieces: Pieces, some: Ints, position: Floats) -> Ints:
-    """The pairs among some pieces (s,) of one kind that are of the same line, circle or intersection, (j, 2)."""
+    """Return pairs (j, 2) of pieces on the same line, circle or intersection.
+
+    `some`, shape (s,), are the pieces compared. Pieces of a pair have the same patches.
+    """
     low, size = position.min(axis=0), np.ptp(position, axis=0).max()
     axis, at, shape = pieces.axis[some], pieces.origin[some] - low, pieces.shape[some]
     at = np.where((shape == LINE)[:, None], at - axis * np.einsum("ij,ij->i", at, axis)[:, None], at)
@@ -217,7 +241,11 @@ def same_pairs(pieces: Pieces, some: Ints, position: Floats) -> Ints:
 
 
 def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask, position: Floats) -> Freedom:
-    """What every node may do: those of one patch slide on it, those of one ridge along it, and corners stay."""
+    """Return the constraint of every node.
+
+    Nodes of one patch slide on the patch, and nodes of one ridge along the ridge. Other nodes of constrained faces, and
+    pinned nodes, are held.
+    """
     nnodes, count = len(pinned), len(patches.shape)
     there = np.unique(faces.nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
     node, patch = np.divmod(there, max(count, 1))

@@ -1,4 +1,4 @@
-"""Cut every element of a mesh in four, once with the new nodes of arcs on the chords and once on the arcs."""
+"""Uniform refinement with new nodes on the chords or on the circles of arcs."""
 
 from dataclasses import replace
 
@@ -18,11 +18,12 @@ __all__ = ["refined_on_arcs"]
 
 
 def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
-    """The mesh with every element cut in four, as it is, and with its arcs between elements made rounder.
+    """Return two uniform refinements of a mesh, with arcs as chords and round.
 
-    So they are by new nodes on the arcs, of a `MeshTri2` by those in the middle of new sides. None where there are no
-    such arcs, or an element would be overturned. Arcs of the outer boundary are rounder in both, for conditions there
-    may need a circle. Arcs are those that adapting recognises without being told.
+    New nodes on recognised arcs between elements stay on the chords in the first mesh and lie on the circle in the
+    second; of a `MeshTri2` these are the mid-side nodes of the new sides. Arcs of the outer boundary are round in both
+    meshes, because boundary conditions may need a circle. Returns None if no interface is an arc, or if an element
+    would be inverted.
     """
     movable = MovableMesh.of(mesh, Rules())
     elements, chains = movable.triangulation.elements, movable.constraints.chains
@@ -44,12 +45,12 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
 
 
 def middles_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
-    """The nodes that a mesh has in the middles of its facets where it is refined, and these facets."""
+    """Return the new nodes in the middles of facets, and the facets."""
     facet = np.arange(mesh.facets.shape[1])
-    return mesh.nvertices + facet, facet  # as scikit-fem numbers them
+    return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
 
 
 def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> tuple[Ints, Ints]:
-    """The nodes in the middles of the halves of facets, of the refined mesh, and these facets."""
+    """Return the mid-side nodes of half facets in `finer`, and their facets."""
     half = np.flatnonzero(finer.facets[0] < mesh.nvertices)
     return finer.nvertices + half, finer.facets[1, half] - mesh.nvertices

@@ -1,4 +1,4 @@
-"""Fit spheres and cylinders to nodes and faces, and say whether they are on one."""
+"""Fitting of spheres and cylinders to constrained faces."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,35 @@ from kohonen_adapt.outline.surfaces import across, on_cylinder, on_sphere
 
 __all__ = ["Round", "are_coaxial", "round_of"]
 
-ON_SPHERE, ON_CYLINDER = 8, 10  # nodes, twice as many as it has parameters: fewer may lie on one by chance
-COARSE = 4  # places around an axis that are enough for a cylinder about the axis of another one
-STEPS = 10  # of Gauss and Newton's method
-APART = 1e-6  # radians: nodes at angles that differ by less are at one place around an axis
-EQUAL = 1e-9  # of the radius: what fits so well fits to rounding
-COAXIAL = 1e-3  # of the radius, and radians: axes that are nearer to each other are one
+ON_SPHERE, ON_CYLINDER = 8, 10  # fewest nodes, twice the number of parameters: fewer may fit by chance
+COARSE = 4  # fewest angles around the axis of a cylinder that is coaxial with another cylinder
+STEPS = 10  # iterations of the Gauss-Newton method
+APART = 1e-6  # radians: nearer angles around an axis count as one
+EQUAL = 1e-9  # of the radius: smaller distances are rounding
+COAXIAL = 1e-3  # of the radius, and radians: nearer axes are the same
 
 
 @dataclass(frozen=True)
 class Round:
-    """A sphere or a cylinder, how far nodes are off it, how many there are, and at how many places around its axis."""
+    """Sphere or cylinder fitted to nodes.
+
+    Attributes
+    ----------
+    shape
+        SPHERE or CYLINDER.
+    origin
+        Centre, or point of the axis, shape (3,).
+    axis
+        Unit vector of the axis of a cylinder, shape (3,).
+    size
+        Radius.
+    off
+        Largest distance of a node.
+    nodes
+        Number of nodes.
+    places
+        Number of different angles of the nodes around the axis; of a sphere the number of nodes.
+    """
 
     shape: int
     origin: Floats  # (3,)
@@ -35,11 +53,11 @@ class Round:
 
     @property
     def is_coarse(self) -> bool:
-        """Whether so few nodes may lie on it by chance."""
+        """True for a cylinder with so few nodes that the fit may be chance."""
         return self.shape == CYLINDER and (self.places < FEWEST or self.nodes < ON_CYLINDER)
 
     def distance(self, x: Floats) -> Floats:
-        """How far points (k, 3) are from it, (k,)."""
+        """Return the distances of points (k, 3), shape (k,)."""
         near = (
             on_sphere(x, self.origin, self.size)
             if self.shape == SPHERE
@@ -49,10 +67,11 @@ class Round:
 
 
 def round_of(position: Floats, nodes: Ints) -> Round | None:
-    """The cylinder or sphere that faces with these nodes (f, 3) are on, or neither.
+    """Return the cylinder or sphere on which faces lie, or None.
 
-    Nodes may be off it by 1e-3 of its radius, and by a tenth of how far they bulge; faces turn from it by less than 35
-    degrees. Rows of nodes on two circles fit both: they are taken for a cylinder.
+    `nodes`, shape (f, 3), are the nodes of the faces. Nodes may be off by `LOOSE` of the radius and by 1 / `DISTINCT`
+    of their own thickness; faces deviate from the tangent plane by less than 35 degrees. Nodes on two circles fit a
+    sphere and a cylinder: the cylinder is returned.
     """
     x = position[np.unique(nodes)]
     if len(x) < FEWEST:
@@ -67,7 +86,7 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
 
 
 def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
-    """Whether nodes are near enough, bulge, and faces lie along it."""
+    """Return True if nodes are near, not flat, and if faces are tangential."""
     if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.off <= LOOSE * found.size:
         return False
     out = middles - found.origin
@@ -81,14 +100,17 @@ def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool
 
 
 def bulge(x: Floats, found: Round) -> float:
-    """How thick points (k, 3) are in the direction in which they are thinnest, which is not that of the axis."""
+    """Return the least extent of points (k, 3), not along a cylinder's axis."""
     ways = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     ways = ways[np.abs(ways @ found.axis) < 0.5] if found.shape == CYLINDER else ways
     return float(np.min(np.ptp(x @ ways.T, axis=0)))
 
 
 def sphere_through(x: Floats) -> Round | None:
-    """The sphere for which the sum of the squares of |x - c|^2 - r^2 is least (Kasa, 1976, in space)."""
+    """Return the least-squares sphere of points (Kasa, 1976, in space), or None.
+
+    The sum of (|x - c|^2 - r^2)^2 is least.
+    """
     middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
     y = (x - middle) / scale
     solution, _, rank, _ = np.linalg.lstsq(np.column_stack([2.0 * y, np.ones(len(y))]), np.sum(y**2, axis=1))
@@ -102,10 +124,11 @@ def sphere_through(x: Floats) -> Round | None:
 
 
 def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
-    """The cylinder for which the sum of the squared distances of points is least, its axis across all faces at first.
+    """Return the cylinder with the least sum of squared distances, or None.
 
-    With u the direction away from the axis and s the way along it, a turn of the axis by t changes the distance by
-    -s u.t, and a shift of it by p by -u.p (Gauss and Newton's method).
+    The first axis is the direction most nearly orthogonal to all normals `across_faces`. Iterations are of Gauss-Newton
+    type: with u the unit vector away from the axis and s the coordinate along the axis, a turn of the axis by t changes
+    the distance of a point by -s u.t, and a shift by p changes the distance by -u.p.
     """
     middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
     y, point = (x - middle) / scale, np.zeros(3)
@@ -116,7 +139,7 @@ def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
         one = across(axis)
         basis = np.stack([one, np.cross(axis, one)])
         along, flat = (y - point) @ axis, (y - point) @ basis.T
-        if step == 0:  # Kasa's circle
+        if step == 0:  # least-squares circle of Kasa
             rows = np.column_stack([2.0 * flat, np.ones(len(flat))])
             solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(flat**2, axis=1))
             if rank < 3:
@@ -136,7 +159,7 @@ def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
 
 
 def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round | None:
-    """The cylinder about an axis, free of noise, that points (k, 3) may be on."""
+    """Return the cylinder about an axis, rounded, or None without a radius."""
     if not np.isfinite(radius) or radius <= 0.0:
         return None
     axis = rounded(axis * np.sign(axis[np.argmax(np.abs(axis))]), 1.0)
@@ -152,13 +175,15 @@ def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round 
 
 
 def rounded(values: Floats | float, size: float) -> Floats:
-    """Numbers rounded to some 1e-13 of a size: however often nodes slide, the same is recognised again."""
+    """Return values rounded to about 1e-13 of a size.
+
+    Shapes are then recognised with the same bits however often nodes have slid.
+    """
     step = np.ldexp(1.0, np.frexp(size)[1] - BITS)
     return np.round(np.asarray(values) / step) * step + 0.0  # no -0
 
 
 def are_coaxial(one: Round, other: Round) -> bool:
-    """Whether two cylinders have the same axis."""
     if one.shape != CYLINDER or other.shape != CYLINDER:
         return False
     off = other.origin - one.origin

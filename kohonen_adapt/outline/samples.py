@@ -1,4 +1,7 @@
-"""Sample surfaces that are known by projections only, for loops, which cannot ask for these."""
+"""Samples of surfaces with a user-defined projection, for the kernels.
+
+Kernels cannot call the method `project` of a surface. They use the paraboloid at the nearest sample instead.
+"""
 
 import numpy as np
 
@@ -10,12 +13,16 @@ from kohonen_adapt.outline.patches import Patches
 
 __all__ = ["samples_of"]
 
-CUTS = 4  # of every edge
-STEP = 1e-2  # of an edge, to both sides, for derivatives
+CUTS = 4  # parts into which the lattice divides an edge
+STEP = 1e-2  # of an edge: step of the differences
 
 
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
-    """Points of such patches, with normals away from their fronts and second derivatives, a complete tree for each."""
+    """Return samples of all patches with a user-defined projection.
+
+    A sample has a point, a normal away from the front of the patch, and second derivatives. The samples of each patch
+    are a complete tree.
+    """
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
     start, samples = [0], []
@@ -35,7 +42,7 @@ def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
 
 
 def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Floats:
-    """Normals of faces, away from the front of their patch, (f, 3)."""
+    """Return normals of faces `own`, away from the front of their patch, (f, 3)."""
     nodes, patch = faces.nodes[own], patches.of_face[own]
     normal = normals(position, nodes)
     away = faces.regions[own, 0] == patches.front[patch]
@@ -45,7 +52,7 @@ def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Float
 
 
 def lattice(corners: Floats) -> tuple[Floats, Ints]:
-    """Points of a lattice on faces (f, 3, 3), and which face each is of."""
+    """Return lattice points on faces (f, 3, 3), and the face of each point."""
     a, b, c = corners.transpose(1, 0, 2)
     shares = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
     point, rows = np.unique(
@@ -55,8 +62,11 @@ def lattice(corners: Floats) -> tuple[Floats, Ints]:
 
 
 def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats) -> tuple[Floats, Floats, Floats]:
-    """Of a patch the points nearest to some (k, 3), with unit normals to the side of `out`, and the second derivatives
-    of its height along them (k, 3, 3): by differences along the edges of faces with these corners (k, 3, 3).
+    """Return points, normals and second derivatives of patch `p`.
+
+    Points (k, 3) are the nearest to `near`, shape (k, 3). Unit normals (k, 3) point to the side of `out`, shape (k, 3).
+    Second derivatives (k, 3, 3) of the height along the normal are differences along the edges of faces with the
+    corners `corners`, shape (k, 3, 3).
     """
     patch = np.full(len(near), p)
     point = patches.project(patch, near)
@@ -65,7 +75,7 @@ def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats)
     ends = [[patches.project(patch, point + step * way) - point for step in (STEP, -STEP)] for way in ways]
     tangent = np.stack([ahead - back for ahead, back in ends[:2]], axis=2) / (2.0 * STEP)
     normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
-    flat = ~(np.einsum("ij,ij->i", normal, normal) > 0.0)  # beyond the rim of what is projected on
+    flat = ~(np.einsum("ij,ij->i", normal, normal) > 0.0)  # no tangent plane beyond the rim of the surface
     normal[flat] = out[flat]
     normal[np.einsum("ij,ij->i", normal, out) < 0.0] *= -1.0
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -77,7 +87,10 @@ def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats)
 
 
 def in_tree(point: Floats) -> Ints:
-    """Rows of points in the order of a complete tree cut across x, y, z in turn; some are there more than once."""
+    """Return the indices of points in the order of a complete tree.
+
+    The tree is cut across x, y and z in turn. Some points are repeated to make the tree complete.
+    """
     depth = len(point).bit_length()
     rows = np.minimum(np.arange(2**depth - 1), len(point) - 1)
     tree = np.empty(0, dtype=np.int64)

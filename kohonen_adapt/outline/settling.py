@@ -1,4 +1,4 @@
-"""Put nodes of tetrahedra onto the patches and ridges that they slide on, and say how far faces are off these."""
+"""Projection of the nodes of tetrahedra onto patches and ridges."""
 
 import numpy as np
 
@@ -10,15 +10,16 @@ from kohonen_adapt.outline.patches import Patches, onto_all
 
 __all__ = ["left_out", "places_of", "settled"]
 
-STILL = 1e-13  # of the size of the mesh: a node so near to its place is left there
-HALVINGS = 4  # of ways that would leave elements too bad
-SMALL = 1e-4  # of the size of an element: how far a small way is
+STILL = 1e-13  # of the size of the mesh: nodes this near to their target are not moved
+HALVINGS = 4  # halvings of displacements that leave elements too bad
+SMALL = 1e-4  # of the size of an element: largest small displacement
 
 
 def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
-    """Where nodes that slide belong, (n, 3): the nearest point of their patch, line or circle, or of all their patches.
+    """Return the positions of nodes projected onto their patch or ridge, (n, 3).
 
-    Those on planes that the nodes themselves told, and on their lines, are there.
+    Nodes of a ridge are projected onto the line or circle, or onto all patches of the ridge. Nodes on recognised
+    planes, and on lines between them, are unchanged.
     """
     x = position.copy()
     on = np.flatnonzero(freedom.number == ON_PATCH)
@@ -39,7 +40,7 @@ def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: P
 
 
 def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
-    """The points of lines and circles nearest to x (k, 3)."""
+    """Return the points of lines and circles nearest to `x` (k, 3)."""
     origin, axis = surfaces.ridge_origin[ridge], surfaces.ridge_axis[ridge]
     along = axis * np.sum((x - origin) * axis, axis=1, keepdims=True)
     out = x - origin - along
@@ -49,10 +50,11 @@ def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
 
 
 def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
-    """Nodes moved to their targets (n, 3), all at once, where no element is left worse than the floor or than it was.
+    """Return positions with nodes moved to `target`, (n, 3), all at once.
 
-    The nodes of those that would be go half of their way, a quarter, ..., at last none of it. What is worse than the
-    floor anyway may become worse by a hundred times the share of its size that its nodes go, if that is small.
+    The quality of an element may fall to `floor`; elements already below keep their quality. The nodes of other elements
+    move by a half, a quarter, ... of the displacement, and at last not at all. Below `floor`, quality may decrease by a
+    hundred times the displacement relative to the element size, if this is at most `SMALL`.
     """
     node = elements.node[elements.node[:, 0] >= 0]
     far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
@@ -66,27 +68,30 @@ def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float
         if not bad.any():
             break
         share[touched[bad]] *= 0.5 if step < HALVINGS else 0.0
-    while (bad := refused(moved, touched, least)).any():  # those beside them were counted upon
+    while (bad := refused(moved, touched, least)).any():  # elements nearby relied on displacements that are now 0
         share[touched[bad]] = 0.0
         moved = position + share[:, None] * (target - position)
     return np.where(share[:, None] == 1.0, target, moved)
 
 
 def small_ways(position: Floats, target: Floats, node: Ints) -> Floats:
-    """How far the nodes of elements (k, 4) go at most, in sizes of the element, 0 where that is much, (k,)."""
+    """Return the largest displacement of nodes relative to their element, (k,).
+
+    Displacements above `SMALL` give 0.
+    """
     size = np.ptp(position[node], axis=1).max(axis=1)
     share = np.abs(target - position)[node].max(axis=(1, 2)) / size
     return np.where(share <= SMALL, share, 0.0)
 
 
 def refused(position: Floats, node: Ints, least: Floats) -> Mask:
-    """Elements that are worse than they may be, or flat, (k,)."""
+    """Return the mask (k,) of elements worse than `least`, or flat."""
     found = qualities(position, node)
     return (found < least) | (found <= 0.0)
 
 
 def qualities(position: Floats, node: Ints) -> Floats:
-    """Quality of elements (k, 4), with the sign of their volume, (k,)."""
+    """Return the quality of elements (k, 4) with the sign of their volume, (k,)."""
     corners = position.T[:, node.T]
     volume = TETRAHEDRON.determinant(corners) / 6.0
     squares = np.zeros(len(node))
@@ -96,7 +101,10 @@ def qualities(position: Floats, node: Ints) -> Floats:
 
 
 def left_out(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
-    """How far at most each patch is from the faces on it, (p,): at their middles and those of their edges."""
+    """Return the largest distance between every patch and its faces, (p,).
+
+    Distances are measured at the centroids of faces and at the middles of their edges.
+    """
     found = np.zeros(len(patches.shape))
     used = elements.node[:, 0] >= 0
     e, k = np.nonzero((elements.patch >= 0) & used[:, None] & np.append(patches.moves, False)[elements.patch])

@@ -1,4 +1,4 @@
-"""Interpolate points by a cubic spline, and project others on it."""
+"""Cubic splines through points, and the projection onto them."""
 
 from collections.abc import Sequence
 from itertools import chain
@@ -23,40 +23,41 @@ from kohonen_adapt.outline.polylines import polylines_of
 
 __all__ = ["Spline"]
 
-SAME = 1e-14  # of the length of a spline: points nearer to each other are one
-FLAT = 1.0 / 100.0  # of its chord: what is between two samples is nowhere farther off it
-FEWEST, CIRCULAR = 4, 1e-6  # points that show a circle, and how far off it they may be, of its radius
-HALVINGS = 20  # at most, should the spline have a cusp
-CHUNK = 256  # points that are looked up together: many samples may be about as near to each of them
+SAME = 1e-14  # of the length of a spline: nearer points are equal
+FLAT = 1.0 / 100.0  # of the chord between two samples: largest distance of the curve from the chord
+FEWEST, CIRCULAR = 4, 1e-6  # fewest points of a circle; of the radius: largest distance of a point from the circle
+HALVINGS = 20  # largest number of halvings, reached at a cusp
+CHUNK = 256  # points projected together: many samples may be nearly as near as the nearest to each
 EPSILON = np.finfo(float).eps
-STEPS = 100  # of Newton's method; bisection alone takes 53
+STEPS = 100  # iterations of Newton's method; bisection alone takes 53
 
 
 class Spline:
-    """A cubic spline with two continuous derivatives through points in order, or several of them.
+    """Cubic spline through points in order, or several splines as one curve.
 
-    The parameter is the length of the chords; at open ends the third derivative does not jump at the second point ("not
-    a knot"; C. de Boor, *A Practical Guide to Splines*, Springer 2001, chapter IV). So two points make a straight line,
-    three a parabola, and the distance to a smooth curve falls with the fourth power of the spacing.
+    First and second derivative are continuous. The parameter is the length of the chords. At open ends the third
+    derivative is continuous at the second point ("not a knot"; C. de Boor, *A Practical Guide to Splines*, Springer
+    2001, chapter IV). So two points make a straight line, three a parabola, and the distance to a smooth curve
+    decreases with the fourth power of the spacing.
 
     Parameters
     ----------
     points
-        (2, n): at least two, each different from the next.
+        At least two points, shape (2, n), each different from the next.
     closed
-        Go on from the last point to the first, smoothly there too; at least three points then.
+        Continue smoothly from the last point to the first. At least three points are required then.
 
     Attributes
     ----------
     pieces
-        Points of every piece, (2, n); one piece if the spline was made from points.
+        Points of every piece, shape (2, n). A spline made from points has one piece.
     closed
-        Whether every piece is closed.
+        Tuple of bool, True for closed pieces.
 
     Raises
     ------
     ValueError
-        If there are too few points, one is not finite, or one is where the next is.
+        If there are too few points, a coordinate is not finite, or two successive points are equal.
 
     Examples
     --------
@@ -72,22 +73,24 @@ class Spline:
 
     @classmethod
     def of_pieces(cls, pieces: Sequence[tuple[ArrayLike, bool]]) -> "Spline":
-        """One curve of several pieces, not connected or with corners between them.
+        """Return one curve of several splines.
+
+        The pieces may be apart from each other or meet at corners.
 
         Parameters
         ----------
         pieces
-            At least one: its points (2, n) and whether it is closed.
+            At least one piece: its points, shape (2, n), and True if closed.
 
         Returns
         -------
         Spline
-            Which projects to the nearest of its pieces.
+            Curve that projects onto the nearest piece.
 
         Raises
         ------
         ValueError
-            As for the points of one piece, or if there is no piece.
+            If there is no piece, or if the points of a piece are not valid for a `Spline`.
         """
         spline = object.__new__(cls)
         spline._lay(pieces)
@@ -95,28 +98,31 @@ class Spline:
 
     @classmethod
     def through(cls, mesh: MeshTri, name: str) -> "Spline":
-        """The spline through the nodes that a named boundary has now, of a `skfem.MeshTri2` mid-side nodes too.
+        """Return the spline through the nodes of a named boundary.
 
-        Made once from the first mesh, it keeps the geometry of that mesh however often nodes slide on it. The facets
-        may lie on the rim or inside. They make several pieces where they are not connected, turn by 35 degrees or more,
-        or where other than two of them meet; a loop without such a corner is closed.
+        Of a `skfem.MeshTri2` the mid-side nodes are included. A spline through the nodes of the first mesh preserves
+        the geometry however often nodes slide on the spline.
+
+        The facets of the boundary may be on the outer boundary or inside the mesh. There are several pieces if the
+        facets are not connected, turn by 35 degrees or more, or if other than two of them meet in a node. A loop
+        without such a corner is closed.
 
         Parameters
         ----------
         mesh
-            The mesh.
+            Mesh of triangles.
         name
-            One of its boundaries.
+            Name of a boundary.
 
         Returns
         -------
         Spline
-            For `curves` of `kohonen_adapt.relocate` and `kohonen_adapt.adapt`.
+            Curve for the argument `curves` of `kohonen_adapt.relocate` and `kohonen_adapt.adapt`.
 
         Raises
         ------
         ValueError
-            If `mesh` is no `MeshTri` or `MeshTri2`, or the boundary is not there or empty.
+            If `mesh` is no `MeshTri` or `MeshTri2`, or if the boundary does not exist or is empty.
         """
         if not (type(mesh) is MeshTri1 or is_second_order(mesh)):
             raise ValueError(f"mesh must be a skfem.MeshTri or MeshTri2; got {type(mesh).__name__}.")
@@ -130,12 +136,12 @@ class Spline:
         return cls.of_pieces([(mesh.p[:, line.nodes], line.closed) for line in polylines])
 
     def as_arc(self) -> Arc | None:
-        """The circle that all points are on, where there are four and more and they are.
+        """Return the circle on which all points lie, or None.
 
         Returns
         -------
         Arc or None
-            None where they are farther off it than 1e-6 of its radius.
+            None if there are fewer than four points, or if one is farther from the circle than 1e-6 of the radius.
         """
         points = np.concatenate(self.pieces, axis=1).T
         x, y, radius = fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)
@@ -151,34 +157,34 @@ class Spline:
             raise ValueError("a Spline must have at least one piece; got none.")
         self.pieces = tuple(_checked_piece(points, closed) for points, closed in pieces)
         self.closed = tuple(bool(closed) for _, closed in pieces)
-        # From here on a point is what it is beyond the first one, so that a far origin takes no digits.
+        # Relative to the first point, coordinates far from the origin lose no digits.
         self._origin = self.pieces[0][:, :1]
         self._samples = _sampled([points - self._origin for points in self.pieces], self.closed)
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the spline, its ends included.
+        """Return the points of the spline nearest to `x`, ends included.
 
-        To rounding, unless `x` is as good as equally far from two places: either of them may come then.
+        Points are exact to rounding. If two points of the spline are almost equally near, either is returned.
 
         Parameters
         ----------
         x
-            (2, n): any points.
+            Points, shape (2, n).
 
         Returns
         -------
-        ndarray (2, n)
+        ndarray of shape (2, n)
             Points of the spline.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
 
         Notes
         -----
-        Around every sample of the spline that is nearer than its neighbours, and not too far to matter, the root of
-        ``(c(t) - x) . c'(t)`` is found by Newton's method, with bisection where that fails.
+        Around every sample of the spline that is nearer to a point x than its neighbours, and near enough to matter,
+        the root of ``(c(t) - x) . c'(t)`` is found by Newton's method, with bisection where Newton's method fails.
         """
         off = (checked_points(x, "x") - self._origin).T
         found = [_nearest(self._samples, off[start : start + CHUNK]) for start in range(0, len(off), CHUNK)]
@@ -186,21 +192,21 @@ class Spline:
 
 
 class Samples(NamedTuple):
-    """Points all along a piecewise cubic curve c(t), which is nearly straight between neighbours."""
+    """Samples of a piecewise cubic curve c(t), nearly straight between neighbours."""
 
-    curve: PPoly  # the pieces one after another, each with a stretch beyond its end that is not part of it
+    curve: PPoly  # pieces in a row, each followed by an interval that is no part of the curve
     t: Floats  # (s,) ascending
-    before: Ints  # (s,) the neighbours on the same piece, a sample itself at its ends
+    before: Ints  # (s,) neighbours on the same piece; at its ends the sample itself
     after: Ints
     point: Floats  # (s, 2)
-    reach: float  # no point of the curve is farther from the nearest sample
+    reach: float  # largest distance of a point of the curve from the nearest sample
     tree: cKDTree
 
 
 def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
-    """The spline through all pieces, (2, n) each.
+    """Return samples of the spline through all pieces, shape (2, n) each.
 
-    The parameter is the length of the chords as part of all of them, so that nothing depends on the unit of length.
+    The parameter is the chord length as a fraction of the total, so that nothing depends on the unit of length.
     """
     points = [
         np.append(piece, piece[:, :1], axis=1) if loop else piece for piece, loop in zip(pieces, closed, strict=True)
@@ -226,9 +232,11 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
 
 
 def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
-    """Parameters between which a piece is nearly straight, halved from given ones, and its reach as of `Samples`.
+    """Return parameters between which a piece is nearly straight, and the reach.
 
-    The curve is off a chord by an eighth of its second derivative at most, which is largest at an end.
+    The intervals between parameters `t` are halved until they are. The distance of the curve from a chord is at most an
+    eighth of the second derivative times the squared interval, and the second derivative is largest at an end. The
+    reach is the largest distance of a point of the curve from the nearest sample.
     """
     for _ in range(HALVINGS):
         chord, bend = np.sqrt(_squared(np.diff(spline(t), axis=0))), np.sqrt(_squared(spline(t, 2)))
@@ -241,7 +249,7 @@ def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
 
 
 def _nearest(samples: Samples, x: Floats) -> Floats:
-    """The nearest points of a curve to given ones, (n, 2) for (n, 2)."""
+    """Return the points of a curve nearest to `x`, shape (n, 2)."""
     near, _ = samples.tree.query(x)
     within = samples.tree.query_ball_point(x, near + samples.reach)
     row = np.repeat(np.arange(len(x)), [len(found) for found in within])
@@ -255,7 +263,7 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
 
 
 def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
-    """The nearest point to x (k, 2) beside each of the samples `at` (k,)."""
+    """Return the point nearest to `x` beside each of the samples `at`, (k, 2)."""
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
     settled = np.zeros(len(at), dtype=bool)
     for _ in range(STEPS):
@@ -265,7 +273,7 @@ def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = t - rate / change
         better = np.where((change > 0.0) & (low <= newton) & (newton <= high), newton, 0.5 * (low + high))
-        # What has settled stays, so that no point has a say in what becomes of another.
+        # Converged parameters stay, so that no point influences the projection of another point.
         t, settled = np.where(settled, t, better), settled | (np.abs(better - t) <= EPSILON)
         if settled.all():
             break
@@ -273,7 +281,7 @@ def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
 
 
 def _squared(vectors: Floats) -> Floats:
-    """Squares of the lengths of the rows."""
+    """Return the squared lengths of the rows."""
     return np.sum(vectors**2, axis=1)
 
 

@@ -1,4 +1,4 @@
-"""Project points on the surfaces that nodes may slide on: planes, spheres, cylinders, cones and any with `project`."""
+"""Surfaces on which nodes slide."""
 
 from dataclasses import dataclass
 from math import isfinite, pi
@@ -23,31 +23,31 @@ __all__ = [
     "on_sphere",
 ]
 
-ROUNDING = 1e-15  # of the distance along an axis: a point nearer to it is on it
+ROUNDING = 1e-15  # of the distance along an axis: nearer points are on the axis
 
 
 class Surface(Protocol):
-    """A surface that a boundary may be given."""
+    """User-defined surface of a boundary."""
 
     def project(self, x: Floats) -> Floats:
-        """The points of the surface nearest to x, (3, n)."""
+        """Return the points of the surface nearest to `x`, shape (3, n)."""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane, without end.
+    """Infinite plane.
 
     Attributes
     ----------
     point
-        Any point (x, y, z) of it.
+        Any point (x, y, z) of the plane.
     normal
-        A vector across it, of any length but zero.
+        Normal vector of any length except 0.
 
     Raises
     ------
     ValueError
-        If they are not three finite numbers each, or the normal is zero.
+        If point or normal are not three finite numbers, or if the normal is zero.
 
     Examples
     --------
@@ -64,41 +64,45 @@ class Plane:
         object.__setattr__(self, "normal", direction(self.normal, "normal of a Plane"))
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the plane, ``x - n ((x - a) . n)`` with the unit normal n.
+        """Return the points of the plane nearest to `x`.
+
+        The projection is ``x - n ((x - a) . n)`` with the point a and the unit normal n.
 
         Parameters
         ----------
         x
-            (3, n): any points.
+            Points, shape (3, n).
 
         Returns
         -------
-        ndarray (3, n)
+        ndarray of shape (3, n)
             Points of the plane.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         return on_plane(checked_points(x, "x", 3).T, np.array(self.point), np.array(self.normal)).T
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere; on it, a patch ends where its faces do.
+    """Sphere that carries faces of a boundary.
+
+    The boundary may be a part of the sphere and ends where its faces end.
 
     Attributes
     ----------
     centre
-        (x, y, z).
+        Point (x, y, z).
     radius
-        Above zero.
+        Radius, positive.
 
     Raises
     ------
     ValueError
-        If the centre is not finite, or the radius not a positive number.
+        If the centre is not finite, or the radius is not a positive number.
 
     Examples
     --------
@@ -115,43 +119,46 @@ class Sphere:
         object.__setattr__(self, "radius", positive(self.radius, "radius of a Sphere"))
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the sphere, ``c + r (x - c) / |x - c|``.
+        """Return the points of the sphere nearest to `x`.
+
+        The projection is ``c + r (x - c) / |x - c|`` with the centre c and the radius r.
 
         Parameters
         ----------
         x
-            (3, n): any points. From the centre all points of the sphere are equally near; it goes to ``c + (r, 0, 0)``.
+            Points, shape (3, n). The centre, equally near to all points of the sphere, is projected to ``c + (r, 0,
+            0)``.
 
         Returns
         -------
-        ndarray (3, n)
+        ndarray of shape (3, n)
             Points of the sphere.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         return on_sphere(checked_points(x, "x", 3).T, np.array(self.centre), self.radius).T
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A circular cylinder, without end on both sides.
+    """Circular cylinder, infinite on both sides.
 
     Attributes
     ----------
     point
-        Any point (x, y, z) of its axis.
+        Any point (x, y, z) of the axis.
     axis
-        Direction of the axis, of any length but zero.
+        Direction of the axis, a vector of any length except 0.
     radius
-        Above zero.
+        Radius, positive.
 
     Raises
     ------
     ValueError
-        If point and axis are not three finite numbers each, the axis is zero, or the radius not a positive number.
+        If point or axis are not three finite numbers, the axis is zero, or the radius is not a positive number.
 
     Examples
     --------
@@ -170,22 +177,24 @@ class Cylinder:
         object.__setattr__(self, "radius", positive(self.radius, "radius of a Cylinder"))
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the cylinder, ``f + r (x - f) / |x - f|`` with the point f of the axis nearest to x.
+        """Return the points of the cylinder nearest to `x`.
+
+        The projection is ``f + r (x - f) / |x - f|`` with the radius r and the point f of the axis nearest to x.
 
         Parameters
         ----------
         x
-            (3, n): any points. Those on the axis all go the same way.
+            Points, shape (3, n). Points on the axis are all projected in the same direction.
 
         Returns
         -------
-        ndarray (3, n)
+        ndarray of shape (3, n)
             Points of the cylinder.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         rows = checked_points(x, "x", 3).T
         return on_cylinder(rows, np.array(self.point), np.array(self.axis), self.radius).T
@@ -193,21 +202,21 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Cone:
-    """A circular cone from its apex on, without end on the other side.
+    """Circular cone from its apex to infinity.
 
     Attributes
     ----------
     apex
-        (x, y, z).
+        Point (x, y, z).
     axis
-        Direction from the apex into the cone, of any length but zero.
+        Direction from the apex into the cone, a vector of any length except 0.
     half_angle
-        Between the axis and the cone, in radians, above 0 and below pi/2.
+        Angle between the axis and the cone in radians, above 0 and below pi/2.
 
     Raises
     ------
     ValueError
-        If apex and axis are not three finite numbers each, the axis is zero, or the angle out of range.
+        If apex or axis are not three finite numbers, the axis is zero, or the angle is out of range.
 
     Examples
     --------
@@ -230,66 +239,71 @@ class Cone:
         object.__setattr__(self, "half_angle", float(angle))
 
     def project(self, x: ArrayLike) -> Floats:
-        """The nearest points of the cone, on the generator in the plane of x and the axis; the apex, if behind it.
+        """Return the points of the cone nearest to `x`.
+
+        A point is projected onto the generator in the half-plane of the point and the axis, or onto the apex if the
+        foot would be behind the apex.
 
         Parameters
         ----------
         x
-            (3, n): any points. Those on the axis all go the same way.
+            Points, shape (3, n). Points on the axis are all projected in the same direction.
 
         Returns
         -------
-        ndarray (3, n)
+        ndarray of shape (3, n)
             Points of the cone.
 
         Raises
         ------
         ValueError
-            If `x` has another shape or holds a value that is not finite.
+            If `x` has another shape or a coordinate is not finite.
         """
         rows = checked_points(x, "x", 3).T
         return on_cone(rows, np.array(self.apex), np.array(self.axis), self.half_angle).T
 
 
 def direction(vector: ArrayLike, what: str) -> tuple[float, float, float]:
-    """A vector of length 1 along one that is not zero; `what` it is begins the message."""
+    """Return the unit vector along `vector`.
+
+    Raises ValueError, with a message that begins with `what`, if the vector is zero.
+    """
     given = np.array(finite_triple(vector, what))
     largest = np.abs(given).max()
     if largest == 0.0:
         raise ValueError(f"{what} must not be zero.")
-    given /= largest  # so that no square overflows
+    given /= largest  # no square may overflow
     x, y, z = (given / np.linalg.norm(given)).tolist()
     return x, y, z
 
 
 def positive(number: Any, what: str) -> float:
-    """A number above zero; `what` it is begins the message."""
+    """Return a positive number as float.
+
+    Raises ValueError, with a message that begins with `what`, for any other value.
+    """
     if not (is_number(number) and isfinite(number) and number > 0.0):
         raise ValueError(f"{what} must be a positive number; got {number!r}.")
     return float(number)
 
 
-# Of points x (k, 3), of one surface or of one for each: origin and axis (3,) or (k, 3), size a number or (k,).
+# Projections of points x, (k, 3): origin and axis (3,) and a number as size, or (k, 3) and (k,) for k surfaces.
 
 
 def on_plane(x: Floats, origin: Floats, axis: Floats) -> Floats:
-    """The points of planes nearest to x."""
     return x - axis * np.sum((x - origin) * axis, axis=1, keepdims=True)
 
 
 def on_sphere(x: Floats, origin: Floats, size: Floats | float) -> Floats:
-    """The points of spheres nearest to x."""
     return origin + np.reshape(size, (-1, 1)) * unit(x - origin, np.array([1.0, 0.0, 0.0]))
 
 
 def on_cylinder(x: Floats, origin: Floats, axis: Floats, size: Floats | float) -> Floats:
-    """The points of cylinders nearest to x."""
     along, out = along_and_out(x, origin, axis)
     return origin + axis * along + np.reshape(size, (-1, 1)) * out[1]
 
 
 def on_cone(x: Floats, origin: Floats, axis: Floats, size: Floats | float) -> Floats:
-    """The points of cones nearest to x."""
     along, (distance, out) = along_and_out(x, origin, axis)
     cos, sin = np.cos(np.reshape(size, (-1, 1))), np.sin(np.reshape(size, (-1, 1)))
     length = np.maximum(along * cos + distance * sin, 0.0)
@@ -297,7 +311,10 @@ def on_cone(x: Floats, origin: Floats, axis: Floats, size: Floats | float) -> Fl
 
 
 def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, tuple[Floats, Floats]]:
-    """How far points are along axes, (k, 1), how far off them, (k, 1), and the directions away from them, (k, 3)."""
+    """Return coordinates along axes, distances from axes, and outward vectors.
+
+    The shapes are (k, 1), (k, 1) and (k, 3). Outward vectors have length 1, also for points on the axis.
+    """
     along = np.sum((x - origin) * axis, axis=1, keepdims=True)
     off = x - origin - axis * along
     off[np.linalg.norm(off, axis=1) <= ROUNDING * np.abs(along[:, 0])] = 0.0
@@ -306,13 +323,13 @@ def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, tupl
 
 
 def across(axis: Floats) -> Floats:
-    """A direction at right angles to each of these, of (3,) or (k, 3)."""
+    """Return a unit vector orthogonal to each axis, shape (3,) or (k, 3)."""
     least = np.argmin(np.abs(axis), axis=-1)
     found = np.cross(axis, np.eye(3)[least])
     return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
 def unit(vectors: Floats, instead: Floats) -> Floats:
-    """Vectors (k, 3) of length 1, others instead of zero."""
+    """Return unit vectors (k, 3) along `vectors`, or `instead` for zero vectors."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > 0.0, vectors, instead) / np.where(length > 0.0, length, 1.0)

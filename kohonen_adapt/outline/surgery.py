@@ -1,4 +1,4 @@
-"""Make room in the arrays of a movable mesh for splits and collapses, and say which nodes are old in the end."""
+"""Arrays of a triangle mesh with spare rows for splits and collapses."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from kohonen_adapt.outline.numbering import along, with_rows
 
 __all__ = ["Recycled", "Surgery", "unchanged"]
 
-# What stands in rows that are not in use, where it is not -1.
+# Values of unused rows; all other arrays have -1 there.
 UNUSED = {
     "position": 0.0,
     "pinned": False,
@@ -29,16 +29,16 @@ UNUSED = {
 
 @dataclass(frozen=True)
 class Recycled:
-    """What recycling, of one kind after another, did to a triangulation.
+    """Changes of a triangulation by recycling, in one or more steps.
 
     Attributes
     ----------
     old
-        (n,): number before of every node, -1 for a new one.
+        Index of every node before recycling, -1 for a new node, shape (n,).
     hint
-        (n,): an element of the triangulation before that is near every node.
+        Element of the triangulation before recycling that is near each node, shape (n,).
     splits, collapses
-        How often an edge was split and collapsed.
+        Number of edge splits and of edge collapses.
     """
 
     old: Ints
@@ -48,24 +48,25 @@ class Recycled:
 
 
 def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
-    """Describe a mesh that is not recycled, before its nodes move."""
+    """Return the record of a mesh that is not recycled."""
     star = mesh.star
     return Recycled(np.arange(mesh.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
 
 
 @dataclass(frozen=True)
 class Surgery:
-    """The arrays of a movable mesh with room for more nodes and elements, by name and as kernels take them."""
+    """Arrays of a movable mesh with spare rows, by name and as a kernel record."""
 
     state: dict[str, NDArray[Any]]
     mesh: OpenMesh
 
     @classmethod
     def on(cls, movable: MovableMesh, density: Floats, target: int, done: Recycled) -> "Surgery":
-        """Copies with one node more than wanted, so that a split can come before its collapse, and elements enough.
+        """Copy the arrays of `movable`, with spare rows for nodes and elements.
 
-        By Euler's formula there is one element more for every node that leaves the outer boundary for the interior.
-        Old nodes and hints go on being those of the mesh before what was `done` already.
+        Rows are allocated for one node more than `target`, so that a split can precede the collapse. By Euler's
+        formula, every node that moves from the outer boundary to the interior adds an element. Old indices and hints
+        refer to the mesh before the earlier steps `done`.
         """
         n, m = movable.nnodes, len(movable.triangulation.elements.node)
         on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
@@ -89,9 +90,10 @@ class Surgery:
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
 
     def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
-        """Give the rows in use back, `renumbered` along a space-filling curve: what is near then is so in memory.
+        """Write the rows in use to `movable`, and return the rows in their new order.
 
-        Returns the row of every node, and of every element.
+        Returns the row of every node and the row of every element. Nodes are ordered along a space-filling curve if
+        `renumbered`: neighbours are then near in memory.
         """
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
         kept = np.flatnonzero(anchor >= 0)
@@ -104,12 +106,15 @@ class Surgery:
 
 
 def longest_joined(movable: MovableMesh) -> Floats:
-    """The longest facet that may be made of two at every node, (n,), so that no more is cut off a curve than was."""
+    """Return the longest facet that may replace two at every node, (n,).
+
+    A longer facet would cut off more of a curve than the facets of the input.
+    """
     even = np.append(movable.constraints.chains.even, np.inf)
     return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
 
 
 def outer_edges(elements: Elements) -> Ints:
-    """The nodes of the edges on the outer boundary, (k, 2)."""
+    """Return the nodes of the edges on the outer boundary, (k, 2)."""
     e, k = np.nonzero(elements.neighbour < 0)
     return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)

@@ -1,4 +1,7 @@
-"""Find polygons whose corners lie on a circle: they may be arcs of too few nodes to be seen."""
+"""Detection of polygons that may be arcs with too few nodes.
+
+The corners of such a polygon lie on a circle.
+"""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -13,23 +16,26 @@ from kohonen_adapt.outline.polylines import without_noise
 
 __all__ = ["Suspect", "suspects"]
 
-CIRCULAR = 1e-6  # of the radius: corners farther off are on no circle
-SHARPEST = np.deg2rad(75.0)  # a turn: between those of a pentagon and of a square, which is one
-FACETS = 3  # at least: any three nodes are on a circle
+CIRCULAR = 1e-6  # of the radius: largest distance of a corner from the circle
+SHARPEST = np.deg2rad(75.0)  # largest turn at a corner: a pentagon turns by 72 degrees, a square by 90
+FACETS = 3  # fewest facets: any three nodes are on a circle
 
 
 class Suspect(NamedTuple):
-    """A polygon with its corners on a circle."""
+    """Polygon whose corners lie on a circle."""
 
-    names: list[str]  # of boundaries that it is part of
+    names: list[str]  # names of boundaries that contain the polygon
     nodes: int
-    turn: float  # at each of them, at most, in radians
+    turn: float  # largest turn at a corner in radians
     centre: tuple[float, float]
     radius: float
 
 
 def suspects(movable: MovableMesh) -> Iterator[Suspect]:
-    """The outlines from one meeting with others to the next, or all round, that are such polygons."""
+    """Yield the polygons of boundaries and interfaces whose corners lie on a circle.
+
+    A polygon ends where other boundaries or interfaces meet it, or is closed.
+    """
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = outline_facets(triangulation), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
