@@ -1,4 +1,4 @@
-"""Say what the nodes of a mesh may do, and check it: alone, and against the names of a mesh."""
+"""Rules for where the nodes of a mesh may go, and their validation."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,54 +40,58 @@ Pinned = Sequence[int | str] | Ints | str
 
 @dataclass(frozen=True, eq=False)
 class Rules:
-    """What the nodes of a mesh may do; the keywords of `relocate`, `adapt`, `polish` and `KohonenMap` have these names.
+    """Constraints on the nodes of a mesh.
+
+    `relocate`, `adapt`, `polish` and `KohonenMap` have keywords with these names. `curves`, `periodic` and `layers` are
+    for triangles only, `surfaces` for tetrahedra only.
 
     Attributes
     ----------
     topology
-        ``"fixed"`` keeps the connectivity ``mesh.t``; ``"flip"`` flips edges: map and smoothing make each region
-        constrained Delaunay as far as `min_quality` lets them, the polish lowers the energy; ``"recycle"`` also takes
-        nodes away where there are too many and puts as many where there are too few: outlines gain and lose nodes,
-        corners and pinned nodes stay, and the number of elements may change.
+        ``"fixed"`` keeps the connectivity ``mesh.t``. ``"flip"`` allows edge flips: the map and the smoothing make each
+        region constrained Delaunay as far as `min_quality` permits, and the polish (energy descent) flips edges to
+        lower the energy. ``"recycle"`` also collapses edges where there are too many nodes, and splits edges where
+        there are too few. Then boundaries gain and lose nodes, corners and pinned nodes stay, and the number of
+        elements may change.
     min_quality
-        A move, flip, collapse or split is accepted if the worst quality it leaves in what it touches is at least
-        ``min(min_quality, the worst there before)``; from 0 to below 1. ``"auto"`` means 0.3 for triangles and 0.2 for
-        tetrahedra, which do not fill space by good ones alone. None switches every check off (`KohonenMap` only).
+        Minimum quality of elements, from 0 to below 1. A move, flip, collapse or split is accepted if the worst quality
+        of the elements involved is at least ``min(min_quality, worst quality before)`` afterwards. ``"auto"`` means 0.3
+        for triangles and 0.2 for tetrahedra, because good tetrahedra alone do not fill space. None disables all checks
+        (`KohonenMap` only).
     pinned
-        What stays where it is: node numbers, names of boundaries and subdomains.
+        Nodes that stay where they are, as node numbers and names of boundaries and subdomains.
     curves
-        The curves that named boundaries are on: `Line`, `Arc`, `Spline`, or any object with a method
-        ``project(x (2, n)) -> (2, n)``, by name. Without one, six nodes and more on a circle (within 1e-3 of its
-        radius, turning by less than 35 degrees at each) are taken for an arc, four and five where another outline is
-        an arc about the same centre, and other turns for corners. A spline through points of a circle is that circle.
+        Curves of named boundaries, by name: `Line`, `Arc`, `Spline`, or any object with a method ``project(x (2, n)) ->
+        (2, n)``. Without a curve, six or more nodes on a circle (within 1e-3 of its radius, with turns of less than 35
+        degrees) are recognised as an arc, and four or five nodes if another boundary or interface is an arc about the
+        same centre; other turns are corners. A spline through points of a circle is treated as the circle.
     periodic
-        Pairs of names of boundaries, as ``[("left", "right")]``, for periodic and antiperiodic conditions: a
-        translation or rotation carries the one to the other node by node, and does so afterwards. Where several would,
-        as between circles, the third entry of a pair names the one that is meant, a `Rotation` (radians),
-        `Translation` or `Reflection`: ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed. A
-        training point beside one boundary also reaches what lies beside the other, where the mesh goes on there. Such
-        nodes slide with the map; they are neither polished nor recycled.
+        Pairs of boundary names, as ``[("left", "right")]``, for periodic and antiperiodic conditions. A translation or
+        rotation must map the nodes of the first boundary onto the nodes of the second; the moved nodes still match. If
+        several motions do so, as between circles, the third entry of a pair selects one: a `Rotation` (in radians),
+        `Translation` or `Reflection`, as in ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed. A
+        training point near one boundary also attracts nodes near the other, provided that the mesh continues there.
+        Nodes of pairs slide with the map; they are neither polished nor recycled.
     layers
-        Layers of elements to keep across thin subdomains, by name: every way over edges from one side to the other then
-        has so many edges or more. The sides are the pieces of the subdomain's outline that face each other at a short
-        distance, with whatever joins pieces of one side; the ends of a gap are none. Where there are fewer, edges
-        across are halved with ``"recycle"``, which takes nodes elsewhere for it, and in `adapt` with `target_nodes`;
-        without either it is refused.
+        Numbers of element layers to preserve across thin subdomains, by name: every path along edges from one side to
+        the other then has at least so many edges. The sides are the parts of the subdomain's boundary that face each
+        other at a short distance, with the parts that connect parts of one side; the ends of a gap belong to no side.
+        Missing layers are made by splitting edges across the subdomain, with ``"recycle"`` (which removes nodes
+        elsewhere) or, in `adapt`, with `target_nodes`. Otherwise missing layers raise ValueError.
     surfaces
-        Of tetrahedra, the surfaces that named boundaries are on: `Plane`, `Sphere`, `Cylinder`, `Cone`, or any object
-        with a method ``project(x (3, n)) -> (3, n)``, by name. Nodes slide on them, where two meet on both, and new
-        ones are put there. An object with `project` is asked for 15 points on every face of the start mesh, and for
-        what is near them: loops take it for paraboloids there. In the end every node is projected.
-        Without any, faces that turn by less than 35 degrees are taken for a cylinder (ten nodes within 1e-3 of its
-        radius, at six places around its axis, or fewer, at four places, where another cylinder has the same axis) or
-        for a sphere, also where those go on smoothly into planes or into one another; all others for planes.
-
-    `curves`, `periodic` and `layers` are for triangles only, and `surfaces` for tetrahedra only.
+        Surfaces of named boundaries of tetrahedra, by name: `Plane`, `Sphere`, `Cylinder`, `Cone`, or any object with a
+        method ``project(x (3, n)) -> (3, n)``. Nodes slide on a surface, or on the intersection of two, and new nodes
+        are put there. An object with `project` is sampled in and near 15 points on every face of the start mesh and
+        replaced by paraboloids there while nodes move; at the end every node is projected. Without a surface, faces
+        with turns of less than 35 degrees are recognised as a cylinder (ten nodes within 1e-3 of its radius, at six
+        angles around its axis; or fewer, at four angles, if another cylinder has the same axis) or as a sphere, even
+        where these continue smoothly into planes or each other. All other faces are planes.
 
     Raises
     ------
     ValueError
-        If one of them is of another kind or out of range. What depends on the mesh is refused when it is met.
+        If a value has the wrong type or is out of range. Values that depend on the mesh are checked when the rules are
+        applied to a mesh.
     """
 
     topology: str = "flip"
@@ -110,16 +114,16 @@ class Rules:
                 f"periodic must hold pairs of names of boundaries, as [('left', 'right')]; got {self.periodic!r}."
             )
         for name in ("pinned", "periodic"):
-            if isinstance(getattr(self, name), Iterator):  # every pass goes through them again
+            if isinstance(getattr(self, name), Iterator):  # every pass reads the entries, not just the first
                 object.__setattr__(self, name, tuple(getattr(self, name)))
 
     @property
     def flips(self) -> bool:
-        """Whether edges may flip."""
+        """True if edges may flip."""
         return self.topology != "fixed"
 
     def guarded(self) -> "Rules":
-        """These rules, refused where they have no quality to keep.
+        """Return these rules if they have a minimum quality.
 
         Raises
         ------
@@ -132,21 +136,21 @@ class Rules:
 
 
 def is_least_quality(value: object) -> bool:
-    """Whether it is a least quality, "auto" or none."""
+    """Return True for "auto", None, and numbers from 0 to below 1."""
     if isinstance(value, str):
         return value == "auto"
     return value is None or (is_number(value) and bool(0 <= value < 1))  # type: ignore[operator]
 
 
 def floor_of(rules: Rules, dimension: int) -> float:
-    """The least quality that elements in so many dimensions are to keep; UNGUARDED where nothing is checked."""
+    """Return the minimum quality of elements, UNGUARDED if nothing is checked."""
     if rules.min_quality is None:
         return UNGUARDED
     return float(CELLS[dimension].floor if rules.min_quality == "auto" else rules.min_quality)
 
 
 def check_for(rules: Rules, dimension: int) -> None:
-    """Refuse what is for elements in another number of dimensions."""
+    """Raise ValueError for rules that do not apply to elements of a dimension."""
     if dimension == 2 and rules.surfaces:
         raise ValueError("surfaces are for tetrahedra; a boundary in the plane may be given one of the curves.")
     if dimension == 3 and rules.curves:
@@ -157,15 +161,16 @@ def check_for(rules: Rules, dimension: int) -> None:
 
 
 def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
-    """The rules with more nodes pinned."""
+    """Return the rules with more nodes pinned."""
     given = [rules.pinned] if isinstance(rules.pinned, str) else rules.pinned
     return replace(rules, pinned=[*given, *nodes]) if nodes else rules
 
 
 def pinned_nodes(mesh: Mesh, pinned: Pinned) -> Mask:
-    """Mask (nodes,) of the nodes meant by node numbers and names of boundaries and subdomains.
+    """Return the mask (nnodes,) of nodes given by numbers and names.
 
-    Refuses unknown names and those of both a boundary and a subdomain, numbers out of range, and whatever is neither.
+    Raises ValueError for names that are unknown or name both a boundary and a subdomain, for numbers out of range, and
+    for entries of another type.
     """
     mask = np.zeros(mesh.p.shape[1], dtype=bool)
     for entry in [pinned] if isinstance(pinned, str) else pinned:
@@ -181,7 +186,6 @@ def pinned_nodes(mesh: Mesh, pinned: Pinned) -> Mask:
 
 
 def nodes_of_name(mesh: Mesh, name: str) -> Ints:
-    """The nodes of a named boundary or subdomain."""
     boundaries, subdomains = mesh.boundaries or {}, mesh.subdomains or {}
     if name in boundaries and name in subdomains:
         raise ValueError(f"pinned name {name!r} is both a boundary and a subdomain; rename one of them.")
@@ -194,17 +198,21 @@ def nodes_of_name(mesh: Mesh, name: str) -> Ints:
 
 
 def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
-    """The curves given for boundaries of a mesh; refused without a mapping, a boundary or a method `project`."""
+    """Return the valid curves of boundaries; see `checked_shapes`."""
     return checked_shapes(mesh, curves, "curve", "kohonen_adapt.Line, Arc or Spline", 2)
 
 
 def checked_surfaces(mesh: MeshTet, surfaces: Mapping[str, Surface] | None) -> dict[str, Surface]:
-    """The surfaces given for boundaries of a mesh; refused without a mapping, a boundary or a method `project`."""
+    """Return the valid surfaces of boundaries; see `checked_shapes`."""
     return checked_shapes(mesh, surfaces, "surface", "kohonen_adapt.Plane, Sphere, Cylinder or Cone", 3)
 
 
 def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, known: str, d: int) -> dict[str, Curve]:
-    """What boundaries of a mesh in d dimensions are given by a rule, each of which is one of a `kind`."""
+    """Return the valid curves or surfaces of boundaries in dimension `d`.
+
+    Raises ValueError if `shapes` is no mapping, if a name is no boundary, or if a shape has no method `project`.
+    Messages contain the words `kind` and `known`.
+    """
     if shapes is None:
         return {}
     if not isinstance(shapes, Mapping):
@@ -220,9 +228,9 @@ def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, kn
 
 
 def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, str, Motion | None]]:
-    """Names of paired boundaries and the motion between them, None where it is not named.
+    """Return both names and the motion, None if not given, of every valid pair.
 
-    Refused where an entry is no pair, or a name that of no boundary or there twice.
+    Raises ValueError if an entry is no pair, if a name is no boundary, or if a name occurs twice.
     """
     found, seen = list[tuple[str, str, Motion | None]](), set[str]()
     for pair in periodic:
@@ -237,7 +245,7 @@ def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, st
 
 
 def checked_pair(pair: Any, argument: str) -> tuple[str, str, Motion | None]:
-    """The two names and the motion, if any, of an entry of an argument."""
+    """Return both names and the motion, None if not given, of one valid pair."""
     if not isinstance(pair, tuple | list) or len(pair) not in (2, 3):
         raise ValueError(f"{argument} must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
     one, other, motion = (*pair, None)[:3]
@@ -250,7 +258,10 @@ def checked_pair(pair: Any, argument: str) -> tuple[str, str, Motion | None]:
 
 
 def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str, int]:
-    """How many layers each subdomain is to have; refused without a mapping, a subdomain or an integer >= 1."""
+    """Return the number of layers of every subdomain.
+
+    Raises ValueError if `layers` is no mapping, if a name is no subdomain, or if a number is no integer >= 1.
+    """
     if layers is None:
         return {}
     if not isinstance(layers, Mapping):
@@ -267,7 +278,7 @@ def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str,
 
 
 def check_boundary(mesh: Mesh, name: str, argument: str) -> None:
-    """Refuse a name in an argument that is not that of a boundary."""
+    """Raise ValueError if `name` is no boundary of the mesh."""
     known = mesh.boundaries or {}
     if not isinstance(name, str) or name not in known:
         raise ValueError(

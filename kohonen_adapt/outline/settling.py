@@ -52,9 +52,9 @@ def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
 def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
     """Return positions with nodes moved to `target`, (n, 3), all at once.
 
-    The quality of an element may fall to `floor`; elements already below keep their quality. The nodes of other elements
-    move by a half, a quarter, ... of the displacement, and at last not at all. Below `floor`, quality may decrease by a
-    hundred times the displacement relative to the element size, if this is at most `SMALL`.
+    The quality of an element may fall to `floor`; elements already below keep their quality. Where a displacement
+    violates this, the nodes of the element move by a half, a quarter, ... of it, and at last not at all. Below `floor`,
+    quality may decrease by a hundred times the displacement relative to the element size, if this is at most `SMALL`.
     """
     node = elements.node[elements.node[:, 0] >= 0]
     far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
