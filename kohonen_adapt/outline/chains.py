@@ -142,7 +142,6 @@ def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float)
 
 
 def cross(u: Floats, w: Floats) -> Floats:
-    """Return the third components of the cross products of rows, (k,)."""
     return u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
 
 
@@ -219,7 +218,6 @@ def bump(share: Floats) -> tuple[Floats, Floats]:
 
 
 def least_radius(knots: Floats) -> float:
-    """Return the smallest radius of curvature along a table of knots."""
     rate = knots[:, DERIVATIVE]
     turn = np.abs(np.arctan2(cross(rate[:-1], rate[1:]), np.sum(rate[:-1] * rate[1:], axis=1)))
     tightest = np.max(turn / np.diff(knots[:, AT]))
@@ -227,7 +225,6 @@ def least_radius(knots: Floats) -> float:
 
 
 def report(table: Chains, pieces: Pieces) -> None:
-    """Log the arcs and circles that were recognised."""
     for p in np.flatnonzero((table.shape == ROUND) & (pieces.curve < 0)):
         x, y, radius = pieces.circle[p]
         count = pieces.facets[p] + (0 if table.closed[p] else 1)

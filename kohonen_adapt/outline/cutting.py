@@ -1,4 +1,7 @@
-"""Cutting of polylines of facets into straight segments and arcs of circles."""
+"""Cutting of polylines of facets into straight segments and arcs of circles.
+
+The nodes of all polylines are in one array `node`; a slot is an index into this array.
+"""
 
 import math
 
@@ -164,7 +167,6 @@ def turn_at(position: Floats, node: Ints, slot: int) -> float:
 
 
 def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
-    """Return True if all nodes of a segment lie on its chord."""
     ux, uy = (position[node[first + 1 : last + 1]] - position[node[first]]).T
     tx, ty = ux[-1], uy[-1]
     return bool(np.all(np.abs(ux * ty - uy * tx) <= BEND * (tx * tx + ty * ty)))

@@ -28,8 +28,6 @@ class Faces(NamedTuple):
 
 
 class Edges(NamedTuple):
-    """Edges of the constrained faces."""
-
     ends: Ints  # (g, 2) the nodes, ascending
     start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
     face: Ints  # (3 f,)
@@ -37,7 +35,6 @@ class Edges(NamedTuple):
 
     @property
     def faces_around(self) -> Ints:
-        """Number of constrained faces around every edge, shape (g,)."""
         return np.diff(self.start)
 
 
@@ -81,7 +78,6 @@ def edges_of(faces: Faces, nnodes: int) -> Edges:
 
 
 def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
-    """Return the pairs of faces at all edges in which exactly two meet."""
     edge = np.flatnonzero(edges.faces_around == 2)
     slot = edges.start[edge]
     one, other = edges.face[slot], edges.face[slot + 1]

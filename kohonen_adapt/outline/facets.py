@@ -39,7 +39,6 @@ class Joints(NamedTuple):
 
 
 def outline_facets(triangulation: Triangulation) -> Facets:
-    """Return the constrained facets."""
     mesh, elements = triangulation.mesh, triangulation.elements
     across, own = elements.neighbour, elements.region[:, None]
     other = np.where(across >= 0, elements.region[across], -1)

@@ -89,7 +89,6 @@ def views_of(
 
 
 def median(values: Floats, weights: Floats) -> float:
-    """Return the weighted median of `values`."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
@@ -138,7 +137,6 @@ def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
 
 
 def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
-    """Return the sides of accepted segments and of segments between them, (c,)."""
     runs = runs_between(ends, accepted)
     for _, around in runs:
         sides.join(around)

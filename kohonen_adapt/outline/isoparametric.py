@@ -16,7 +16,7 @@ __all__ = ["LEAST", "bent_sides"]
 
 
 def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
-    """Return the midside offsets of all element sides, shape (m, 3, 2).
+    """Return the mid-side offsets of all element sides, shape (m, 3, 2).
 
     The offset is the vector from the middle of the chord to the mid-side node; side k is opposite to corner k. On
     curved boundaries and interfaces the mid-side node has the mean parameter of the two ends; elsewhere the offset is
@@ -47,7 +47,7 @@ def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
 
 
 def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
-    """Return the midside offsets of sides `k` of elements `e`, shape (f, 2)."""
+    """Return the mid-side offsets of sides `k` of elements `e`, shape (f, 2)."""
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
@@ -58,7 +58,7 @@ def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, 
 
 
 def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, bent: Floats) -> Floats:
-    """Return the factors (q, 3) for the midside offsets of elements `rows`.
+    """Return the factors (q, 3) for the mid-side offsets of elements `rows`.
 
     `bent`, shape (q, 3, 2), are the offsets. Sides shared by two elements and periodic pairs have one factor. The
     factor of an element suffices even if its sides get smaller factors from neighbours. A smaller factor may leave too

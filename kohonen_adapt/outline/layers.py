@@ -98,7 +98,7 @@ def check_number(position: Floats, band: Band) -> None:
 def lower_to_steps(edges: Ints, value: Ints) -> None:
     """Lower values (n,) in place until they differ by at most 1 along edges.
 
-    The result is the minimum of value plus number of edges over all nodes from which a node can be reached.
+    The result at a node is the minimum, over all nodes, of value plus number of edges between the two nodes.
     """
     a, b = edges.T
     while np.any(np.abs(value[a] - value[b]) > 1):
@@ -158,6 +158,5 @@ def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
 
 
 def contradiction(bands: list[Band]) -> ValueError:
-    """Return the error for subdomains whose layers contradict each other."""
     names = ", ".join(sorted({repr(band.name) for band in bands}))
     return ValueError(f"subdomains with layers touch so that not all can have theirs ({names}); ask for fewer of them.")

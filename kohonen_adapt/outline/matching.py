@@ -32,7 +32,6 @@ class Sides(NamedTuple):
 
     @property
     def nodes(self) -> tuple[Ints, Ints]:
-        """Nodes of each boundary, shape (k,)."""
         one, other = (np.unique(facets) for facets in self.facets)
         return one, other
 
@@ -42,7 +41,6 @@ class Sides(NamedTuple):
         return MATCH * self.size
 
     def said(self, verb: str) -> str:
-        """Return the beginning of a message about both boundaries."""
         return f"periodic boundaries {self.names[0]!r} and {self.names[1]!r} {verb}"
 
 
@@ -81,7 +79,6 @@ def matched(sides: Sides, named: Motion | None) -> Match:
 
 
 def the_only(sides: Sides) -> Match:
-    """Return the match by the only suitable translation or rotation."""
     tried = first_of(attempts(sides, mirrored=False), sides.near)
     will_do = [match for match in tried if match.off <= sides.near and match.goes_on and not match.fault]
     if len(will_do) == 1:
@@ -110,7 +107,6 @@ def first_of(matches: Iterator[Match], near: float) -> list[Match]:
 
 
 def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
-    """Return the error that explains why no translation or rotation is suitable."""
     fitting = [match for match in tried if match.off <= sides.near]
     folding = motions_of(sides, [match for match in fitting if not match.fault])
     mirrored = [match for match in attempts(sides, mirrored=True) if match.off <= sides.near and not match.fault]
@@ -143,7 +139,6 @@ def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
 
 
 def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
-    """Return a sentence that proposes some motions for a pair."""
     first, *others = (f"kohonen_adapt.{motion!r}" for motion in motions)
     rest = "".join(f", or {motion}" for motion in others)
     kind, (one, other) = type(motions[0]).__name__.lower(), sides.names

@@ -88,13 +88,11 @@ def on_one_circle(facets: Facets, position: Floats, bent: Bent, one: Ints, other
 
 
 def ends_and_middle(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> tuple[tuple[Floats, Floats], Floats]:
-    """Return the two ends and the mid-side nodes of facets, shape (k, 2) each."""
     a, b = (position[facets.nodes[rows, side]] for side in (0, 1))
     return (a, b), 0.5 * (a + b) + bent.off[rows]
 
 
 def groups_of(count: int, linked: Ints) -> Ints:
-    """Return the group of each of `count` facets, linked by pairs (k, 2), (count,)."""
     graph = coo_array((np.ones(len(linked), dtype=np.int8), tuple(linked.T)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 

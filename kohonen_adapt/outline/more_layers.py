@@ -57,7 +57,6 @@ def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
 
 
 def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
-    """Yield the pairs of sides of the subdomains with requested layers."""
     triangulation = movable.triangulation
     for name, number in wanted.items():
         rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
@@ -66,9 +65,9 @@ def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
 
 
 def split_edges(movable: MovableMesh, edges: Ints) -> None:
-    """Halve edges (k, 2)."""
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n + len(edges), unchanged(movable.triangulation))
+    # interpreted, because few edges are halved, once for a mesh: compiling would take longer
     find, middle, halve = (interpreted(loop) for loop in (find_edge, midpoint, split))
     for a, b in edges.tolist():
         e, k = find(surgery.mesh, a, b)

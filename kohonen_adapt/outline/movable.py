@@ -136,7 +136,7 @@ class MovableMesh:
         return self.mesh() if self.curved else self.came_from
 
     def bent_sides(self) -> Floats:
-        """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`.
+        """Return the mid-side offsets of all sides, (m, 3, 2), 0 unless `curved`.
 
         Rows are those of ``triangulation.elements``, and side k is opposite to corner k; see
         `isoparametric.bent_sides`.
@@ -234,8 +234,6 @@ class MovableMesh:
 def with_state(
     elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
 ) -> tuple[Elements, Constraints]:
-    """Return elements and constraints with the arrays of a state."""
-
     def arrays(record: str) -> dict[str, Any]:
         return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}
 

@@ -109,7 +109,6 @@ class MovableSolid:
         return self.tetrahedralization
 
     def neurons(self) -> Neurons:
-        """Return the kernel arrays of the mesh."""
         tet = self.tetrahedralization
         return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
 
@@ -126,7 +125,6 @@ class MovableSolid:
         return mesh
 
     def start(self) -> MeshTet:
-        """Return the mesh before any node moves."""
         return self.came_from
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
@@ -177,7 +175,6 @@ class MovableSolid:
         self.become({name: state[name].copy() for name in STATE_NAMES})
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Raise ValueError for arrays of a wrong type, shape or index range."""
         n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
         patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
         numbers = {
@@ -197,8 +194,6 @@ class MovableSolid:
                 raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
     def become(self, own: Mapping[str, NDArray[Any]]) -> None:
-        """Set the arrays of a state without validation."""
-
         def arrays(record: str) -> dict[str, Any]:
             return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
 
@@ -237,7 +232,6 @@ class MovableSolid:
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
     def can_move(self) -> bool:
-        """Return True if a node may move or slide."""
         return bool(np.any(self.freedom.number != HELD))
 
 
@@ -253,7 +247,6 @@ def inner_nodes(tet: Tetrahedralization) -> Mask:
 
 
 def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
-    """Return patches and ridges as a kernel record."""
     return Surfaces(
         shape=patches.shape,
         origin=patches.origin,

@@ -114,11 +114,9 @@ class OpenSolid:
         enter_worse(self.mesh, self.queue, GOOD**3)
 
     def parts(self) -> Parts:
-        """Return the present mesh, cut into parts for threads."""
         return Parts(self.mesh)
 
     def star(self) -> Star:
-        """Return the elements around every row of nodes."""
         return star_of(self.mesh.elements.node, len(self.mesh.position))
 
     def nodes(self) -> Ints:
@@ -176,7 +174,6 @@ class OpenSolid:
 
 
 def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
-    """Return the arrays of a state as kernel records."""
     freedom = Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"])
     return state["position"], Tetrahedra(*(state[name] for name in BY_ELEMENT)), freedom
 

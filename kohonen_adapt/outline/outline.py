@@ -138,7 +138,6 @@ class Outline:
         move_to_targets(triangulation.position, triangulation.star, nodes, target, still, floor)
 
     def sagitta(self, triangulation: Triangulation) -> float:
-        """Return the largest distance between a curve and its facets, in mesh units."""
         return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]
 
     def farthest_curve(self, triangulation: Triangulation) -> str:
@@ -243,7 +242,6 @@ def cut_alike(
 
 
 def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twins:
-    """Return the periodic pairs as a kernel record."""
     region = triangulation.elements.region
     there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
     rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.goes_on, False)[pairs.facet_motion])
@@ -262,7 +260,6 @@ def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
 
 
 def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
-    """Return FREE, SLIDING or HELD for every node, shape (n,)."""
     kind = np.full(len(sliding), FREE, dtype=np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD

@@ -81,7 +81,6 @@ def match_of(triangulation: Triangulation, facets: Facets, one: str, other: str,
 
 
 def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> None:
-    """Raise ValueError if a facet of a boundary is not on the outer boundary."""
     inside = triangulation.elements.neighbour[facets.element, facets.corner] >= 0
     for name in names:
         on = facets.sides[name] > 0

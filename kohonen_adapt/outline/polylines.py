@@ -53,7 +53,10 @@ class Runs(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """Curve segments into which polylines are cut."""
+    """Curve segments into which polylines are cut.
+
+    A slot is an index into ``Runs.node``.
+    """
 
     rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
     circle: Floats  # (p, 3) centre and radius of arcs
@@ -76,12 +79,10 @@ class Pieces(NamedTuple):
 
     @property
     def is_round(self) -> Mask:
-        """Mask (p,) of arcs and circles."""
         return self.rows[:, IS_ROUND] == 1
 
     @property
     def closed(self) -> Mask:
-        """Mask (p,) of closed segments."""
         return self.rows[:, IS_CLOSED] == 1
 
     @property

@@ -102,7 +102,6 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
-    """Return the spheres and cylinders of one connected set of faces."""
     whole = round_of(skin.position, skin.nodes[part])
     if whole:
         return [(part, whole)]

@@ -96,7 +96,8 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
     """Cut ridge edges into pieces of one shape.
 
-    `kind`, shape (k,), is the row of `kinds`, shape (q, MOST), with the patches that meet at the edge, -1 for too many.
+    `kind`, shape (k,), is the row in `kinds`, shape (q, MOST), of the patches that meet at the edge, -1 if there are
+    more.
     """
     runs, bent = smooth_runs(ends, kind, position)
     first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]

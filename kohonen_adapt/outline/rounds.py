@@ -57,7 +57,6 @@ class Round:
         return self.shape == CYLINDER and (self.places < FEWEST or self.nodes < ON_CYLINDER)
 
     def distance(self, x: Floats) -> Floats:
-        """Return the distances of points (k, 3), shape (k,)."""
         near = (
             on_sphere(x, self.origin, self.size)
             if self.shape == SPHERE
@@ -86,7 +85,10 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
 
 
 def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
-    """Return True if nodes are near, not flat, and if faces are tangential."""
+    """Return True if a sphere or cylinder fits nodes and faces.
+
+    Nodes must be near the shape and not nearly flat (`LOOSE`, `DISTINCT`), and faces nearly tangential.
+    """
     if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.off <= LOOSE * found.size:
         return False
     out = middles - found.origin

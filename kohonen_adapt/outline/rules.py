@@ -136,7 +136,6 @@ class Rules:
 
 
 def is_least_quality(value: object) -> bool:
-    """Return True for "auto", None, and numbers from 0 to below 1."""
     if isinstance(value, str):
         return value == "auto"
     return value is None or (is_number(value) and bool(0 <= value < 1))  # type: ignore[operator]
@@ -198,12 +197,10 @@ def nodes_of_name(mesh: Mesh, name: str) -> Ints:
 
 
 def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
-    """Return the valid curves of boundaries; see `checked_shapes`."""
     return checked_shapes(mesh, curves, "curve", "kohonen_adapt.Line, Arc or Spline", 2)
 
 
 def checked_surfaces(mesh: MeshTet, surfaces: Mapping[str, Surface] | None) -> dict[str, Surface]:
-    """Return the valid surfaces of boundaries; see `checked_shapes`."""
     return checked_shapes(mesh, surfaces, "surface", "kohonen_adapt.Plane, Sphere, Cylinder or Cone", 3)
 
 
@@ -278,7 +275,6 @@ def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str,
 
 
 def check_boundary(mesh: Mesh, name: str, argument: str) -> None:
-    """Raise ValueError if `name` is no boundary of the mesh."""
     known = mesh.boundaries or {}
     if not isinstance(name, str) or name not in known:
         raise ValueError(

@@ -52,7 +52,11 @@ def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Float
 
 
 def lattice(corners: Floats) -> tuple[Floats, Ints]:
-    """Return lattice points on faces (f, 3, 3), and the face of each point."""
+    """Return the points of a lattice on faces, and a face of each point.
+
+    `corners`, shape (f, 3, 3), are the corners of the faces, whose edges are divided into `CUTS` parts. A point that is
+    common to several faces is returned once.
+    """
     a, b, c = corners.transpose(1, 0, 2)
     shares = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
     point, rows = np.unique(

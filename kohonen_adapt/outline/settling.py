@@ -85,7 +85,6 @@ def small_ways(position: Floats, target: Floats, node: Ints) -> Floats:
 
 
 def refused(position: Floats, node: Ints, least: Floats) -> Mask:
-    """Return the mask (k,) of elements worse than `least`, or flat."""
     found = qualities(position, node)
     return (found < least) | (found <= 0.0)
 

@@ -281,7 +281,6 @@ def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
 
 
 def _squared(vectors: Floats) -> Floats:
-    """Return the squared lengths of the rows."""
     return np.sum(vectors**2, axis=1)
 
 

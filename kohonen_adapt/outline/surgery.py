@@ -115,6 +115,5 @@ def longest_joined(movable: MovableMesh) -> Floats:
 
 
 def outer_edges(elements: Elements) -> Ints:
-    """Return the nodes of the edges on the outer boundary, (k, 2)."""
     e, k = np.nonzero(elements.neighbour < 0)
     return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
