@@ -1,1 +1,1 @@
-"""The Kohonen map: a density of nodes in, a mesh with its nodes moved out."""
+"""Kohonen map that moves the nodes of a mesh to a given density."""

@@ -1,4 +1,4 @@
-"""From error indicators or wanted sizes to a density of nodes."""
+"""Densities of nodes from error indicators or from element sizes."""
 
 from collections.abc import Callable
 
@@ -22,44 +22,46 @@ __all__ = [
 ]
 
 
-ZERO = 1e-6  # of the largest value: a density of zero is raised to this
-QUIET = 1e-3  # of the median: an indicator below it says nothing
+ZERO = 1e-6  # of the largest value: zeros are raised to this value
+QUIET = 1e-3  # of the median: smaller indicators are raised to this value
 
 
 def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1, norm: str = "energy") -> Floats:
-    """Density of nodes for which all elements would carry the same error.
+    """Return the density of nodes for which all elements have the same error.
 
     Parameters
     ----------
     mesh
-        The mesh that the indicators belong to, of triangles or of tetrahedra.
+        Mesh of triangles or tetrahedra to which the indicators belong.
     indicators
-        (nelements,): error of every element in the energy norm, not squared. The estimates of scikit-fem's own examples
-        are squares: take their root.
+        Error of every element in the energy norm, not squared, shape (nelements,). The estimates in scikit-fem's own
+        examples are squared: take their root.
     order
-        Degree p of the elements.
+        Degree p of the elements, 1 to 4.
     norm
-        ``"energy"`` or ``"L2"``: the norm in which the error is to be small.
+        ``"energy"`` or ``"L2"``, the norm in which the error is to be small.
 
     Returns
     -------
-    ndarray (nelements,)
-        Nodes per area, in space per volume, positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
+    ndarray of shape (nelements,)
+        Nodes per area (in space per volume), positive, scaled so that ``sum |K| rho_K`` is the number of nodes.
 
     Raises
     ------
     ValueError
-        If the indicators have another shape, are negative or not finite, or `order` or `norm` is unknown.
+        If the indicators have another shape, are negative or not finite, or if `order` or `norm` is unknown.
 
     Notes
     -----
-    With the error of an element ``eta_K^2 ~ |K| h^(2p) |D^(p+1) u|^2``, minimising the sum over the mesh at a given
-    number of nodes ``int h^-d`` gives ``rho_K ~ (eta_K^2 / |K|^(1 + 2p/d))^(d / (d + q))`` in d dimensions, with
-    q = 2p for the energy norm and, as the L2 error is smaller by another h, q = 2p + 2 for the L2 norm. For p = 1 and
-    d = 2 that is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)``, for d = 3 ``(eta_K^2 / |K|^(5/3))^(3/5)`` and the power
-    3/7 of the same. At the optimum for the energy norm all indicators are
-    equal (equidistribution). Indicators are floored at a thousandth of their median, so that no region is emptied on
-    the strength of a small number; all zero gives a constant.
+    The error of an element is modelled as ``eta_K^2 ~ |K| h^(2p) |D^(p+1) u|^2``. In d dimensions, the sum over the
+    mesh is minimal at a given number of nodes ``int h^-d`` if ``rho_K ~ (eta_K^2 / |K|^(1 + 2p/d))^(d / (d + q))``,
+    with q = 2p for the energy norm and q = 2p + 2 for the L2 norm, because the L2 error is smaller by another factor h.
+    For p = 1 this is ``eta_K / |K|`` and ``(eta_K / |K|)^(2/3)`` in the plane, and ``(eta_K^2 / |K|^(5/3))^(3/5)`` and
+    the power 3/7 of the same base in space. At the optimum for the energy norm all indicators are equal
+    (equidistribution).
+
+    Indicators below a thousandth of their median are raised to this value, so that a small number does not empty a
+    region. If all indicators are zero, the density is constant.
 
     Examples
     --------
@@ -69,8 +71,8 @@ def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1
     >>> round(float(density[7] / density[0]), 9), round(float(density.mean()), 9)
     (3.0, 9.0)
 
-    Whether indicators are squared shows on a mesh refined once, where the solution is smooth: with P1 elements the root
-    of the sum of their squares falls to a half, but to an eighth where they are squares already.
+    Refine a mesh once to find out if indicators are squared. With P1 elements and a smooth solution, the root of the
+    sum of their squares falls to a half, or to an eighth if the indicators are squared already.
 
     >>> import numpy as np
     >>> def total(mesh):
@@ -88,7 +90,7 @@ def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1
 
 
 def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Floats:
-    """What `density_from_indicators` says of a mesh and indicators that need no check."""
+    """Return the result of `density_from_indicators` without validation."""
     sizes = area(mesh)
     if not values.any():
         return np.full(len(values), mesh.nvertices / sizes.sum())
@@ -100,21 +102,21 @@ def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Float
 
 
 def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
-    """Density of nodes of equilateral triangles, or of densely packed spheres, with the wanted edge lengths.
+    """Return the density of nodes of a mesh with the wanted edge lengths.
 
     Parameters
     ----------
     mesh
-        The mesh that the sizes belong to, of triangles or of tetrahedra.
+        Mesh of triangles or tetrahedra to which the sizes belong.
     sizes
-        (nelements,): wanted edge length at every element, in mesh units.
+        Wanted edge length at every element in mesh units, shape (nelements,).
 
     Returns
     -------
-    ndarray (nelements,)
-        ``2 / (sqrt(3) h^2)`` nodes per area: a triangle has half a node and the area ``sqrt(3) h^2 / 4``. In space
-        ``sqrt(2) / h^3`` nodes per volume: the face-centred cubic lattice has 4 nodes in a cube with sides sqrt(2) h,
-        and regular tetrahedra alone fill no space.
+    ndarray of shape (nelements,)
+        ``2 / (sqrt(3) h^2)`` nodes per area, as equilateral triangles have: half a node per triangle, which has the
+        area ``sqrt(3) h^2 / 4``. In space ``sqrt(2) / h^3`` nodes per volume, as the face-centred cubic lattice has: 4
+        nodes in a cube with sides sqrt(2) h. Regular tetrahedra alone do not fill space.
 
     Raises
     ------
@@ -139,7 +141,10 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
 
 
 def per_element(count: int, values: ArrayLike, name: str) -> Floats:
-    """Values of `count` elements, finite and not negative, as floats."""
+    """Return values of `count` elements as floats.
+
+    Raises ValueError if a value is negative or not finite.
+    """
     array = as_reals(name, values, {"nelements": count})
     bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
     if len(bad):
@@ -148,15 +153,19 @@ def per_element(count: int, values: ArrayLike, name: str) -> Floats:
 
 
 def without_zeros(values: Floats, largest: float) -> Floats:
-    """Shares of the largest value, as only ratios matter; zeros raised to a millionth of it.
+    """Return values as fractions of `largest`, with zeros raised to `ZERO`.
 
-    Smaller values that are not zero are meant: at a corner 1e-6 is soon passed.
+    Smaller values that are not zero are kept, because they are intended: away from a corner, a density soon falls below
+    a millionth of the largest value.
     """
     return np.where(values == 0.0, ZERO, values / largest)
 
 
 def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
-    """A user's density at the rows of an (n, d) array, checked."""
+    """Return a user-defined density at points (n, d).
+
+    Raises ValueError if the function returns another shape or a value that is negative or not finite.
+    """
     values = np.asarray(function(points.T.copy()))
     if values.shape != (len(points),):
         raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")

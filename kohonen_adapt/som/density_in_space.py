@@ -1,4 +1,4 @@
-"""Look a density of nodes in space up, wherever nodes and elements have gone."""
+"""Densities of nodes on tetrahedra, evaluated at any point."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ __all__ = ["DensityInSpace", "density_in_space"]
 
 
 class ElementDensityInSpace:
-    """A density that is constant on every element of the mesh it was estimated on."""
+    """Density that is constant on every element of the mesh of its estimate."""
 
     def __init__(self, tet: Tetrahedralization, values: Floats) -> None:
         node, region = tet.elements.node[tet.used], tet.elements.region[tet.used]
@@ -25,12 +25,18 @@ class ElementDensityInSpace:
         self._log_at_corners = averages_by_region(node, region, tet.volumes(), np.log(self.values))
 
     def at_nodes(self) -> Floats:
-        """The mean over the elements around every node, (n,); each counts the same, as small ones know better."""
+        """Return the mean over the elements around every node, shape (n,).
+
+        All elements have the same weight, because small elements resolve the density best.
+        """
         node = self._node.ravel()
         return np.bincount(node, weights=np.repeat(self.values, 4), minlength=self._nnodes) / np.bincount(node)
 
     def at(self, points: Floats) -> Floats:
-        """Shares of the largest density at points (k, 3): linear in the logarithm, outside those of the nearest one."""
+        """Return the density at points (k, 3) as fractions of the largest value.
+
+        The logarithm is linear in every element. Points outside have the value of the nearest element.
+        """
         found = self._locator.find(points)
         logs = np.sum(self._locator.shares(points, found) * self._log_at_corners[found], axis=1)
         lost = np.flatnonzero(found < 0)
@@ -41,7 +47,7 @@ class ElementDensityInSpace:
 
 
 class CallableDensityInSpace:
-    """A density given as a function of position, asked wherever it is needed."""
+    """User-defined density as a function of position."""
 
     def __init__(self, tet: Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         self.function = function
@@ -55,11 +61,14 @@ class CallableDensityInSpace:
         self._at_nodes = without_zeros(nodes, self.largest)
 
     def at_nodes(self) -> Floats:
-        """The function at the nodes of the mesh that it came with, as shares, (n,)."""
+        """Return the values at the nodes of the input mesh as fractions, shape (n,)."""
         return self._at_nodes
 
     def at(self, points: Floats) -> Floats:
-        """Shares of the largest value seen, at points (k, 3)."""
+        """Return the density at points (k, 3) as fractions of the largest value.
+
+        The largest value is that at nodes and centroids of the input mesh.
+        """
         return without_zeros(values_at(self.function, points), self.largest)
 
 
@@ -67,12 +76,12 @@ DensityInSpace = ElementDensityInSpace | CallableDensityInSpace
 
 
 def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]) -> DensityInSpace:
-    """A user's density, checked, for a mesh of tetrahedra.
+    """Return a user-defined density for a mesh of tetrahedra.
 
     Raises
     ------
     ValueError
-        If it has another shape than (nelements,), is negative, not finite, or zero everywhere.
+        If `density` has another shape than (nelements,), is negative, not finite, or zero everywhere.
     """
     if callable(density):
         return CallableDensityInSpace(tet, density)
@@ -83,7 +92,10 @@ def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Flo
 
 
 def averages_by_region(node: Ints, region: Ints, volumes: Floats, values: Floats) -> Floats:
-    """Averages by volume around every corner, over the elements of its own region alone, (m, 4)."""
+    """Return averages around every corner within the region of its element, (m, 4).
+
+    Averages are weighted by volume.
+    """
     count = int(region.max()) + 1
     site, of_corner = np.unique(node.astype(np.int64) * count + region[:, None], return_inverse=True)
     of_corner = of_corner.ravel()

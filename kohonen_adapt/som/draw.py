@@ -1,4 +1,4 @@
-"""Hold the training points of one draw from a density."""
+"""Training points drawn from a density."""
 
 from typing import NamedTuple
 
@@ -11,9 +11,10 @@ __all__ = ["Draw"]
 
 
 class Draw(NamedTuple):
-    """Training points (k, d), the elements of the density's mesh they lie in, their regions and weights (k,).
+    """Training points with their elements, regions and weights.
 
-    They come along a space-filling curve: neighbours in the array are neighbours in the mesh.
+    `points` has shape (k, d), the other arrays (k,). Elements are numbered in the mesh of the density. The order is
+    along a space-filling curve, so that neighbours in the arrays are near in the mesh.
     """
 
     points: Floats
@@ -22,5 +23,4 @@ class Draw(NamedTuple):
     weights: Floats
 
     def reordered(self, order: Ints) -> "Draw":
-        """These points in that order."""
         return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])

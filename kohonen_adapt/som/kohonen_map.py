@@ -1,4 +1,4 @@
-"""Train a mesh whose nodes are neurons, the Kohonen map, with points of a user's own."""
+"""Kohonen map on a mesh, trained with user-defined points."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,32 +29,34 @@ Finder = Callable[[Floats], tuple[NDArray[np.int32], NDArray[np.int32]]]
 
 
 class KohonenMap:
-    """A self-organizing map whose neurons are the nodes of a mesh and whose topology is the mesh itself.
+    """Self-organizing map whose neurons are the nodes of a mesh.
+
+    Neighbours in the map are neighbours in the mesh.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, a `skfem.MeshTri2` of which the corners are neurons, or a `skfem.MeshTet`; it is not
+        A `skfem.MeshTri`, a `skfem.MeshTri2`, of which the corners are neurons, or a `skfem.MeshTet`. The mesh is not
         modified.
     topology
-        ``"flip"`` keeps every region constrained Delaunay by flips between epochs, and where three outlines meet an
-        element may change sides for a neuron to leave; elements of a `skfem.MeshTet` are swapped as long as that makes
-        the worst of those touched better. ``"fixed"`` keeps the elements.
+        ``"flip"`` keeps every region constrained Delaunay by flips between epochs; where three interfaces meet, an
+        element may change its side of an interface to let a neuron leave the junction. Elements of a `skfem.MeshTet`
+        are swapped while this raises the worst quality involved. ``"fixed"`` keeps the elements.
     min_quality
-        As in `Rules`; None switches every check off: elements may then overlap (Fig. 7 of the paper).
+        As in `Rules`. None disables all checks: then elements may overlap (Fig. 7 of the paper).
     pinned, curves, periodic, layers, surfaces
         As in `Rules`.
 
     Attributes
     ----------
     mesh
-        The mesh as it is now, with all its names; of a `skfem.MeshTri2` one again where an outline is curved.
+        Present mesh with all names, a `skfem.MeshTri2` if the input is one and a boundary or interface is curved.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, an argument is out of range,
-        or there are fewer layers than are to be kept.
+        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, if an argument is out of range,
+        or if the mesh has fewer layers than `layers` requests.
 
     References
     ----------
@@ -100,7 +102,7 @@ class KohonenMap:
 
     @property
     def mesh(self) -> Mesh:
-        """The mesh as it is now, with every name it came with."""
+        """Present mesh with all names of the input."""
         return self._movable.mesh()
 
     def train(
@@ -111,43 +113,44 @@ class KohonenMap:
         weights: ArrayLike | None = None,
         seed: int = 0,
     ) -> tuple[float, ...]:
-        """Learn training points, equation 1 of the paper.
+        """Present training points to the map, by equation 1 of the paper.
 
         Parameters
         ----------
         points
-            (2, n), in space (3, n), in mesh units, or a callable ``(number, rng) -> (points, weights)`` asked anew in
-            every epoch (once, if the schedule is not fresh); its weights may be None.
+            Points in mesh units, shape (2, n), in space (3, n), or a callable ``(number, rng) -> (points, weights)``.
+            The callable is called in every epoch (once, if the schedule is not fresh); weights may be None.
         schedule
-            None takes the default for this mesh, without sweeps.
+            Schedule without sweeps. None means the default for the mesh.
         weights
-            (n,), >= 0: the learning rate of each point is multiplied by it, and capped at 1.
+            Factors >= 0 of the learning rate of every point, shape (n,). The product is limited to 1.
         seed
-            Decides the order in which points are presented, and what the callable's generator gives.
+            Seed of the generator that orders the points and that the callable receives.
 
         Returns
         -------
         tuple of float
-            Quantisation error of every epoch: the mean distance of the training points to their winners before the
-            update, in mesh units. Times the number of points it is the paper's equation 2.
+            Quantisation error of every epoch, the mean distance of the training points to their winners before the
+            update, in mesh units. Multiplied by the number of points, this is equation 2 of the paper.
 
         Raises
         ------
         ValueError
-            If a training point lies outside the mesh, a shape does not fit, the schedule is none or has sweeps, or in
-            space rounds of transport, or the seed is not an integer >= 0.
+            If a training point lies outside the mesh, a shape does not fit, `schedule` is no `Schedule` or has sweeps
+            (or, in space, rounds of transport), or `seed` is not an integer >= 0.
 
         Notes
         -----
-        A map's density of nodes is not that of its training points. With radius 0 (vector quantisation) points of
-        density p bring the nodes to ``p^(d / (d + 2))``, in the plane ``p^(1/2)`` (Zador, IEEE Trans. Inf. Theory 28,
-        1982); wide radii give powers between 2/3 and about 1, depending on p and on the shape of the mesh (Ritter and
-        Schulten, Biol. Cybern. 54, 1986). To reach a prescribed density rho, draw the points from rho itself, give each
-        the weight ``rho^(2 / d)``, in the plane rho, scaled so that learning rate times weight is at most 1, and train
-        with ``Stage(0, ...)``: weights and points together act as ``p = rho^((d + 2) / d)``. That needs fresh points in
-        every epoch (a callable), about 20 per neuron, and a rate that falls to 0.01; nodes travel slowly without
-        neighbours, so begin near the density (`relocate`) or allow hundreds of epochs. ``python -m benchmarks
-        magnification`` measures it.
+        The density of nodes differs from the density of training points. With radius 0 (vector quantisation) points of
+        density p bring the nodes to the density ``p^(d / (d + 2))``, in the plane ``p^(1/2)`` (Zador, IEEE Trans. Inf.
+        Theory 28, 1982). Wide radii give powers between 2/3 and about 1, which depend on p and on the shape of the mesh
+        (Ritter and Schulten, Biol. Cybern. 54, 1986).
+
+        To reach a prescribed density rho, draw the points from rho itself, give each the weight ``rho^(2 / d)``, in the
+        plane rho, scaled so that learning rate times weight is at most 1, and train with ``Stage(0, ...)``: weights and
+        points together act as ``p = rho^((d + 2) / d)``. Use fresh points in every epoch (a callable), about 20 per
+        neuron, and a rate that falls to 0.01. Nodes travel slowly without neighbours, so begin near the density
+        (`relocate`) or allow hundreds of epochs. ``python -m benchmarks magnification`` measures the densities.
 
         Examples
         --------
@@ -174,7 +177,10 @@ class KohonenMap:
         return trainer.learn(draw, schedule, rng)
 
     def _finder(self) -> Finder:
-        """Finds the elements of points (n, d), of the mesh as it is now, and their regions; -1 outside."""
+        """Return a function that finds the elements and regions of points (n, d).
+
+        The function refers to the present mesh. Elements are -1 outside.
+        """
         movable, region = self._movable, self._trainer.neurons.elements.region.copy()
         if isinstance(movable, MovableSolid):
             bent, locator = False, Locator(movable.tetrahedralization)
@@ -188,7 +194,7 @@ class KohonenMap:
         return find
 
     def _located(self, find: Finder, points: ArrayLike, weights: ArrayLike | None) -> Draw:
-        """A user's training points with the elements that hold them, checked.
+        """Return user-defined training points with the elements that contain them.
 
         Raises
         ------
@@ -225,7 +231,10 @@ class KohonenMap:
 
 
 def points_and_weights(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
-    """Check that a callable gave points and weights."""
+    """Return the pair of points and weights that a callable has returned.
+
+    Raises ValueError for any other value.
+    """
     if not isinstance(answer, tuple) or len(answer) != 2:
         raise ValueError(
             f"points as a callable must return (points, weights), weights None for ones; got {type(answer).__name__}."

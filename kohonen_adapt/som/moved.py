@@ -1,4 +1,4 @@
-"""Say what was done to a movable mesh: what it was before, which of its nodes are old, and why it may be as it was."""
+"""Record of a relocation."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -17,14 +17,14 @@ Movable = TypeVar("Movable", MovableMesh, MovableSolid)
 
 @dataclass(frozen=True)
 class Moved(Generic[Movable]):
-    """A movable mesh before the map moved it, and what the map did.
+    """Movable mesh before a relocation, with a record of the changes.
 
     Attributes
     ----------
     before
-        The mesh as it was.
+        Mesh before the relocation.
     recycled
-        Which nodes are old, and an old element near each.
+        Old index of every node, and an old element near each.
     quantization_errors, why_still
         As in `Work`.
     """
@@ -35,13 +35,13 @@ class Moved(Generic[Movable]):
     why_still: str
 
     def changed(self, now: Movable) -> bool:
-        """Whether any node or edge is another one than before."""
+        """Return True if a position or an element differs from the mesh before."""
         before, after = self.before.tessellation, now.tessellation
         same = np.array_equal(before.position, after.position)
         return not (same and np.array_equal(before.elements.node, after.elements.node))
 
     def work(self, now: Movable, polish_gain: float = 0.0) -> Work:
-        """The figures of all that happened to the mesh until now."""
+        """Return the figures of all changes of the mesh until now."""
         old, position = self.recycled.old, now.tessellation.position
         kept = old >= 0
         way = np.sqrt(np.sum((position[kept] - self.before.tessellation.position[old[kept]]) ** 2, axis=1))
@@ -58,7 +58,7 @@ class Moved(Generic[Movable]):
 
 
 def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) -> str:
-    """The reason that no node moved."""
+    """Return the reason that no node moved."""
     if schedule is not None and not schedule.trains and not schedule.sweeps:
         return "the schedule has no rounds, no epochs and no sweeps"
     if not movable.can_move():
