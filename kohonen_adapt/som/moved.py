@@ -26,7 +26,7 @@ class Moved(Generic[Movable]):
     recycled
         Old index of every node, and an old element near each.
     quantization_errors, why_still
-        As in `Work`.
+        As in `Work`; `why_still` is the reason that no node moved.
     """
 
     before: Movable
@@ -58,7 +58,6 @@ class Moved(Generic[Movable]):
 
 
 def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) -> str:
-    """Return the reason that no node moved."""
     if schedule is not None and not schedule.trains and not schedule.sweeps:
         return "the schedule has no rounds, no epochs and no sweeps"
     if not movable.can_move():

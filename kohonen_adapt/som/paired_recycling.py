@@ -1,7 +1,8 @@
-"""Recycle the nodes of periodic pairs: both facets of a pair are split, or both of its nodes taken away, or neither.
+"""Recycling of nodes on periodic boundaries.
 
-Facets of pairs are few, so the loops are not compiled here. How long edges should be follows from the density and the
-number of nodes: N equilateral triangles per node pair have edges of squared length 2 / sqrt(3) in its metric.
+Both facets of a pair are split, or both nodes of a pair are removed, or neither. Facets of pairs are few, so the loops
+are interpreted here. Desired edge lengths follow from the density and the number of nodes: in the metric of the density
+equilateral triangles with one node per unit area have edges of squared length 2 / sqrt(3).
 """
 
 from typing import NamedTuple
@@ -25,26 +26,27 @@ from kohonen_adapt.outline.parameters import parameters_of, ways_along
 __all__ = ["recycle_pairs"]
 
 EQUILATERAL = 2.0 / np.sqrt(3.0)  # squared edge length times nodes per area
-ROUNDS = 6  # of collapses, and of splits: neighbours of what has changed have to wait
-SAME = 1e-9  # of the size of the mesh: chains this near to where a motion carries one are its image
+ROUNDS = 6  # rounds of collapses and of splits: neighbours of changed nodes have to wait
+SAME = 1e-9  # of the size of the mesh: segments this near to the image of a segment are its image
 
 
 class Facets(NamedTuple):
-    """Facets of pairs, each with its image, in the direction of their chains."""
+    """Facets of pairs with their images, in the direction of their curve segments."""
 
-    element: Ints  # (f, 2): here and there
+    element: Ints  # (f, 2) element of the facet and of its image
     start: Ints  # (f, 2)
     end: Ints  # (f, 2)
     chain: Ints  # (f, 2)
-    motion: Ints  # (f,) that carries the first to the second
+    motion: Ints  # (f,) motion of the facet onto its image
 
 
 def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
-    """Make and take away nodes of pairs until their edges are as long as those of a mesh of `target` nodes should be.
+    """Split and collapse facets of pairs until they have the desired length.
 
-    Within the root of a `ratio`, in the metric. Without `both` nothing is taken away, and nodes are made as long as
-    there are fewer than wanted; with it there may be too many or too few in the end, which others make up for. Returns
-    how many nodes were made, and how many taken away.
+    The desired length is the edge length of `target` nodes, all elements equilateral in the metric of the density.
+    Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
+    `target`. With `both` the number of nodes may differ from `target` afterwards, and recycling elsewhere makes up for
+    the difference. Returns the numbers of nodes added and removed.
     """
     images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
     room = int(mesh.pool.height[0]) // 2 - 1
@@ -58,7 +60,7 @@ def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: 
 
 
 def desired_length(mesh: OpenMesh, target: int) -> float:
-    """The squared length in the metric of the edges of so many triangles, were all equilateral."""
+    """Return the squared edge length in the metric if all elements are equilateral."""
     node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
     (ax, ay), (bx, by) = (mesh.position[node[:, k]].T - mesh.position[node[:, 0]].T for k in (1, 2))
     areas = 0.5 * (ax * by - ay * bx)
@@ -66,7 +68,10 @@ def desired_length(mesh: OpenMesh, target: int) -> float:
 
 
 def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
-    """Paired chains, each with its image and the motion that carries it there, one of every two."""
+    """Return paired curve segments as (segment, image, motion onto the image).
+
+    Every pair is listed once.
+    """
     chains, motions = mesh.constraints.chains, mesh.constraints.twins.motions
     paired, found = np.flatnonzero(chains.paired), []
     near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
@@ -81,7 +86,6 @@ def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
 
 
 def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facets:
-    """All facets of pairs as the mesh is now."""
     parts = []
     for c, d, m in images:
         here, there = facets_along(mesh, c), facets_along(mesh, d)
@@ -92,7 +96,10 @@ def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facet
 
 
 def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
-    """Elements, first and last nodes of the facets of a chain, in its order."""
+    """Return elements, first nodes and last nodes of the facets of segment `c`.
+
+    Facets are in the order of the segment.
+    """
     e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
     chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
     at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
@@ -104,7 +111,10 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
-    """The longer one of every facet and its image, squared, in the metric."""
+    """Return the squared length in the metric of every facet and its image, (f,).
+
+    The length of a facet and its image is the larger of the two.
+    """
     way = mesh.position[facets.start] - mesh.position[facets.end]
     density = mesh.origins.density
     squared = np.sum(way**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
@@ -112,10 +122,10 @@ def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
 
 
 def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:
-    """Take away a node of facets, and its partner, that are shorter than the least; returns how many.
+    """Collapse facets shorter than `least`, and their images.
 
-    The shortest come first, and beside one that is gone the others wait for another round. No edge may become as long
-    as the longest.
+    The shortest are collapsed first. Facets next to a collapsed facet wait for another round. No edge may be longer
+    than `longest` afterwards; both are squared lengths in the metric. Returns the number of facets that are collapsed.
     """
     length, changed, count = lengths(mesh, facets), set[int](), 0
     for i in np.argsort(length, kind="stable"):
@@ -137,7 +147,10 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
 
 
 def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
-    """The worst quality where a node and its partner, v (2,), have gone into w (2,); below 0 if they may not go."""
+    """Return the worst quality after collapses of nodes `v` into nodes `w`.
+
+    `v`, shape (2,), are a node and its partner. The quality is negative if the collapses are not allowed.
+    """
     constraints, twins = mesh.constraints, mesh.constraints.twins
     slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
     if not slides.all() or twins.partner[v[0]] != v[1] or twins.partner[v[1]] != v[0]:
@@ -147,16 +160,19 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
         rows = mesh.scratch.around[: around(mesh, node, mesh.scratch.around)]
         stars.append(set(mesh.elements.node[rows].ravel().tolist()))
     if stars[0] & stars[1]:
-        return -1.0  # one would be judged by what the other leaves
+        return -1.0  # overlapping stars: the first collapse would change the quality of the second
     quality, partner = interpreted(collapsed_quality), twins.partner[v].copy()
-    twins.partner[v] = -1  # alone neither may go
+    twins.partner[v] = -1  # a node with a partner could not collapse alone
     worst = min(quality(mesh, one, other, longest, floor) for one, other in zip(v.tolist(), w.tolist(), strict=True))
     twins.partner[v] = partner
     return float(worst)
 
 
 def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, room: int) -> int:
-    """Split facets, and their images, that are longer than the longest, while there is room; returns how many."""
+    """Split facets longer than `longest` and their images, at most `room` facets.
+
+    Returns the number of facets that are split.
+    """
     length, count = lengths(mesh, facets), 0
     find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
     twins = mesh.constraints.twins
@@ -165,7 +181,7 @@ def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, roo
         if length[i] <= longest or count >= room or facets.element[i, 0] == facets.element[i, 1]:
             continue
         ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
-        sides = [find(mesh, a, b) for a, b in ends]  # a split beside it may have left its facet to another element
+        sides = [find(mesh, a, b) for a, b in ends]  # a split nearby may have given the facet another element
         places = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
         if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, places, strict=True)):
             continue

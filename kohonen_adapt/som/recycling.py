@@ -1,4 +1,7 @@
-"""Recycling: nodes that carry too little of the density are taken away and put where one carries too much."""
+"""Recycling of nodes by splits and collapses of edges.
+
+Nodes that carry too little of the density are removed, and nodes are added where nodes carry too much.
+"""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,22 +19,25 @@ from kohonen_adapt.som.paired_recycling import recycle_pairs
 
 __all__ = ["recycle_nodes", "starts_in_space", "starts_of"]
 
-RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
-ROUNDS = 2  # what could not be collapsed at first may be when its surroundings have changed
-SETTLED = 0.01  # share of the nodes: a round with fewer splits is the last
-SPARE = 8  # nodes that there is room for, for every facet of a pair
-SPLITS = 100_000  # per compiled call: Python hears Ctrl-C at least every half second
+RATIO = 2.2  # of the longest to the shortest edge in the metric: below 2, splits and collapses would alternate forever
+ROUNDS = 2  # rounds: a forbidden collapse may be allowed after changes nearby
+SETTLED = 0.01  # fraction of the nodes: a round with fewer splits is the last
+SPARE = 8  # spare rows of nodes for every facet of a pair
+SPLITS = 100_000  # splits per compiled call, so that Ctrl-C takes effect within half a second
 
 
 def recycle_nodes(
     movable: MovableMesh, density: Floats, target: int, pairs: bool, longest: Floats | None = None
 ) -> Recycled:
-    """Split the longest edges of the metric ``density |dx|^2`` and collapse the shortest, until they are alike.
+    """Split the longest edges and collapse the shortest until they are similar.
 
-    Nodes on outlines keep to their chains, corners and pinned nodes stay, every element keeps its region. `density`
-    (nnodes,) is wanted nodes per area up to a factor, `target` the number of nodes in the end: more are made by splits
-    alone, and fewer left by collapses alone. With `pairs` splits and collapses go on when there are as many. What
-    facets on curves leave out must not grow, but where they are no longer than `longest` (nnodes,) they may be joined.
+    Lengths are measured in the metric ``density |dx|^2``. Nodes of boundaries and interfaces stay on their curve
+    segments, corners and pinned nodes stay where they are, and every element keeps its region.
+
+    `density`, shape (nnodes,), is the wanted number of nodes per area up to a factor. `target` is the final number of
+    nodes, reached by splits alone if nodes are missing, and by collapses alone if there are too many. With `pairs`,
+    splits and collapses continue at this number. The area between facets and curves must not grow, except where facets
+    are no longer than `longest`, shape (nnodes,).
     """
     movable.settle()
     done = unchanged(movable.triangulation)
@@ -54,9 +60,10 @@ def recycle_nodes(
 def recycled_pairs(
     movable: MovableMesh, density: Floats, target: int, both: bool, done: Recycled
 ) -> tuple[Ints, Floats, Recycled]:
-    """Recycle the nodes of pairs, as `recycle_pairs` says.
+    """Recycle the nodes of periodic pairs, as `recycle_pairs` describes.
 
-    Returns the row before of every node, (n,), -1 for a new one, its density, and what was recycled in all.
+    Returns the earlier row of every node, (n,), -1 for a new node, the density at nodes, and the record of all
+    recycling.
     """
     on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
     spacious = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
@@ -73,9 +80,12 @@ def recycled_pairs(
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:
-    """Rounds of splits and collapses; returns how many of each. If `missing` is negative, nodes are too many."""
+    """Run rounds of splits and collapses, and return their numbers.
+
+    `missing` is the number of nodes to add, negative if there are too many.
+    """
     rows = len(mesh.elements.node)
-    # all edges more than twice: a mesh has three edges for two elements, and outlines
+    # capacity for all edges twice: a mesh has three edges for two elements, and boundaries
     heaps = Heap.of(4 * rows + 8), Heap.of(4 * rows + 8)
     splits = collapses = 0
     for _ in range(ROUNDS):
@@ -92,7 +102,11 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
 
 
 def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
-    """For every element before a node that it had and has not lost, or one that its region has near it."""
+    """Return a present node near every element of the mesh before, (m,).
+
+    The node is a corner of the element if one is left, else a node near the element in its region. Searches start
+    there.
+    """
     if not recycled.splits and not recycled.collapses:
         return before.elements.node[:, 0]
     now = np.full(before.nnodes, -1, dtype=np.int32)
@@ -104,7 +118,10 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
 
 
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
-    """For every element of a mesh of tetrahedra a node of what it has become, near it and in its region, (m,)."""
+    """Return a present node near every tetrahedron of the mesh before, (m,).
+
+    The node is in the region of the element.
+    """
     middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
     node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
     starts = np.empty(len(middle), dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Relocate: one mesh and a density in, one mesh with its nodes where the density wants them out."""
+"""Relocation of the nodes of a mesh to a given density."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +33,7 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["loops_in_plane", "move", "relocate", "report_curves"]
 
-# Logarithm of the mean load of a patch of nodes beyond which mass must still travel as far as it is wide.
+# Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
 MISMATCH = 0.6
 
 
@@ -51,52 +51,56 @@ def relocate(
     layers: Mapping[str, int] | None = None,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> Mesh:
-    """Move the nodes of a mesh to where a density wants them; every node is kept, and its number.
+    """Move the nodes of a mesh to a given density.
 
-    A Kohonen map does it, of tetrahedra sweeps of smoothing with swaps of elements between them. `adapt` goes on from
-    here: by default it recycles nodes, too.
+    All nodes and their numbers are kept. Nodes of triangles are moved by a Kohonen map, nodes of tetrahedra by sweeps
+    of smoothing with swaps of elements between the sweeps. `adapt`, which repeats relocation for an estimated density,
+    recycles nodes by default, too.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, a `skfem.MeshTri2` of which the corners are moved, or a `skfem.MeshTet`; it is not modified.
+        A `skfem.MeshTri`, a `skfem.MeshTri2`, of which the corners are moved, or a `skfem.MeshTet`. The mesh is not
+        modified.
     density
-        Wanted nodes per area or volume, up to a factor, >= 0 and not zero everywhere: (nelements,), or a callable of
-        points x (2, n), in space (3, n), that returns (n,). Zeros are raised to 1e-6 of the largest value.
+        Wanted nodes per area or volume up to a factor, >= 0 and not zero everywhere: an array of shape (nelements,), or
+        a callable of points x, shape (2, n), in space (3, n), that returns shape (n,). Zeros are raised to 1e-6 of the
+        largest value.
     schedule
-        None takes `Schedule.default` with a start radius from how far the mesh is from the density, so that calling
-        again and again, each time on a fresh estimate, goes on improving. ``Schedule(())`` moves nothing; with
-        ``topology="flip"`` it makes each region constrained Delaunay. Of tetrahedra there are by default 8
-        sweeps with "flip", 6 with "fixed" and 3 with "recycle"; stages are presented before them only where a schedule
-        has some, rounds are refused. Without either they are only swapped, for the best least quality, and recycled.
+        Schedule of the map. None means `Schedule.default` with a first radius that depends on how far the mesh is from
+        the density, so that repeated calls, each with a new estimate, continue to improve the mesh. ``Schedule(())``
+        moves nothing; with ``topology="flip"`` it makes each region constrained Delaunay. For tetrahedra, None means 8
+        sweeps with "flip", 6 with "fixed" and 3 with "recycle". Stages, if any, are presented before the sweeps; rounds
+        are refused. Without stages and sweeps elements are swapped, to raise the least quality, and recycled.
     topology, min_quality, pinned, curves, periodic, layers, surfaces
-        What nodes may do: see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
+        Constraints on the nodes, see `Rules`. With ``topology="recycle"`` nodes do not keep their numbers.
     seed
-        The same seed gives the same mesh, bit for bit, on one type of CPU.
+        Seed of all random numbers. The same seed gives the same mesh, bit for bit, on one type of CPU.
 
     Returns
     -------
     MeshTri or MeshTet
-        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. Of
-        a `skfem.MeshTri2` one again where an outline is curved: its bent outlines are curves that nodes slide on (arcs
-        where corners and mid-side nodes lie on a circle, otherwise splines through both), and mid-side nodes are put
-        back on them, or towards the chord where an element would be folded over. Sides inside that were bent become
-        straight.
+        Mesh with the same number of nodes and the same names. Nodes stay in their region, and boundaries and interfaces
+        keep their shape. If the input is a `skfem.MeshTri2` and a boundary or interface is curved, so is the result:
+        its curved sides lie on arcs, where corners and mid-side nodes are on a circle, or else on splines through both.
+        Mid-side nodes are put on these curves, or nearer to the chord where an element would be inverted. Curved sides
+        on no boundary or interface are straightened.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, an argument is out of range, or
-        there are fewer layers than are to be kept; nothing is changed then.
+        If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, if an argument is out of range,
+        or if the mesh has fewer layers than `layers` requests.
 
     Notes
     -----
-    The density is what its own mesh says throughout; a training point moves only nodes of the region it lies in.
-    Equation 1, the neighbourhood and the treatment of outlines are those of Lowther and Mai, "On Automatic Mesh
-    Generation using Kohonen Maps". Tetrahedra are swapped as `kernels/tetrahedron/swap.py` says, and smoothed as
-    `kernels/tetrahedron/smooth.py` does: what counts is the mass of the density in every element, and its shape.
-    Where no node moves, the logger ``kohonen_adapt`` says why; it also says how far facets are from the curves that
-    their nodes slide on (INFO) and which arcs were recognised (DEBUG).
+    The density belongs to the input mesh throughout. A training point moves only nodes of its own region. Equation 1,
+    the neighbourhood and the treatment of boundaries are from Lowther and Mai, "On Automatic Mesh Generation using
+    Kohonen Maps". See `kernels/tetrahedron/swap.py` for the swaps of tetrahedra, and `kernels/tetrahedron/smooth.py`
+    for the smoothing, which balances the mass of the density in every element and the shape of the element.
+
+    The logger ``kohonen_adapt`` reports the reason if no node moves (WARNING), the distance between facets and the
+    curves on which their nodes slide (INFO), and the arcs that are recognised (DEBUG).
 
     Examples
     --------
@@ -121,7 +125,6 @@ def relocated_in_space(
     rules: Rules,
     rng: np.random.Generator,
 ) -> MeshTet:
-    """What `relocate` does with tetrahedra."""
     movable = MovableSolid.of(mesh, rules)
     expect(*loops_in_space(rules.topology, schedule))
     moved = move_in_space(movable, density, schedule, rules.topology, rng)
@@ -138,7 +141,6 @@ def relocated_in_plane(
     rules: Rules,
     seed: int,
 ) -> MeshTri:
-    """What `relocate` does with triangles."""
     layered = with_layers(mesh, rules)
     movable = MovableMesh.of(layered, rules)
     if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
@@ -147,13 +149,13 @@ def relocated_in_plane(
     moved = move(movable, density, schedule, rules.topology, np.random.default_rng(seed), int(mesh.nvertices))
     work = moved.work(movable)
     report_curves(moved.before, movable)
-    if not work.moved and schedule != Schedule(()):  # that one is asked for its flips
+    if not work.moved and schedule != Schedule(()):  # an empty schedule is used for its flips alone
         logger.warning("relocate moved no node: %s.", work.why_still)
     return movable.mesh()
 
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
-    """The chapters of compiled loops that `move` needs."""
+    """Return the groups of kernels that `move` needs."""
     return "ground", "map", "recycling" if topology == "recycle" else "transport"
 
 
@@ -167,11 +169,11 @@ def move(
     recycles: bool = True,
     longest: Floats | None = None,
 ) -> Moved[MovableMesh]:
-    """Recycle the nodes of a movable mesh, let the map learn the density, and smooth; to so many `nodes`, but that
-    without recycling there are never fewer than now.
+    """Recycle the nodes of a movable mesh, train the map with a density, and smooth.
 
-    `density` is of the mesh as it is now. With the topology "recycle" the map counts on recycling that was done before
-    where it `recycles` nothing here. `longest` facets on arcs are those of `recycle_nodes`.
+    `density` belongs to the present mesh. `nodes` is the final number of nodes, 0 for the present number; without
+    recycling the number does not decrease. If `recycles` is False, "recycle" as `topology` means that recycling was
+    done before. `longest` is the argument of `recycle_nodes`.
     """
     before, pairs = movable.copy(), recycles and topology == "recycle"
     target = nodes if nodes and pairs else max(nodes, movable.nnodes)
@@ -194,18 +196,18 @@ def move(
 
 
 def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recycled) -> int | None:
-    """How far nodes are to be exchanged, in edges: where nodes are put where they are wanted, none need travel."""
+    """Return the first radius in edges, None if recycling makes travel unnecessary."""
     if topology == "recycle":
         return None
     return 2 if recycled.splits else 2 ** doublings_for(trainer, wanted)
 
 
 def doublings_for(trainer: Trainer, wanted: Density) -> int:
-    """How often an edge must be doubled to reach as far as mass must travel: some patch has far too much or too little.
+    """Return how often an edge must be doubled to reach as far as mass must travel.
 
-    Patches are stretches of a space-filling curve through each region, with a quarter of the nodes that are within
-    2^doublings edges of an inner one: around a corner of the outline, where the mismatch often is greatest, there are
-    no more.
+    Mass must travel the width of a patch if some patch has far too much or too little (`MISMATCH`). Patches are
+    intervals of a space-filling curve through each region. They have a quarter of the nodes that are within 2^doublings
+    edges of an inner node, because no more are around a corner of the boundary, where the mismatch often is largest.
     """
     n = len(trainer.neurons.position)
     doublings = most_doublings(n)
@@ -220,9 +222,9 @@ def doublings_for(trainer: Trainer, wanted: Density) -> int:
 
 
 def node_masses(elements: Elements, masses: Floats) -> Floats:
-    """The mass that each node carries, a third of its elements', 1 on average in every region, (n,).
+    """Return the mass of the density at every node, a third of its elements', (n,).
 
-    Nodes cannot leave their region, so what one region has too much of is none of another's business.
+    The mean is 1 in every region. Nodes cannot leave their region, so regions do not exchange mass.
     """
     node, region = elements.node, elements.region
     degree = np.bincount(node.ravel())
@@ -232,7 +234,10 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
 
 
 def report_curves(before: MovableMesh, now: MovableMesh) -> None:
-    """Say how much of curves their facets leave out, before and now; of those that are bent to them it is nothing."""
+    """Log the largest distance between curves and facets, now and before.
+
+    Curved sides leave nothing out, and nothing is logged.
+    """
     if now.curved:
         return
     then, left_out = before.sagitta(), now.sagitta()

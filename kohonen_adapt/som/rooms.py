@@ -1,4 +1,4 @@
-"""Name what maps of triangles and of tetrahedra are trained by: compiled loops, and what depends on the dimension."""
+"""Kernels and settings of the Kohonen map for triangles and for tetrahedra."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,50 +23,63 @@ MAP_IN_SPACE = "space ground", "space map", "space moves", "space locating"
 
 
 class Room(NamedTuple):
-    """What maps of one kind of elements are trained by."""
+    """Kernels and settings of the Kohonen map for one kind of element."""
 
     cell: Cell
-    chapters: tuple[str, ...]  # of `kernels/entries.py`
+    chapters: tuple[str, ...]  # groups of kernels in `kernels/entries.py`
     draw_points: Any
     find_winners: Any
     learn: Any
     mark_sound: Any
     mark_deep: Any
-    shares: Callable[[int, np.random.Generator], Floats]  # of random points in their elements, as `shares_in_triangles`
-    ring: Callable[[Ints], Ints]  # neurons as many edges away from one as that, in a mesh where all are alike
-    schedule: Callable[[int, str], Schedule]  # by default, of so many neurons and a topology, without sweeps
-    updates: int  # of nodes per batch: Python hears Ctrl-C at least every half second
+    shares: Callable[[int, np.random.Generator], Floats]  # of random points, as `shares_in_triangles`
+    ring: Callable[[Ints], Ints]  # number of nodes in rings around a node of a regular mesh
+    schedule: Callable[[int, str], Schedule]  # default schedule for a number of nodes and a topology, without sweeps
+    updates: int  # updates of nodes per batch, so that Ctrl-C takes effect within half a second
 
 
 def shares_in_triangles(count: int, rng: np.random.Generator) -> Floats:
-    """Barycentric coordinates but for the first of random points that fill a triangle evenly, (2, count)."""
+    """Return barycentric coordinates of uniform random points in a triangle.
+
+    The shape is (2, count), without the coordinate of the first corner.
+    """
     u, v = rng.random((2, count))
     outside = u + v > 1.0
     return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
 
 
 def shares_in_tetrahedra(count: int, rng: np.random.Generator) -> Floats:
-    """The same of a tetrahedron, (3, count): what lies between three sorted numbers."""
+    """Return barycentric coordinates of uniform random points in a tetrahedron.
+
+    The shape is (3, count), without the coordinate of the first corner. Coordinates are the differences of sorted
+    numbers.
+    """
     return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
 
 
 def ring_in_plane(rings: Ints) -> Ints:
-    """Where every neuron has six neighbours."""
+    """Return the number of nodes in rings if every node has six neighbours."""
     return np.maximum(1, 6 * rings)
 
 
 def ring_in_space(rings: Ints) -> Ints:
-    """Where every neuron has fourteen neighbours, as in a lattice of cubes that are cut in six."""
+    """Return the number of nodes in rings if every node has 14 neighbours.
+
+    A lattice of cubes that are cut into six tetrahedra each has so many.
+    """
     return np.where(rings == 0, 1, 12 * rings**2 + 2)
 
 
 def schedule_in_plane(nnodes: int, topology: str) -> Schedule:
-    """That of `relocate`, but for its sweeps."""
+    """Return the default schedule of `relocate` without sweeps."""
     return replace(Schedule.default(nnodes, topology=topology), sweeps=0)
 
 
 def schedule_in_space(nnodes: int, topology: str) -> Schedule:
-    """Radii halved from 0.3 cbrt(nnodes) to 1; there is no transport in space, and wide radii are what carries far."""
+    """Return a schedule with radii halved from 0.3 cbrt(nnodes) to 1.
+
+    There is no transport in space, so wide radii move nodes far.
+    """
     doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
     radii = [2**k for k in range(doublings, 0, -1)]
     stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]

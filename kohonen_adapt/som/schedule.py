@@ -1,4 +1,4 @@
-"""Describe how a map is trained: rounds of transport, radii, epochs, learning rates and numbers of points."""
+"""Schedules of training with rounds of transport, stages of epochs, and sweeps."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -11,42 +11,43 @@ from kohonen_adapt.checks import is_count, is_number
 
 __all__ = ["Schedule", "Stage"]
 
-# More sweeps over-concentrate, so that the error of later passes would rise again, or stretch what cannot flip.
+# More sweeps concentrate nodes too much, which raises the error of later passes, or stretch fixed elements.
 SWEEPS = {"flip": 6, "fixed": 4, "recycle": 4}
-# How the default schedules learn at radius 1: epochs and rate.
+# Epochs and learning rate of the default schedules at radius 1.
 LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
     "flip": (1, 0.3),
     "fixed": (5, (0.3, 0.1)),
-    "recycle": (1, 0.45),  # as good as two of 0.3
+    "recycle": (1, 0.45),  # as good as two epochs with 0.3
 }
-# Doublings of the radius up to the widest at which points are presented one by one, and epochs at each from there down.
+# Doublings of the first radius at which points are presented, and epochs at each radius above 1.
 NEAR = {"flip": (1, 1), "fixed": (2, 3), "recycle": (1, 1)}
-ROUNDLESS = 2  # doublings, to radius 2 and 4, for which there is no transport
-WIDTH = 1.5  # the radius is this many standard deviations of the Gaussian neighbourhood
+ROUNDLESS = 2  # doublings that need no transport, to radius 2 and 4
+WIDTH = 1.5  # radius in standard deviations of the Gaussian neighbourhood
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Epochs of one radius.
+    """Epochs of training with one radius of the neighbourhood.
 
     Parameters
     ----------
     radius
-        Rings of neighbours that learn with the winner.
+        Number of rings of neighbours that learn with the winner.
     epochs
-        How often training points are presented.
+        Number of presentations of all training points.
     learning_rate
-        Share of the way to the training point that the winner goes, above 0 and at most 1; a pair falls geometrically
-        from the first epoch to the last.
+        Fraction of the distance to the training point by which the winner moves, above 0 and at most 1. A pair (first,
+        last) decreases geometrically from the first epoch to the last.
     points_per_neuron
-        Training points per node and epoch.
+        Number of training points per node and epoch.
     neighbourhood
-        ``"gaussian"``: ``exp(-ring^2 / (2 s^2))`` with s = radius / 1.5; ``"flat"``: 1 for all rings, as in the paper.
+        ``"gaussian"`` for ``exp(-ring^2 / (2 s^2))`` with s = radius / 1.5, or ``"flat"`` for 1 in all rings, as in the
+        paper.
 
     Raises
     ------
     ValueError
-        If a value is out of its range.
+        If a value is out of range.
 
     Examples
     --------
@@ -75,17 +76,16 @@ class Stage:
             raise ValueError(f"neighbourhood must be 'gaussian' or 'flat'; got {self.neighbourhood!r}.")
 
     def _ends(self) -> list[float]:
-        """Learning rate of the first and the last epoch."""
         rate = self.learning_rate
         return list(rate) if isinstance(rate, Iterable) else [rate, rate]
 
     def rates(self) -> Floats:
-        """Learning rate of each epoch, (epochs,)."""
+        """Return the learning rate of each epoch, shape (epochs,)."""
         first, last = self._ends()
         return np.geomspace(first, last, self.epochs)
 
     def strength(self) -> Floats:
-        """Neighbourhood function of ring 0 to the radius, (radius + 1,)."""
+        """Return the neighbourhood function of rings 0 to `radius`, (radius + 1,)."""
         ring = np.arange(self.radius + 1)
         if self.neighbourhood == "flat" or self.radius == 0:
             return np.ones(len(ring))
@@ -94,28 +94,29 @@ class Stage:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Stages of training, one after the other, what comes before them, and how they end.
+    """Rounds of transport, stages of training, and sweeps of smoothing.
 
     Parameters
     ----------
     stages
-        The stages; none, without rounds and sweeps, leaves every node where it is.
+        Stages in their order. Without stages, rounds and sweeps no node moves.
     rounds
-        Rounds of transport before the stages: all nodes flow at once from where training points have too many winners
-        to where they have too few, as far as it is. Their points are counted, not presented. Beyond five the first are
-        taken together: one flow goes as far as two of them, or as several.
+        Rounds of transport before the stages. All nodes move at once from where training points have too many winners
+        to where they have too few, at any distance. The points are counted and not presented. Beyond five, the first
+        rounds are combined: one flow replaces two or more.
     sweeps
-        Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only): towards the circumcentres
-        around each node (optimal Delaunay smoothing), or with ``topology="fixed"`` towards the barycentres.
+        Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only), towards the circumcentres
+        around each node (optimal Delaunay smoothing) or, with ``topology="fixed"``, towards the barycentres.
     tolerance
-        Stop when the mean distance of the training points to their winners falls below it, in mesh units.
+        Mean distance of the training points to their winners, in mesh units, below which training ends. None means
+        never.
     fresh
-        Whether every epoch draws training points of its own; otherwise one set serves them all, as in the paper.
+        True to draw new training points in every epoch, False to use one set in all epochs, as in the paper.
 
     Raises
     ------
     ValueError
-        If a value is out of its range or `stages` holds something else than stages.
+        If a value is out of range, or `stages` contains anything but stages.
 
     Examples
     --------
@@ -152,24 +153,26 @@ class Schedule:
     def paper(
         cls, epochs: tuple[int, int, int] = (3, 10, 5), learning_rate: tuple[float, float] = (0.3, 0.02)
     ) -> "Schedule":
-        """The schedule of Lowther and Mai: radius 2, 1, 0, one set of two training points per neuron.
+        """Return the schedule of Lowther and Mai.
+
+        The radius is 2, 1, 0, and one set of two training points per neuron serves all epochs.
 
         Parameters
         ----------
         epochs
-            Epochs at radius 2, 1 and 0.
+            Number of epochs at radius 2, 1 and 0.
         learning_rate
-            Rate of the first and of the last epoch; it falls geometrically over all epochs together.
+            Rate of the first and last epoch, between which the rate decreases geometrically.
 
         Returns
         -------
         Schedule
-            Without fresh points and without sweeps.
+            Schedule without fresh points and without sweeps.
 
         Raises
         ------
         ValueError
-            If `epochs` are not three integers >= 0, or `learning_rate` not two numbers in (0, 1].
+            If `epochs` are not three integers >= 0, or `learning_rate` are not two numbers in (0, 1].
         """
         if not isinstance(epochs, Iterable) or len(epochs) != 3 or not all(is_count(count) for count in epochs):
             raise ValueError(f"epochs must be three integers >= 0, for radius 2, 1 and 0; got {epochs!r}.")
@@ -186,25 +189,26 @@ class Schedule:
 
     @classmethod
     def default(cls, nnodes: int, *, radius: int | None = None, topology: str = "flip") -> "Schedule":
-        """The measured best: from far to near, ending smoothly.
+        """Return the schedule that gave the smallest errors in measurements.
+
+        Nodes first move far, then near, and at the end the mesh is smoothed.
 
         Parameters
         ----------
         nnodes
             Number of nodes of the mesh.
         radius
-            How far nodes are to be exchanged, in edges, of which the next lower power of two counts; None takes the
-            farthest (0.6 sqrt(nnodes)), or 1 where nodes are recycled. `relocate` takes it from how far the mesh is
-            from the density. What is farther than 4 is left to transport, one round for every doubling beyond; what is
-            nearer to stages.
+            Largest distance over which nodes are exchanged, in edges, rounded down to a power of two. None means the
+            farthest, 0.6 sqrt(nnodes), or 1 with recycling. `relocate` derives the value from how far the mesh is from
+            the density. Transport covers distances above 4, with a round for every doubling, and stages cover the rest.
         topology
-            ``"fixed"`` learns longer at radius 1, because nothing else repairs what a fixed topology stretches;
-            ``"recycle"`` needs no transport, because nodes need not travel.
+            ``"fixed"`` trains longer at radius 1, because nothing else repairs elements that a fixed topology
+            stretches. ``"recycle"`` has no transport, because nodes need not travel.
 
         Returns
         -------
         Schedule
-            With fresh points in every epoch, and sweeps.
+            Schedule with fresh points in every epoch, and with sweeps.
 
         Raises
         ------
@@ -213,9 +217,9 @@ class Schedule:
 
         Notes
         -----
-        A wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch at a local radius; a round of transport takes
-        most of it away at once, however long it is. Radius 1, whose node density lags behind that of the points, and
-        the smoothing sweeps at the end, whose density runs ahead of it, hold each other in check over many passes.
+        At a local radius a wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch; a round of transport
+        removes most of the wave at once, whatever its length. At radius 1 the density of nodes lags behind the density
+        of points, and the sweeps of smoothing at the end overshoot: over many passes both effects balance.
         """
         if topology not in LOCAL:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
@@ -233,16 +237,16 @@ class Schedule:
 
     @property
     def trains(self) -> bool:
-        """Whether it presents or counts any point."""
+        """True if the schedule presents or counts any point."""
         return bool(self.rounds) or any(stage.epochs for stage in self.stages)
 
     def epochs(self) -> Iterator[tuple[Stage, float]]:
-        """The stage and the learning rate of every epoch."""
+        """Return the stage and the learning rate of every epoch."""
         return ((stage, rate) for stage in self.stages for rate in stage.rates())
 
 
 def check_training(schedule: object, seed: object) -> None:
-    """Refuse a schedule that is none, and a seed that would not fix what comes.
+    """Raise ValueError for a wrong schedule or seed.
 
     Raises
     ------
@@ -256,11 +260,10 @@ def check_training(schedule: object, seed: object) -> None:
 
 
 def are_two_rates(rates: Iterable[float]) -> bool:
-    """Whether these are two numbers above 0 and at most 1."""
     rates = list(rates)
     return len(rates) == 2 and all(is_number(rate) and 0 < rate <= 1 for rate in rates)
 
 
 def most_doublings(nnodes: int) -> int:
-    """How often 1 can be doubled and stay below 0.6 sqrt(nnodes), at least once."""
+    """Return how often 1 can be doubled below 0.6 sqrt(nnodes), at least once."""
     return max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))

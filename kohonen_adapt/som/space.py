@@ -1,4 +1,4 @@
-"""Bring the nodes of tetrahedra to where a density wants them: exchange nodes, swap elements, smooth by sweeps."""
+"""Relocation of the nodes of tetrahedra by recycling, swaps and smoothing."""
 
 import logging
 from collections.abc import Callable
@@ -28,22 +28,22 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["loops_in_space", "move_in_space", "report_surfaces"]
 
-SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # of smoothing; more carry too many nodes to where most are wanted
-RATIO = 2.2  # of the longest edge to the shortest in the metric: below 2 splits and collapses would chase each other
-ROUNDS = 6  # what could not be collapsed at first may be when its surroundings have been swapped
-SETTLED = 0.005  # share of the nodes: a round with fewer splits is the last
-MIXED = 0.1  # share of the nodes: after a round with more splits rows are put in order again
-POWER = 5.0 / 3.0  # of the density: the weight for which smoothing makes the mass of all elements alike
-PAIRS, NODES = 10_000, 50_000  # per compiled call: Python hears Ctrl-C at least every half second
+SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # sweeps of smoothing: more would concentrate nodes too much
+RATIO = 2.2  # of the longest to the shortest edge in the metric: below 2, splits and collapses would alternate forever
+ROUNDS = 6  # rounds: a forbidden collapse may be allowed after swaps nearby
+SETTLED = 0.005  # fraction of the nodes: a round with fewer splits is the last
+MIXED = 0.1  # fraction of the nodes: after a round with more splits rows are ordered again
+POWER = 5.0 / 3.0  # of the density: with this weight, smoothing equalises the mass of elements
+PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 
 def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
-    """The chapters of compiled loops that `move_in_space` needs.
+    """Return the groups of kernels that `move_in_space` needs.
 
     Raises
     ------
     ValueError
-        If the schedule has rounds, for which there are none.
+        If the schedule has rounds of transport, which do not exist in space.
     """
     if schedule is not None and schedule.rounds:
         raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
@@ -59,9 +59,10 @@ def move_in_space(
     rng: np.random.Generator,
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
-    """Bring the nodes of a movable solid to where a density wants them, in place; to so many `nodes`, 0 for as many.
+    """Move the nodes of a tetrahedral mesh to a density, in place.
 
-    The map is trained, between the exchange of nodes and the sweeps, only where the schedule has stages.
+    `nodes` is the final number of nodes, 0 for the present number. If the schedule has stages, the map is trained
+    between recycling and the sweeps of smoothing.
 
     Raises
     ------
@@ -83,11 +84,11 @@ def move_in_space(
 def rearrange(
     movable: MovableSolid, density: DensityInSpace, topology: str, sweeps: int | None = None, nodes: int = 0
 ) -> Recycled:
-    """Exchange nodes, swap and smooth, in place, as far as a topology allows it; to so many `nodes`, 0 for as many.
+    """Recycle nodes, swap elements and smooth, in place, as `topology` allows.
 
-    Without recycling there are never fewer than now. Of nodes that are kept the number stays, but with "recycle", where
-    new ones take the numbers of old ones and all are put in the order of a space-filling curve. Returns which nodes are
-    old, and how many edges were split and collapsed.
+    `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease.
+    Nodes keep their numbers except with "recycle", where new nodes take the numbers of removed ones and all are ordered
+    along a space-filling curve. Returns the old index of every node and the numbers of splits and collapses.
     """
     pairs, target = topology == "recycle", nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
@@ -105,7 +106,10 @@ def rearrange(
 
 
 def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:
-    """Rounds of splits and collapses with swaps between, where those are allowed; returns how many of each."""
+    """Run rounds of splits and collapses with swaps between, if swaps are allowed.
+
+    Returns the numbers of splits and collapses. `ratio` limits the ratio of the longest to the shortest edge.
+    """
     mesh, rows, floor = opened.mesh, 2 * len(opened.mesh.elements.node), cubed(movable.floor)
     heaps = Heap.of(rows), Heap.of(rows)
     splits = collapses = 0
@@ -116,7 +120,7 @@ def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float
             missing = target - len(opened.nodes())
             more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
             splits, collapses = splits + more, collapses + fewer
-        if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # else nodes keep their numbers
+        if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # without this nodes keep their numbers
             opened.renumber()
         if movable.flips:
             opened.swap()
@@ -126,7 +130,6 @@ def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float
 
 
 def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
-    """Enter all edges in both heaps."""
     for heap in heaps:
         heap.size[0] = 0
     for first in range(0, len(opened.mesh.position), NODES):
@@ -134,7 +137,7 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
 
 
 def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
-    """Sweep with the weight of a density, and swap after every sweep where that is allowed."""
+    """Smooth the mesh in sweeps, with swaps after every sweep if swaps are allowed."""
     parts = opened.parts()
     for _ in range(sweeps):
         sweep(opened, parts, weights(opened, density), cubed(movable.floor))
@@ -144,7 +147,10 @@ def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: Mov
 
 
 def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
-    """What every element counts in smoothing, (rows,)."""
+    """Return the weight of every element in smoothing, shape (rows,).
+
+    The weight is the power `POWER` of the density at the centroid.
+    """
     node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
     used = np.flatnonzero(node[:, 0] >= 0)
     weight[used] = density.at(opened.mesh.position[node[used]].mean(axis=1)) ** POWER
@@ -152,7 +158,6 @@ def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
 
 
 def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None:
-    """Smooth every node once."""
     mesh, star = opened.mesh, opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
     neurons = Neurons(mesh.position, mesh.elements, star, constraints)
@@ -165,12 +170,12 @@ def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None
 
 
 def cubed(floor: float) -> float:
-    """A quality as loops over tetrahedra compare it."""
+    """Return a minimum quality as kernels over tetrahedra compare qualities."""
     return floor**3
 
 
 def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
-    """Say how much of curved surfaces their faces leave out, before and now."""
+    """Log the largest distance between curved surfaces and faces, now and before."""
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
         text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"

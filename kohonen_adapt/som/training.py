@@ -1,11 +1,11 @@
-"""Train a movable mesh, of triangles or of tetrahedra, by epochs of training points shared among threads.
+"""Training of a mesh by epochs of training points, shared among threads.
 
-Triangles may have rounds of transport before, and sweeps of smoothing after.
+Triangles may have rounds of transport before the epochs and sweeps of smoothing after.
 
-The winners of a batch are searched before any of its points is presented. The mesh is cut into parts along a
-space-filling curve. What is presented around neurons deep inside a part touches nothing of the others, so threads take
-the parts side by side; the points near the cuts come after them. Neither the parts nor what comes out depends on the
-number of threads.
+Points are presented in batches, and the winners of a batch are found before its first point is presented. Along a
+space-filling curve the mesh is cut into parts. Points with winners in the interior of a part change nothing in other
+parts, so threads present the points of different parts in parallel; points near cuts follow in one thread. Neither the
+parts nor the result depend on the number of threads.
 """
 
 from collections.abc import Callable
@@ -31,31 +31,31 @@ from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
 
 __all__ = ["Trainer"]
 
-PULL = 0.4  # share of its way that a neuron may go towards the points of one batch: the next one balances it
-LEAST = 1_000  # neurons in a part: fewer are not worth a thread
-STRIPS = 0.3  # share of the neurons that may be so near the cuts that they have to wait
-TILE = 250  # neurons, more for wide radii, whose points are presented together: they stay in the processor's cache
-FEW = 1_000  # stars or searches that are not worth another thread
+PULL = 0.4  # largest fraction of the distance to its points that a node moves in a batch; the next batch balances
+LEAST = 1_000  # nodes per part: fewer do not justify a thread
+STRIPS = 0.3  # largest fraction of nodes near cuts, which have to wait
+TILE = 250  # nodes whose points are presented together, to stay in the cache; more for wide radii
+FEW = 1_000  # stars or searches: fewer do not justify another thread
 
 Drawing = Callable[[int, np.random.Generator], Draw]
 
 
 @dataclass
 class Trainer:
-    """A movable mesh under training, with scratch arrays for every thread.
+    """Movable mesh in training, with scratch memory for every thread.
 
     Attributes
     ----------
     movable
-        What is trained.
+        Mesh in training.
     room
-        By which loops.
+        Kernels and settings for its kind of element.
     order, rank
-        Neurons along a space-filling curve, which is cut into parts, and the place of each there, (n,).
+        Nodes along a space-filling curve, which is cut into parts, and the position of each node on it, shape (n,).
     neurons
-        The mesh as loops take it now.
+        Kernel arrays of the present mesh.
     scratch
-        Scratch arrays, one set per thread.
+        Scratch memory, one record per thread.
     """
 
     movable: MovableMesh | MovableSolid
@@ -67,7 +67,6 @@ class Trainer:
 
     @classmethod
     def of(cls, movable: MovableMesh | MovableSolid) -> "Trainer":
-        """Put the neurons in order along a curve, and make scratch arrays for every thread."""
         neurons = movable.neurons()
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
@@ -77,11 +76,12 @@ class Trainer:
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
     ) -> tuple[float, ...]:
-        """Train with points whose elements in the mesh they are drawn from are known; returns the error of every epoch.
+        """Train with drawn points, and return the quantisation error of every epoch.
 
-        That is the mean distance of the points to their winners before the update. Sweeps are left to `smooth`; the
-        generator decides the order of the points, too. `starts` has a node for each element of the mesh that points
-        are drawn from, near it and in its region; None if that is the mesh as it is now.
+        The error is the mean distance of the points to their winners before the update. `draw` returns points with
+        their elements in the mesh of the density. `starts`, shape (m,), is a node near every element of this mesh, in
+        its region; None if this is the present mesh. `rng` also decides the order of points. Sweeps are left to
+        `smooth`.
         """
         winners = (self.neurons.elements.node[:, 0] if starts is None else starts).copy()
         self._flip()
@@ -94,7 +94,10 @@ class Trainer:
         return errors
 
     def _carry(self, draw: Drawing, rounds: int, rng: np.random.Generator, winners: Ints) -> None:
-        """Rounds of transport; `winners`, those of the last points of every element, are kept up to date."""
+        """Run rounds of transport.
+
+        `winners`, the winner of the last point in every element, are updated.
+        """
         if not rounds:
             return
         transport = Transport.of(self._triangles("rounds of transport"), self.rank)
@@ -105,10 +108,10 @@ class Trainer:
             transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
     def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
-        """All epochs; returns the error of each.
+        """Run all epochs, and return the error of each.
 
-        Points of a set that is shown again start the search from their own last winner; fresh ones from that of the
-        last point drawn from the same element.
+        The search for the winner starts from the last winner of the same point if the points are not fresh, otherwise
+        from the winner of the last point drawn from the same element.
         """
         count, errors, kept = self.movable.nnodes, list[float](), None
         if not schedule.fresh:
@@ -124,7 +127,10 @@ class Trainer:
         return tuple(errors)
 
     def smooth(self, density: Density, sweeps: int) -> None:
-        """Sweep with the weight of a density: optimal Delaunay smoothing with flips, else towards barycentres."""
+        """Smooth the mesh in sweeps weighted by a density.
+
+        With flips, smoothing is optimal Delaunay smoothing; otherwise nodes move towards barycentres.
+        """
         movable = self._triangles("sweeps")
         for number in range(sweeps):
             if number % density.lasting == 0:
@@ -136,12 +142,12 @@ class Trainer:
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
     ) -> float:
-        """Present every point once; returns the mean distance to the winners.
+        """Present every point once, and return the mean distance to the winners.
 
-        A point's search starts from the entry of `winners` at its `slot`, and leaves its winner there.
+        The search for a point starts from the entry of `winners` at its `slot`; the winner replaces the entry.
         """
         number, total = len(slot), 0.0
-        rings = stage.radius + 2  # stars of what moves reach one beyond the radius, those of a jump at a corner another
+        rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
         parts = parts_for(self.movable.nnodes, rings, self.room.cell.dim)
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
         batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.room)
@@ -156,12 +162,15 @@ class Trainer:
         return total / max(1, number)
 
     def order_by_region(self) -> Ints:
-        """Neurons along the curve, region by region; those on interfaces in one of theirs, (n,)."""
+        """Return the nodes along the curve, region by region, shape (n,).
+
+        Nodes on interfaces are listed in one of their regions.
+        """
         region = self.neurons.elements.region[self.neurons.star.element[self.neurons.star.start[:-1]]]
         return self.order[np.argsort(region[self.order], kind="stable")]
 
     def _sound_stars(self) -> Mask:
-        """Stars that the quality rule finds nothing wrong with, (n,)."""
+        """Return the mask (n,) of nodes whose elements satisfy the minimum quality."""
         sound = np.empty(self.movable.nnodes, dtype=np.bool_)
         arrays = self.neurons.position, self.neurons.star, self.movable.floor
         cuts = even_cuts(len(sound), FEW)
@@ -169,7 +178,10 @@ class Trainer:
         return sound
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
-        """Smooth once, with the given weight of every element."""
+        """Smooth every node once, with the given weight of every element.
+
+        Nodes move towards circumcentres, or towards barycentres if `circumcentres` is False.
+        """
         movable = self._triangles("sweeps")
         tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
         parts = parts_for(tri.nnodes, 1, self.room.cell.dim)
@@ -185,17 +197,20 @@ class Trainer:
         task(0, 0, tri.nnodes, which=False)
 
     def _deep_nodes(self, parts: int, rings: int) -> Mask:
-        """Neurons that have only neurons of their own part within so many rings, (n,)."""
+        """Return the mask (n,) of nodes with all nodes within `rings` in their own part."""
         deep = np.empty(self.movable.nnodes, dtype=np.bool_)
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
         if isinstance(self.movable, MovableMesh):
             paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
-            part[paired] = -1 - paired  # what reaches a pair reaches two parts of the mesh
+            part[paired] = -1 - paired  # points near a pair change two parts of the mesh
         self.room.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
-        """Winner of every point and its distance; a search starts from its hint."""
+        """Return winner and distance for every point.
+
+        The search for a point starts at its node in `hints`.
+        """
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> None:
@@ -209,7 +224,7 @@ class Trainer:
         return found, distances
 
     def _flip(self) -> None:
-        """Flip edges, or swap elements, and take the mesh as it is then."""
+        """Flip edges or swap elements, and update the kernel arrays."""
         if isinstance(self.movable, MovableMesh):
             self.movable.flip()
         else:
@@ -219,12 +234,12 @@ class Trainer:
             self.scratch = scratch_for(self.neurons)
 
     def _triangles(self, what: str) -> MovableMesh:
-        """The mesh, refused where it is of tetrahedra, for which there are none of those.
+        """Return the mesh if its elements are triangles.
 
         Raises
         ------
         ValueError
-            If it is of tetrahedra.
+            If the elements are tetrahedra, for which `what` does not exist.
         """
         if isinstance(self.movable, MovableSolid):
             raise ValueError(f"the schedule has {what}, which are for triangles only; got tetrahedra. Use wider radii.")
@@ -233,7 +248,10 @@ class Trainer:
     def _by_parts(
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
     ) -> tuple[Ints, Ints]:
-        """Where every part begins in the order of the points, and that order; last come the points near cuts."""
+        """Return the first index of every part in the order of points, and the order.
+
+        Points near cuts are last. The order is random within tiles of nodes.
+        """
         n = len(deep)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.room)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
@@ -242,7 +260,7 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
-        """Present the points, the parts side by side and what is near cuts after them."""
+        """Present points by parts in parallel, then the points near cuts."""
         floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
@@ -255,21 +273,23 @@ class Trainer:
 
 
 def starts_of_parts(neurons: int, parts: int) -> Ints:
-    """Where every part begins in the order of the neurons, and the end, (parts + 1,)."""
+    """Return the first node of every part, and the number of nodes, (parts + 1,)."""
     return -(-np.arange(parts + 1) * neurons // parts)
 
 
 def shares_of(starts: Ints) -> list[int]:
-    """Of the places where parts begin those where the shares of threads do."""
+    """Return the starts of parts at which the work of a thread starts."""
     parts = len(starts) - 1
     shares = min(number_of_threads(), parts)
     return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
 
 
 def parts_for(neurons: int, rings: int, dim: int) -> int:
-    """The largest power of two of parts whose strips along the cuts, so many rings wide, are no more than is allowed.
+    """Return the number of parts, a power of two.
 
-    Neurons in a cube have neurons^(1/dim) in a row; to make p parts dim (p^(1/dim) - 1) cuts go from side to side.
+    A cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to side. The
+    number p is the largest for which strips of `rings` on both sides of the cuts have at most `STRIPS` n nodes, and for
+    which parts have at least `LEAST` nodes.
     """
     parts, row = 1, neurons ** (1.0 / dim)
     while 2 * parts * LEAST <= neurons and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1) <= STRIPS * row:
@@ -278,17 +298,19 @@ def parts_for(neurons: int, rings: int, dim: int) -> int:
 
 
 def disc(radius: int, room: Room) -> int:
-    """Neurons within that many rings of one, where all have as many neighbours."""
+    """Return the number of nodes within `radius` rings of a regular mesh."""
     return int(room.ring(np.arange(radius + 1)).sum())
 
 
 def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, room: Room) -> int:
-    """How many batches to make of so many points, all in all and for every neuron."""
+    """Return the number of batches into which the points of an epoch are divided.
+
+    `per_neuron` is the number of points per node.
+    """
     pull = per_neuron * rate * float(room.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
     return max(1, ceil(pull), ceil(points / room.updates * disc(stage.radius, room)))
 
 
 def scratch_for(neurons: Neurons) -> list[SearchScratch]:
-    """Scratch arrays for every thread."""
     size = len(neurons.position), len(neurons.elements.node)
     return [SearchScratch.of(*size) for _ in range(number_of_threads())]

@@ -1,4 +1,4 @@
-"""Draw training points from a density of nodes, and look the density up where nodes have gone."""
+"""Densities of nodes from which training points are drawn."""
 
 from collections.abc import Callable
 from math import factorial
@@ -41,13 +41,16 @@ __all__ = [
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
-FEW = 5_000  # nodes that are not worth another thread
-CANDIDATES = 2**17  # points at which a callable density is looked at per draw, and 4 to 64 per element
-AT_ONCE = 2**17  # and how many of them, or of its elements' quadrature points, are held in memory
+FEW = 5_000  # nodes: fewer do not justify another thread
+CANDIDATES = 2**17  # evaluations of a callable density per draw, limited to 4 to 64 per element
+AT_ONCE = 2**17  # evaluations, or quadrature points of elements, that are held in memory at once
 
 
 class OfElements:
-    """The mesh of a density as it is now, for the map goes on to change its own; and the mass of every element."""
+    """Mesh of a density, with the mass of every element.
+
+    The mesh is a copy, because the map changes the mesh that it trains.
+    """
 
     masses: Floats
 
@@ -61,13 +64,16 @@ class OfElements:
         self._order = along_curve(mesh.centroids()).astype(np.int32)
 
     def at_nodes(self) -> Floats:
-        """The mean over the elements around every node, (n,); each counts the same, as small ones know better."""
+        """Return the mean over the elements around every node, shape (n,).
+
+        All elements have the same weight, because small elements resolve the density best.
+        """
         node, values = self.elements.node, self.masses / self.sizes
         return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
 
 class ElementSource(OfElements):
-    """Training points of a density that is constant on every element of the mesh it was estimated on."""
+    """Source of training points for a density that is constant on every element."""
 
     def __init__(self, mesh: Triangulation | Tetrahedralization, values: Floats) -> None:
         super().__init__(mesh)
@@ -76,7 +82,10 @@ class ElementSource(OfElements):
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """Points stratified along a space-filling curve: every stretch of the summed-up mass gets its share."""
+        """Draw points that are stratified along a space-filling curve.
+
+        Each interval of the cumulated mass along the curve has its proportion of the points.
+        """
         dim, node = self.room.cell.dim, self.elements.node
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         random = rng.random((number, dim + 1))
@@ -85,9 +94,9 @@ class ElementSource(OfElements):
 
 
 class ElementDensity(ElementSource):
-    """A density of triangles that is constant on every element of the mesh it was estimated on."""
+    """Density on triangles that is constant on every element of its mesh."""
 
-    lasting = 4  # sweeps for which its squares are good: it changes little over the way that a node goes in them
+    lasting = 4  # sweeps with the same squares: in so few the density at a node changes little
 
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
         super().__init__(triangulation, values)
@@ -98,7 +107,10 @@ class ElementDensity(ElementSource):
         self._sites = sites_of(triangulation)
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Square of the share of the largest density, at every element of the triangulation as it is now, (m,)."""
+        """Return the squared density on every element of the present mesh, (m,).
+
+        The density is a fraction of the largest value.
+        """
         squares = np.empty(len(triangulation.elements.node))
 
         def look_up(thread: int, first: int, last: int) -> None:
@@ -111,7 +123,10 @@ class ElementDensity(ElementSource):
         return squares
 
     def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
-        """Find the nodes of a recycled triangulation in the density's own mesh `before`, from elements near them."""
+        """Locate the nodes of a recycled mesh in the density's own mesh `before`.
+
+        `hint`, shape (n,), is an element near every node.
+        """
         self._sites = sites_of(triangulation)
         middle = triangulation.centroids()[self._sites.element]
         start = hint[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
@@ -119,7 +134,7 @@ class ElementDensity(ElementSource):
 
 
 class FunctionSource(OfElements):
-    """Training points of a density given as a function of position, sampled wherever it is needed."""
+    """Source of training points for a density given as a function of position."""
 
     def __init__(self, mesh: Triangulation | Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         super().__init__(mesh)
@@ -138,19 +153,25 @@ class FunctionSource(OfElements):
         self.masses[self._order] = self.sizes[self._order] * means
 
     def _stretches(self) -> list[Ints]:
-        """The elements along the curve, cut where there are candidates enough to be held in memory."""
+        """Return the elements along the curve, cut into intervals.
+
+        The candidates of an interval are as many as are held in memory at once.
+        """
         most = AT_ONCE // self.share
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
     def _candidates(self, stretch: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """As many random points in every element of a stretch, along the curve, and the density there."""
+        """Return random points in every element of an interval, and the density there.
+
+        Every element has `share` points.
+        """
         points = self._points_in(np.repeat(stretch, self.share), rng)
         return points, values_at(self.function, points)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """About `number` of many candidates, chosen by the density at each and stratified along the curve.
+        """Draw about `number` of many candidates with probability according to density.
 
-        Every stretch gets as many as its share of the mass says.
+        The points are stratified along the curve; every interval has as many as its mass requires.
         """
         stretches = self._stretches()
         mass = np.cumsum([0.0, *(self.masses[stretch].sum() for stretch in stretches)])
@@ -161,7 +182,7 @@ class FunctionSource(OfElements):
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
     def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-        """So many candidates in a stretch of the curve, and their elements."""
+        """Draw `number` candidates from an interval of the curve, with their elements."""
         points, values = self._candidates(stretch, rng)
         cumulated = np.cumsum(np.repeat(self.sizes[stretch], self.share) * without_zeros(values, self.largest))
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / max(1, number))
@@ -169,7 +190,6 @@ class FunctionSource(OfElements):
         return points[chosen], stretch[chosen // self.share]
 
     def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
-        """A random point in each of the given elements, (k, d)."""
         corners = [self.position[self.elements.node[element, k]] for k in range(self.room.cell.dim + 1)]
         points = corners[0]
         for share, corner in zip(self.room.shares(len(element), rng), corners[1:], strict=True):
@@ -178,15 +198,18 @@ class FunctionSource(OfElements):
 
 
 class CallableDensity(FunctionSource):
-    """A density of triangles given as a function of position."""
+    """Density on triangles given as a function of position."""
 
-    lasting = 1  # sweeps for which its squares are good: it may change from any place to the next
+    lasting = 1  # sweeps with the same squares: the function may change from point to point
 
     def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
-        """Nothing: the function is asked anew wherever nodes are."""
+        """Do nothing, because the function is evaluated wherever nodes are."""
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Square of the mean share of the largest density, in every element of the triangulation as it is now, (m,)."""
+        """Return the squared mean density on every element of the present mesh, (m,).
+
+        The density is a fraction of the largest value.
+        """
         node = triangulation.elements.node
         squares, most = np.empty(len(node)), AT_ONCE // len(QUADRATURE)
         for first in range(0, len(node), most):
@@ -202,12 +225,14 @@ Density = ElementDensity | CallableDensity
 def density_of(
     triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike], row: Ints | None = None
 ) -> Density:
-    """A user's density, checked, for the mesh of a triangulation; `row` has where each element is in `density`, (m,).
+    """Return a user-defined density for a triangulation.
+
+    `row`, shape (m,), is the index in `density` of every element.
 
     Raises
     ------
     ValueError
-        If it has another shape than (nelements,), is negative, not finite, or zero everywhere.
+        If `density` has another shape than (nelements,), is negative, not finite, or zero everywhere.
     """
     if callable(density):
         return CallableDensity(triangulation, density)
@@ -220,14 +245,14 @@ def density_of(
 def source_of(
     mesh: Triangulation | Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]
 ) -> ElementSource | FunctionSource:
-    """Where training points of a user's density come from, which was checked before."""
+    """Return the source of training points of a valid density."""
     if callable(density):
         return FunctionSource(mesh, density)
     return ElementSource(mesh, per_element(len(mesh.elements.node), density, "density"))
 
 
 def sites_of(triangulation: Triangulation) -> Sites:
-    """The regions of every node, with the elements around it to start searches from."""
+    """Return the regions of every node, with elements to start searches from."""
     elements, star = triangulation.elements, triangulation.star
     start = np.empty_like(star.start)
     count_sites(elements, star, start)

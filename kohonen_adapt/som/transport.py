@@ -1,12 +1,15 @@
-"""Transport: nodes flow, all at once, from where training points have too many winners to where they have too few.
+"""Transport of nodes over many edge lengths to match a density.
 
-Clusters of elements exchange nodes like vessels exchange water. With m_c the mass of the training points in cluster c
-over that of its share of the elements, the net inflow that cluster c asks for is log m_c nodes per node, and the flux
-between neighbours is the difference of a potential times the length of their common outline over their distance:
-Poisson's equation in finite volumes, with no flux across outlines. The moves that make up these fluxes are a smooth
-field, so that nodes are carried many edge lengths far without one overtaking the other. That is the first step of
-Newton's method for the Monge-Ampere equation of optimal transport, as in Budd, Huang and Russell, "Adaptivity with
-moving grids", Acta Numerica 18 (2009), for the empirical density that a self-organizing map learns from.
+All nodes move at once from where training points have too many winners to where they have too few. Elements are
+grouped in clusters. With m_c the mass of the training points in cluster c over that of its share of the elements,
+cluster c requires a net inflow of log m_c nodes per node. The flux between neighbours is the difference of a potential
+times the length of their common boundary over their distance: Poisson's equation in finite volumes, with no flux across
+boundaries and interfaces. Displacements that cause these fluxes are a smooth field, so that nodes do not overtake each
+other.
+
+This is the first step of Newton's method for the Monge-Ampere equation of optimal transport, as in Budd, Huang and
+Russell, "Adaptivity with moving grids", Acta Numerica 18 (2009), for the empirical density from which a self-organizing
+map learns.
 """
 
 from dataclasses import dataclass
@@ -45,29 +48,29 @@ from kohonen_adapt.som.poisson import potential
 
 __all__ = ["FLOWS", "POINTS", "Transport"]
 
-POINTS = 0.25  # training points per neuron and round: four in a cluster
-CLUSTER = 32  # elements
-SMOOTHING = 1 / 16  # sweeps over clusters, per node in a row
-FLOWS = 5  # at most, however many rounds: each takes the place of as many as that leaves it
-BOUND = 0.7  # of the logarithm of the mass, per round: what is asked for is linear in it
-STEPS = 4  # at most for one round, and edges flip after each: elements are stretched by less than a fifth in one
-STEP = 1.0  # of the distance of neighbours, below which no more steps are needed
-MIDDLES = 2  # attempts to mend what a step spoils by going to the middle, before the flow is slowed down
-ATTEMPTS = 12  # in all
-SLOWER = 0.125  # of the distance of neighbours: the difference in speed from ring to ring around what stands still
-NEAREST = 0.1  # of the edges between them: of two clusters, one around the other, the centres may coincide
+POINTS = 0.25  # training points per node and round: four in a cluster
+CLUSTER = 32  # elements in a cluster
+SMOOTHING = 1 / 16  # smoothing sweeps over clusters, per node in a row
+FLOWS = 5  # largest number of flows: with more rounds, a flow replaces several
+BOUND = 0.7  # limit of the logarithm of the mass per round, because the inflow is linear in the logarithm
+STEPS = 4  # steps of one round at most, with flips after each: a step stretches elements by less than a fifth
+STEP = 1.0  # of the distance of neighbours: smaller displacements need one step
+MIDDLES = 2  # attempts to repair elements by moving nodes to the middle, before the flow is slowed down
+ATTEMPTS = 12  # attempts of both kinds together
+SLOWER = 0.125  # of the distance of neighbours: change of speed from ring to ring around nodes at rest
+NEAREST = 0.1  # of the common edges: least distance of centres, which may coincide in nested clusters
 
 
 @dataclass
 class Transport:
-    """A movable mesh whose nodes are carried.
+    """Movable mesh whose nodes are transported.
 
     Attributes
     ----------
     movable
-        What is carried.
+        Mesh to be changed.
     cluster
-        The cluster of every element, (m,): stretches of a space-filling curve through each region.
+        Cluster of every element, an interval of a space-filling curve through each region, shape (m,).
     """
 
     movable: MovableMesh
@@ -75,12 +78,15 @@ class Transport:
 
     @classmethod
     def of(cls, movable: MovableMesh, rank: Ints) -> "Transport":
-        """Cut every region into clusters by the rank of nodes, (n,); elements keep theirs when edges flip."""
+        """Cut every region into clusters by the rank (n,) of nodes along a curve.
+
+        Elements keep their cluster when edges flip.
+        """
         return cls(movable, clusters_of(movable.triangulation, rank))
 
     @cached_property
     def constraints(self) -> Constraints:
-        """Where nodes may go: as the mesh says, but that paired chains which are straight count as others do."""
+        """Constraints of the mesh, except that straight paired segments are not paired."""
         constraints = self.movable.constraints
         flags = constraints.chains.flags.copy()
         flags[constraints.chains.shape == STRAIGHT, PAIRED] = 0
@@ -88,13 +94,19 @@ class Transport:
 
     @cached_property
     def pairs(self) -> tuple[Ints, Ints]:
-        """Nodes of pairs on straight chains, which go along with one another, (k,) each; those on arcs stay."""
+        """Paired nodes on straight segments, which move together, (k,) each.
+
+        Paired nodes on arcs do not move.
+        """
         node, partner = sliding_pairs(self.constraints)
         straight = (self.constraints.chains.shape == STRAIGHT)[self.constraints.own_chain[node]]
         return node[straight], partner[straight]
 
     def carry(self, shown: Draw, winners: Ints, rounds: int = 1) -> None:
-        """Let the nodes flow to where these points found too few winners, as far as in that many rounds."""
+        """Move the nodes to where the points `shown` found too few winners.
+
+        One flow replaces `rounds` rounds of transport.
+        """
         move = self.moves(self.flow(shown, winners, rounds))
         far = self._reach(move)
         steps = min(STEPS * (1 + rounds) // 2, max(1, ceil(far / STEP)))
@@ -104,7 +116,7 @@ class Transport:
             self.movable.flip()
 
     def flow(self, shown: Draw, winners: Ints, rounds: int = 1) -> Floats:
-        """Mean displacement of the nodes of every cluster in that many rounds, (c, 2)."""
+        """Return the mean displacement of the nodes of every cluster, shape (c, 2)."""
         tri, cluster = self.movable.triangulation, self.cluster
         mass = np.empty(len(cluster))
         share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
@@ -119,14 +131,15 @@ class Transport:
         found = np.bincount(cluster, weights=mass).astype(np.float64)
         height = potential(links, wanted_inflow(found, size, links, rounds * BOUND))
         carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
-        # what crosses an edge has gone half of the way between the centres in either cluster
+        # flux across an edge covers half of the distance of the centres in each cluster
         flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
         return self._smoothed(np.stack(flow, axis=1) / size[:, None], links)
 
     def _smoothed(self, flow: Floats, links: csr_array) -> Floats:
-        """The flow without the errors that two-point fluxes make from cluster to cluster, along outlines on outlines.
+        """Return the flow without the errors of two-point fluxes between clusters.
 
-        They are a share of the flow, and nodes go the farther, in edges, the more there are.
+        On boundaries and interfaces the flow is tangential. The errors are a fraction of the flow, whose length in
+        edges increases with the number of nodes, and so does the number of smoothing sweeps.
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
         along, count = np.empty((len(flow), 3)), np.empty(len(flow))
@@ -138,7 +151,7 @@ class Transport:
         return flow
 
     def _crossings(self) -> tuple[Ints, Ints, Floats]:
-        """Pairs of clusters that share edges which nodes may cross, and the length of those edges."""
+        """Return pairs of clusters with common free edges, and the length of these."""
         tri, cluster = self.movable.triangulation, self.cluster
         most = 3 * len(cluster) // 2
         row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
@@ -149,7 +162,11 @@ class Transport:
         return *both.coords, both.data
 
     def moves(self, flow: Floats) -> Floats:
-        """The displacement of every node: that of the clusters around it, smoothed, along outlines on outlines."""
+        """Return the displacement of every node, shape (n, 2).
+
+        The displacement is the smoothed displacement of the clusters around the node, tangential on boundaries and
+        interfaces.
+        """
         star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, LIGHT), np.empty((2, n, 2))
 
@@ -160,13 +177,13 @@ class Transport:
             smooth_moves(star, constraints, moves[0], first, last, moves[1])
 
         shared(begin, cuts)
-        for _ in range(ceil(n**0.25)):  # they smooth what jumps from cluster to cluster
+        for _ in range(ceil(n**0.25)):  # smoothing removes jumps between clusters
             shared(smooth, cuts)
             moves = moves[::-1]
         return self._alike(moves[0])
 
     def _alike(self, move: Floats) -> Floats:
-        """The moves, those of pairs the mean of both along their chains."""
+        """Return the displacements with the mean of both nodes for pairs."""
         chains, own = self.constraints.chains, self.constraints.own_chain
         along = [chains.direction[own[nodes]] for nodes in self.pairs]
         far = sum(np.sum(t * move[nodes], axis=1) for t, nodes in zip(along, self.pairs, strict=True))
@@ -175,7 +192,7 @@ class Transport:
         return move
 
     def _reach(self, move: Floats) -> float:
-        """How far nodes go, in distances of neighbours, all but one in a hundred."""
+        """Return the 99 % quantile of displacements relative to distances of neighbours."""
         tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
 
         def measure(thread: int, first: int, last: int) -> None:
@@ -185,7 +202,7 @@ class Transport:
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
-        """Let all nodes go a share of their moves, as far as that spoils no element."""
+        """Move all nodes by a fraction of their displacements, spoiling no element."""
         tri, constraints = self.movable.triangulation, self.constraints
         nodes = even_cuts(tri.nnodes, LIGHT)
 
@@ -201,9 +218,10 @@ class Transport:
         shared(take, nodes)
 
     def _mend(self, step: "Step", rings: int) -> None:
-        """Change a step where it spoils elements: nodes go to the middle, or slower, or stay where they are.
+        """Change a step where elements would be spoiled.
 
-        Who stays may hold the next one back, and so on through all of the mesh: that is the last resort.
+        Nodes move to the middle of their neighbours, or by less, or not at all. A node that does not move may block its
+        neighbours, and so on through the mesh: therefore this is the last resort.
         """
         tri, constraints, node = self.movable.triangulation, self.constraints, self.movable.triangulation.elements.node
         step.ring[:] = min(rings, tri.nnodes)
@@ -224,17 +242,16 @@ class Transport:
                 hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
             if not self._wait(step):
                 break
-            self._mark(step)  # who waits for a partner may be in the way of others
+            self._mark(step)  # a node that waits for its partner may block others
 
     def _mark(self, step: "Step") -> None:
-        """Mark the elements that a step spoils."""
         tri = self.movable.triangulation
         arrays = tri.position, step.ahead, tri.elements.node, self.movable.floor
         cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 
     def _together(self, step: "Step") -> None:
-        """Let nodes of pairs go to the mean of the places that both would go to."""
+        """Set the target of paired nodes to the mean of both parameters."""
         if len(self.pairs[0]) == 0:
             return
         own, now = self.constraints.own_chain, self.constraints.parameter
@@ -246,11 +263,14 @@ class Transport:
             step.ahead[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
 
     def _stay(self, step: "Step", nodes: Ints) -> Mask:
-        """Which nodes are to stay where they are."""
+        """Return the mask (k,) of nodes that a step does not move."""
         return np.all(step.ahead[nodes] == self.movable.triangulation.position[nodes], axis=1)
 
     def _wait(self, step: "Step") -> bool:
-        """Let nodes of pairs stay whose partner does; returns whether there were such."""
+        """Stop paired nodes whose partner does not move.
+
+        Returns True if there were any.
+        """
         one, other = (self._stay(step, nodes) for nodes in self.pairs)
         for nodes in self.pairs:
             step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
@@ -258,7 +278,10 @@ class Transport:
 
 
 class Step(NamedTuple):
-    """Where nodes are about to be, (n, 2), and at which parameter, (n,); elements that this spoils, (m,); scratch."""
+    """Target and parameter of every node, elements that are spoiled, and scratch.
+
+    An element is spoiled if its quality would fall below both the floor and its quality before.
+    """
 
     ahead: Floats
     parameter: Floats
@@ -268,7 +291,6 @@ class Step(NamedTuple):
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints) -> "Step":
-        """Room for steps, one after the other."""
         n, m = triangulation.nnodes, len(triangulation.elements.node)
         return cls(
             np.empty((n, 2)),
@@ -280,7 +302,10 @@ class Step(NamedTuple):
 
 
 def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
-    """The cluster of every element, (m,) int32, by the rank of nodes along a space-filling curve, (n,)."""
+    """Return the cluster of every element, shape (m,).
+
+    `rank`, shape (n,), is the position of nodes on a space-filling curve.
+    """
     region, node = triangulation.elements.region, triangulation.elements.node
     order = np.argsort(rank[node[:, 0]], kind="stable")
     order = order[np.argsort(region[order], kind="stable")]
@@ -294,19 +319,20 @@ def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
 
 
 def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = BOUND) -> Floats:
-    """The nodes that every cluster asks for, in elements; zero in sum wherever nodes can flow, (c,).
+    """Return the inflow that every cluster requires, in elements, shape (c,).
 
-    `bound` is of the logarithm of what it has over its share.
+    The sum is zero over clusters between which nodes can flow. `bound` limits the logarithm of the mass relative to the
+    share of a cluster.
     """
     parts = connected_components(links, directed=False)[1]
     mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
     share = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
-    few = 0.5 / size  # half an element's share more in every cluster, for there may be none
+    few = 0.5 / size  # half an element's share is added to every cluster, because a mass may be 0
     asked = np.clip(np.log((share + few) / (1.0 + few)), -bound, bound)
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
 
 
 def symmetric(values: Floats, row: Ints, column: Ints, count: int) -> csr_array:
-    """A matrix with these entries, and the same below its diagonal."""
+    """Return the symmetric matrix with entries `values` above the diagonal."""
     upper = coo_array((values, (row, column)), shape=(count, count)).tocsr()
     return upper + upper.T
