@@ -99,7 +99,7 @@ def straight_table(start: Floats, end: Floats) -> Chains:
 
 
 def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
-    """Make segments round that are arcs, and limit the length of their facets."""
+    """Set the geometry of segments that are arcs, and their longest facets."""
     is_round = pieces.is_round
     centre, radius, angle = pieces.circle[is_round, :2], pieces.circle[is_round, 2], angle[is_round]
     out = table.origin[is_round] - centre

@@ -68,7 +68,6 @@ def constrained_faces(tet: Tetrahedralization) -> Faces:
 
 
 def edges_of(faces: Faces, nnodes: int) -> Edges:
-    """Return the edges of the faces, sorted by their nodes."""
     start, end = faces.nodes.ravel(), np.roll(faces.nodes, -1, axis=1).ravel()
     code = np.minimum(start, end).astype(np.int64) * nnodes + np.maximum(start, end)
     order = np.argsort(code, kind="stable")

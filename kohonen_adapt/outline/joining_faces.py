@@ -57,7 +57,6 @@ def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[s
 
 
 def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...], float]:
-    """Return shape, origin, axis and size of a surface for the kernels."""
     if isinstance(surface, Plane):
         return PLANE, surface.point, surface.normal, 0.0
     if isinstance(surface, Sphere):

@@ -80,7 +80,6 @@ def bands_of(
 
 
 def check_number(position: Floats, band: Band) -> None:
-    """Raise ValueError if a band has fewer layers than requested."""
     steps = np.full(len(position), min(band.number, len(position)))
     steps[band.sides[0]] = 0
     lower_to_steps(band.pairs, steps)

@@ -134,7 +134,7 @@ def unmatched(sides: Sides, motion: str, found: str) -> str:
 
 
 def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
-    """Return the motions of matches except glide reflections, which have no name."""
+    """Return the motions of matches except glide reflections, which have no class."""
     return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
 
 
@@ -191,7 +191,6 @@ def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
 
 
 def attempt(sides: Sides, motion: Floats) -> Match:
-    """Return the match by a motion, with the fault of the motion."""
     nodes, others = sides.nodes
     off, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
     images, (one, other) = others[at], sides.names

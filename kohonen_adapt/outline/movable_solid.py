@@ -105,7 +105,6 @@ class MovableSolid:
 
     @property
     def tessellation(self) -> Tetrahedralization:
-        """Nodes and elements, under the name that all movable meshes have."""
         return self.tetrahedralization
 
     def neurons(self) -> Neurons:
@@ -128,7 +127,6 @@ class MovableSolid:
         return self.came_from
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
-        """Return the facets of the patches with a name, oriented as in the input."""
         tet, used = self.tetrahedralization, self.tetrahedralization.used
         patch, manner = tet.elements.patch[used], self.patches.names[name]
         e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
@@ -202,13 +200,11 @@ class MovableSolid:
         self.freedom = self.freedom._replace(**arrays("freedom."))
 
     def settle(self) -> None:
-        """Project sliding nodes onto their surfaces as far as `floor` permits."""
         tet = self.tetrahedralization
         target = places_of(tet.position, self.surfaces, self.freedom, self.patches)
         tet.position[:] = settled(tet.position, tet.elements, target, self.floor)
 
     def sagitta(self) -> float:
-        """Return the largest distance between a surface and its faces, in mesh units."""
         tet = self.tetrahedralization
         return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
 

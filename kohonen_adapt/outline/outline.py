@@ -155,12 +155,10 @@ class Outline:
 
     @property
     def straight(self) -> Mask:
-        """Mask (c,) of straight curve segments."""
         return self.constraints.chains.shape == STRAIGHT
 
     @property
     def on_circles(self) -> Mask:
-        """Mask (c,) of arcs and circles."""
         return self.constraints.chains.shape == ROUND
 
     def nodes_by_freedom(self) -> dict[str, Mask]:
@@ -175,7 +173,6 @@ class Outline:
         }
 
     def points_on(self, chain: Ints, parameter: Floats) -> Floats:
-        """Return the points (k, 2) of curve segments (k,) at arc lengths (k,)."""
         return points_on(self.constraints, chain, parameter)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
@@ -190,7 +187,6 @@ class Outline:
         return mesh
 
     def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:
-        """Return the facets of curve segments with a name, oriented as in the input."""
         chain = triangulation.elements.chain
         e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
         number, first = np.unique(facet[e, k], return_index=True)

@@ -44,7 +44,6 @@ def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node:
 
 
 def ends_of(chains: Chains) -> Floats:
-    """Return the end points of curve segments, shape (c, 2)."""
     end = chains.origin + chains.length[:, None] * chains.direction
     is_round, is_tabled = chains.shape == ROUND, chains.shape == TABLED
     half = 0.5 * (chains.curvature * chains.length)[is_round]

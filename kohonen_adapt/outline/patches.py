@@ -73,7 +73,6 @@ class Sheet(NamedTuple):
 
     @classmethod
     def of(cls, middles: Floats, patch: Ints, back: Floats, size: float) -> "Sheet":
-        """Return the sheet of faces of patches in a mesh of extent `size`."""
         return cls(cKDTree(np.column_stack([middles, patch * (10.0 * size)])), back, 10.0 * size)
 
     def looks_back(self, middles: Floats, patch: Ints, out: Floats) -> Mask:

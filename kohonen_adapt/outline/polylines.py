@@ -74,7 +74,6 @@ class Pieces(NamedTuple):
 
     @property
     def facets(self) -> Ints:
-        """Number of facets of every segment, shape (p,)."""
         return self.last - self.first
 
     @property
@@ -184,7 +183,6 @@ def without_noise(circle: Floats) -> Floats:
 
 
 def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
-    """Return the positions (k, 2) of the nodes of a segment, in order."""
     return position[node[pieces.first[p] : pieces.last[p] + 1]]
 
 

@@ -78,7 +78,6 @@ class Skin:
 
 
 def linked(pairs: Ints, count: int) -> csr_array:
-    """Return the adjacency matrix of `count` items linked by pairs (j, 2)."""
     one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     return csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
 

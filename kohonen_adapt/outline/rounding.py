@@ -45,7 +45,7 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
 
 
 def middles_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
-    """Return the new nodes in the middles of facets, and the facets."""
+    """Return the nodes that refinement adds in the middles of facets, and the facets."""
     facet = np.arange(mesh.facets.shape[1])
     return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
 

@@ -40,7 +40,6 @@ def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: P
 
 
 def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
-    """Return the points of lines and circles nearest to `x` (k, 3)."""
     origin, axis = surfaces.ridge_origin[ridge], surfaces.ridge_axis[ridge]
     along = axis * np.sum((x - origin) * axis, axis=1, keepdims=True)
     out = x - origin - along

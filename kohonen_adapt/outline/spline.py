@@ -249,7 +249,6 @@ def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
 
 
 def _nearest(samples: Samples, x: Floats) -> Floats:
-    """Return the points of a curve nearest to `x`, shape (n, 2)."""
     near, _ = samples.tree.query(x)
     within = samples.tree.query_ball_point(x, near + samples.reach)
     row = np.repeat(np.arange(len(x)), [len(found) for found in within])

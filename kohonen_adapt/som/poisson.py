@@ -1,8 +1,8 @@
 """Solution of Poisson's equation on the graph of clusters.
 
 The equation is solved directly or, if clusters are many, by conjugate gradients, which take a third of the time at
-60 000 clusters. The last bits of dot products in scipy's conjugate gradients depend on the number of threads, and
-so would meshes.
+60 000 clusters. The method is written out here, because the last bits of dot products in scipy's conjugate gradients
+depend on the number of threads, and so would meshes.
 """
 
 from collections.abc import Callable

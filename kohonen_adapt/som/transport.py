@@ -151,7 +151,10 @@ class Transport:
         return flow
 
     def _crossings(self) -> tuple[Ints, Ints, Floats]:
-        """Return pairs of clusters with common free edges, and the length of these."""
+        """Return pairs of clusters and the total length of their common edges.
+
+        Edges on boundaries and interfaces, which nodes cannot cross, do not count.
+        """
         tri, cluster = self.movable.triangulation, self.cluster
         most = 3 * len(cluster) // 2
         row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
