@@ -1,4 +1,4 @@
-"""Draw meshes, fields, densities, passes, outlines, sweeps and the learning map (needs matplotlib)."""
+"""Pictures of meshes, fields, passes and sweeps (needs matplotlib)."""
 
 from kohonen_adapt.plotting.adaptation import adaptation_figure
 from kohonen_adapt.plotting.animation import animate_map, animate_passes

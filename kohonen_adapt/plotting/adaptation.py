@@ -1,4 +1,4 @@
-"""Draw an adaptation on one page: meshes and indicators before and after, field lines, estimates."""
+"""A figure of an adaptation, with meshes, indicators, field lines and estimates."""
 
 from collections.abc import Sequence
 
@@ -27,40 +27,43 @@ def adaptation_figure(
     errors: Sequence[float] | None = None,
     plane: CutBy | None = None,
 ) -> Figure:
-    """Mesh and indicators before and after, field lines, and the estimate over the passes, on one page.
+    """Draw an adaptation on one page.
 
-    Of tetrahedra it is cuts.
+    The panels show mesh and indicators before and after, field lines, and the estimate over the passes. Meshes of
+    tetrahedra are drawn as cuts.
 
     Parameters
     ----------
     before
-        The input: the result of ``adapt(..., passes=0)``.
+        The result for the input mesh, from ``adapt(..., passes=0)``.
     after
         The adapted result.
     potential
-        (nnodes,), nodal values on ``after.mesh``; their contours are the field lines.
+        Nodal values (nnodes,) on ``after.mesh``, whose contours are the field lines. At higher order, values at the
+        points of a lattice, as in `draw_field_lines`.
     magnitude
-        (nelements,), what is coloured under the field lines; either may be of a lattice, as of `draw_field_lines`.
+        Values (nelements,) for the colours under the field lines, or values at the points of a lattice.
     magnitude_label, indicator_label
         Labels of the colour bars, with units.
     lines_title
-        What the contours are.
+        Name of the contours.
     unit
-        Unit of the axes: "m" or "mm" for a mesh in metres, "" for one without a unit.
+        Unit of the axes: "m" or "mm" for a mesh in metres, "" for a mesh without a unit.
     errors
-        The exact error of every pass, where it is known.
+        The exact error of every pass, if known.
     plane
-        Where meshes of tetrahedra are cut, a `kohonen_adapt.Plane`.
+        Cutting plane for a mesh of tetrahedra, a `kohonen_adapt.Plane`.
 
     Returns
     -------
     Figure
-        To be saved by ``figure.savefig(path)``.
+        Save with ``figure.savefig(path)``.
 
     Raises
     ------
     ValueError
-        If an array has the wrong shape, the unit is unknown, or tetrahedra come without a plane that meets them.
+        If an array has the wrong shape, if the unit is unknown, or if no plane that cuts the mesh is given for
+        tetrahedra.
     """
     figure = Figure(figsize=(13.0, 7.6), dpi=160, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     panels = figure.subplots(2, 3)

@@ -1,4 +1,4 @@
-"""Draw moving pictures (GIF) of meshes, pass by pass, and of the map as it learns."""
+"""Animations of the meshes of an adaptation, and of a map in training."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,12 +28,10 @@ __all__ = ["animate_map", "animate_passes"]
 Draw = Callable[[int, np.random.Generator], tuple[ArrayLike, ArrayLike | None]]
 Frame = tuple[MeshTri, str]
 
-MOST = 60
-"""Frames; of more, as many are taken evenly, the first and the last with them."""
-
-HOLD = 1.6  # seconds that the last frame stays before the film begins again
+MOST = 60  # maximum number of frames, which include the first and the last
+HOLD = 1.6  # seconds added to the duration of the last frame, at least
 DOTS = 110  # per inch
-INCHES = 5.0  # across, and up before the title
+INCHES = 5.0  # longer side of the mesh
 
 
 def animate_passes(
@@ -44,25 +42,25 @@ def animate_passes(
     unit: str = "m",
     seconds: float = 0.8,
 ) -> None:
-    """Write a GIF with a frame for the mesh of every pass.
+    """Write a GIF with one frame for the mesh of every pass.
 
     Parameters
     ----------
     path
-        The file, by custom ``*.gif``; it is whole or not there.
+        The file, usually ``*.gif``. An interrupted call leaves no partial file.
     history
-        The passes, for instance ``result.history``; of more than 60 as many are shown.
+        The passes, for instance ``result.history``. Of more than 60 passes, 60 evenly spaced ones are shown.
     plane
-        Where tetrahedra are cut, a `kohonen_adapt.Plane`.
+        Cutting plane for meshes of tetrahedra, a `kohonen_adapt.Plane`.
     unit
         Unit of the axes, "m", "mm" or "".
     seconds
-        How long a frame stays.
+        Duration of each frame.
 
     Raises
     ------
     ValueError
-        If there is no pass, the unit is unknown, or `seconds` is not above zero.
+        If `history` is empty, if the unit is unknown, or if `seconds` is not positive.
     OSError
         If the file cannot be written.
     """
@@ -80,31 +78,31 @@ def animate_map(
     unit: str = "",
     seconds: float = 0.25,
 ) -> tuple[float, ...]:
-    """Train a map epoch by epoch and write a GIF of how its mesh unfolds.
+    """Train a map epoch by epoch and write a GIF of its mesh after each epoch.
 
     Parameters
     ----------
     path, unit, seconds
-        As for `animate_passes`.
+        As in `animate_passes`.
     som
-        The map; it is trained.
+        The map to train, which is changed.
     points, weights
-        As `KohonenMap.train` takes them.
+        As in `KohonenMap.train`.
     schedule
-        Stages without sweeps. Every epoch is a training of its own, with its own order of the points, so that the mesh
-        ends near to that of ``som.train``, not on it.
+        Stages without smoothing sweeps. Every epoch is trained by a call of its own, with its own order of the points.
+        The final mesh is therefore near the mesh of ``som.train``, but not identical.
     seed
-        Of the first epoch; the next has the next.
+        Seed of the first epoch; each following epoch has the next integer.
 
     Returns
     -------
     tuple of float
-        Quantisation error of every epoch, as `KohonenMap.train` returns them.
+        Quantisation error of every epoch, as in `KohonenMap.train`.
 
     Raises
     ------
     ValueError
-        If training refuses its arguments, the unit is unknown, or `seconds` is not above zero.
+        If an argument is invalid for training, if the unit is unknown, or if `seconds` is not positive.
     OSError
         If the file cannot be written.
     """
@@ -124,7 +122,7 @@ def animate_map(
 
 
 def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
-    """A schedule for every epoch, with what it does."""
+    """Yield a description and a schedule of one epoch, for every epoch."""
     for stage in schedule.stages:
         for rate in stage.rates().tolist():
             one = replace(stage, epochs=1, learning_rate=rate)
@@ -148,7 +146,7 @@ def _write(path: Path, frames: Sequence[Frame], plane: CutBy | None, unit: str, 
 
 
 def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> bytes:
-    """The frames as a GIF, each drawn once."""
+    """Return the frames as the bytes of a GIF."""
     figure = Figure(figsize=_page(np.ptp(flat(frames[0][0], plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained")
     axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
     for mesh, title in frames:
@@ -165,6 +163,6 @@ def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: floa
 
 
 def _page(size: Floats) -> tuple[float, float]:
-    """Inches across and up, for a mesh of this size with a title."""
+    """Return width and height in inches for a mesh of this size and a title."""
     width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
     return float(width) + 0.6, float(height) + 0.6

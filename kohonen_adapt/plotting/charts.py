@@ -1,4 +1,4 @@
-"""Draw numbers over numbers: estimates over passes and over nodes, qualities, densities, magnetisation curves."""
+"""Charts of estimates, element qualities, densities and magnetisation curves."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,33 +26,24 @@ from kohonen_adapt.plotting.drawing import COLOURS, draw_indicators
 __all__ = ["axes_of", "draw_passes", "plot_bh", "plot_convergence", "plot_density", "plot_qualities"]
 
 BLUE, VERMILION = COLOURS[:2]
-MARKERS = ("o", "s", "^", "D", "v", "P")
-"""One for each of the colours, for a grey print."""
-
+MARKERS = ("o", "s", "^", "D", "v", "P")  # one for each of the colours, for prints without colour
 ERROR = "energy error (% of the energy norm)"
-"""Label of an axis in per cent."""
-
-SPREAD = 6.0
-"""The factor in nodes that the axis spans at least."""
-
+SPREAD = 6.0  # minimum ratio of the limits of the axis of nodes
 BINS = np.linspace(0.0, 1.0, 41)
-STYLES = ((BLUE, "solid"), (VERMILION, "dashed"), ("black", "dotted"))
-"""Of histograms of quality."""
-
-DECADES = 5
-"""How far below the largest density the colours reach at most."""
-
-SATURATED = 0.9
-"""Share of the slope of vacuum at which a magnetisation curve has been seen."""
+STYLES = ((BLUE, "solid"), (VERMILION, "dashed"), ("black", "dotted"))  # of histograms of quality
+DECADES = 5  # maximum range of the colours, below the largest density
+SATURATED = 0.9  # fraction of the slope of vacuum, dH/dB = 1/mu0, at which a magnetisation curve ends
 
 
 def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] | None = None) -> None:
-    """Draw the estimate over the passes; where it is calibrated, in per cent of the energy norm if every pass has one.
+    """Draw the estimate over the passes.
+
+    The unit is per cent of the energy norm if the estimates are calibrated and every pass has an energy norm.
 
     Parameters
     ----------
     axes
-        Where to.
+        Axes to draw on.
     history
         The passes.
     errors
@@ -73,19 +64,20 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
 
 
 def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = -0.5, ax: Axes | None = None) -> Axes:
-    """Plot the estimate over the number of nodes for every pass, both logarithmic, with reference slopes.
+    """Plot the estimate of every pass over the number of nodes, on logarithmic axes.
 
-    Grey lines with ``N ** slope`` go through the first pass of the first history and through its best. Where nodes stay
-    as many, a circle marks how many the first line would need for the error of the best pass.
+    Grey lines of the slope ``N ** slope`` run through the first and the best pass of the first history. If both have
+    the same number of nodes, a circle marks the number of nodes at which the first line reaches the error of the best
+    pass.
 
     Parameters
     ----------
     histories
-        Word to passes, for instance ``{"adapted": result.history}``; at most six.
+        Mapping from label to passes, for instance ``{"adapted": result.history}``; at most six.
     slope
-        Of the reference lines: -1/2 is the best rate of the energy error of P1 elements in the plane (-1 of P2).
+        Slope of the reference lines. The best rate of the energy error in the plane is -1/2 for P1 elements, -1 for P2.
     ax
-        Where to; None for a new figure.
+        Axes to draw on; None creates a figure.
 
     Returns
     -------
@@ -95,7 +87,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     Raises
     ------
     ValueError
-        If there is no history, more than six, or one without a pass.
+        If `histories` is empty or has more than six entries, or if one of them has no pass.
     """
     if not 1 <= len(histories) <= len(COLOURS) or not all(histories.values()):
         raise ValueError(f"histories must be one to {len(COLOURS)}, each with a pass; got {len(histories)}.")
@@ -116,7 +108,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
 
 
 def _number_axes(axes: Axes) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade."""
+    """Put plain numbers at 1, 2 and 5 of every decade."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
@@ -125,7 +117,7 @@ def _number_axes(axes: Axes) -> None:
 
 
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
-    """Nodes and estimates of passes, the estimates positive: zero has no logarithm."""
+    """Return nodes and estimates of passes, with nan for an estimate of zero."""
     nodes = np.array([step.mesh.nvertices for step in history], dtype=float)
     errors = [step.estimate for step in history] / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
@@ -142,24 +134,22 @@ def _label(history: Sequence[Pass]) -> str:
 
 
 def _norms(history: Sequence[Pass], percent: bool) -> Floats:
-    """What errors are divided by: a hundredth of the energy norm, or nothing."""
+    """Return the divisors of the errors, a hundredth of the energy norm, or one."""
     return np.array([0.01 * (step.energy_norm or 1.0) if percent else 1.0 for step in history])
 
 
 def _span_of(nodes: Floats) -> tuple[float, float]:
-    """Ends of the axis: all the nodes, some room, and at least a factor."""
+    """Return the limits of the axis, at least a factor `SPREAD` apart."""
     low, high = nodes.min() / 1.3, nodes.max() * 1.3
     room = max(1.0, SPREAD * low / high) ** 0.5
     return float(low / room), float(high * room)
 
 
 def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:
-    """Reference lines through the first pass and the best; where the first comes to the error of the best, if it does.
+    """Draw reference lines through the first and the best pass.
 
-    Returns
-    -------
-    ndarray
-        The nodes that the first line needs for the error of the best pass, or none.
+    The best pass is the one farthest below a line of the slope. Return the number of nodes at which the first line
+    reaches the error of the best pass, if both have the same number of nodes, or else an empty array.
     """
     known = np.flatnonzero(errors > 0.0)
     if not known.size:
@@ -179,7 +169,7 @@ def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Flo
 
 
 def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: Any, where: str) -> None:
-    """A line through a point that is longer than the axes; it does not change their scale, as `add_line` would."""
+    """Draw a line through a point across the axes, without a change of their scale."""
     factors = np.array([1e-6, 1e6])
     x, y = through[0] * factors, through[1] * factors**slope
     label = f"$N^{{{slope:g}}}$ through the {where}"
@@ -187,14 +177,14 @@ def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: A
 
 
 def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axes:
-    """Plot how many elements have which quality, in per cent of all elements of their mesh.
+    """Plot a histogram of element qualities, in per cent of the elements.
 
     Parameters
     ----------
     meshes
-        Word to mesh, for instance ``{"before": mesh, "after": result.mesh}``; at most three.
+        Mapping from label to mesh, for instance ``{"before": mesh, "after": result.mesh}``; at most three.
     ax
-        Where to; None for a new figure.
+        Axes to draw on; None creates a figure.
 
     Returns
     -------
@@ -204,7 +194,7 @@ def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axe
     Raises
     ------
     ValueError
-        If there are none or more than three.
+        If `meshes` is empty or has more than three entries.
     """
     if not 1 <= len(meshes) <= len(STYLES):
         raise ValueError(f"meshes must be one to {len(STYLES)}; got {len(meshes)}. Plot the others in another figure.")
@@ -225,21 +215,21 @@ def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axe
 def plot_density(
     mesh: Mesh, density: ArrayLike, *, plane: CutBy | None = None, ax: Axes | None = None, unit: str = "m"
 ) -> Axes:
-    """Colour every element by the density of nodes that is asked for there, on a logarithmic scale.
+    """Colour every element by the density of nodes wanted, on a logarithmic scale.
 
     Parameters
     ----------
     mesh
         The mesh.
     density
-        (nelements,), nodes per area or volume in mesh units, as `kohonen_adapt.density_from_indicators` gives them:
-        over the mesh they integrate to its number of nodes.
+        Nodes per area or volume in mesh units, (nelements,), as returned by `kohonen_adapt.density_from_indicators`.
+        The integral over the mesh is its number of nodes.
     plane
-        Where tetrahedra are cut, a `kohonen_adapt.Plane`.
+        Cutting plane for a mesh of tetrahedra, a `kohonen_adapt.Plane`.
     ax
-        Where to; None for a new figure.
+        Axes to draw on; None creates a figure.
     unit
-        Unit of lengths, "m", "mm" or ""; the density is shown per square or cube of it.
+        Unit of lengths, "m", "mm" or ""; the density is shown per square or cube of this unit.
 
     Returns
     -------
@@ -249,7 +239,8 @@ def plot_density(
     Raises
     ------
     ValueError
-        If `density` has another shape, the unit is unknown, or the plane does not go with the mesh.
+        If `density` has the wrong shape, if the unit is unknown, if no plane that cuts the mesh is given for
+        tetrahedra, or if a plane is given for triangles.
     """
     axes = axes_of(ax, height=5.0)
     shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** len(mesh.p)
@@ -264,21 +255,26 @@ def plot_density(
 
 
 def _scale_of(density: Floats) -> tuple[float, float]:
-    """The ends of the scale: all there is, but some decades at most; the same twice where there is nothing to scale."""
+    """Return the limits of the colour scale, at most `DECADES` apart.
+
+    The limits are equal for a constant density and for a density of zero.
+    """
     high = float(density.max(initial=0.0)) or 1.0
     low = float(density.min(initial=high, where=density > 0.0))
     return max(low, 10.0**-DECADES * high), high
 
 
 def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
-    """Plot a magnetisation curve, B over H, from 1 % of the saturation up to where dB/dH is nearly mu0.
+    """Plot a magnetisation curve, B over H.
+
+    The curve runs from 1 % of the saturation flux density to where dB/dH is nearly mu0.
 
     Parameters
     ----------
     law
-        The law; of a `Table` with its points.
+        The law. The points of a `Table` are also drawn.
     ax
-        Where to; None for a new figure.
+        Axes to draw on; None creates a figure.
 
     Returns
     -------
@@ -306,11 +302,11 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
 
 
 def axes_of(given: Axes | None, *, height: float = 4.4) -> Axes:
-    """The axes that were given, or those of a new figure; inches."""
+    """Return `given`, or the axes of a new figure with a height in inches."""
     return Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots() if given is None else given
 
 
 def _rule(axes: Axes) -> None:
-    """Pale lines behind what is drawn."""
+    """Draw a pale grid behind the data."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)

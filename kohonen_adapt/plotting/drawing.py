@@ -1,4 +1,4 @@
-"""Draw a mesh on axes: its edges, indicators on its elements, lines of a field."""
+"""Meshes, element values and field lines drawn on axes."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -38,39 +38,37 @@ __all__ = [
     "set_axes",
 ]
 
+# Colours of Okabe and Ito that are visible on white, distinct for colour-blind readers; blue and vermilion first.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Those of Okabe and Ito, which the colour-blind tell apart, that stand out on white; blue and vermilion come first."""
 
-# One hue, without its dark end, so that black lines stand out on every shade.
+# Blues without the dark end, so that black lines are visible on every shade.
 PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")
 
-OUTLINE = 0.9
-"""Width of the lines around regions, points."""
-
-LONGEST = 50_000
-"""Facets in one line."""
+OUTLINE = 0.9  # width of the lines around regions, in points
+LONGEST = 50_000  # maximum number of facets in one line
 
 
 def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str = "m") -> None:
-    """Draw the edges of a mesh, the outlines of its regions thicker.
+    """Draw the edges of a mesh, with thicker lines around its regions.
 
-    Of tetrahedra it is a cut, whose lines are where the plane meets their faces.
+    A mesh of tetrahedra is drawn as a cut, with lines where the plane meets the faces.
 
     Parameters
     ----------
     axes
-        Where to.
+        Axes to draw on.
     mesh
         The mesh.
     plane
-        Where tetrahedra are cut, a `kohonen_adapt.Plane`. Along two axes, coordinates are those of the mesh.
+        Cutting plane for a mesh of tetrahedra, a `kohonen_adapt.Plane`. In a plane along two axes, coordinates are
+        those of the mesh.
     unit
         Unit of the axes, "m", "mm" or "".
 
     Raises
     ------
     ValueError
-        If tetrahedra come without a plane or it does not meet them, a plane mesh comes with one, or the unit is
+        If no plane that cuts the mesh is given for tetrahedra, if a plane is given for triangles, or if the unit is
         unknown.
 
     Examples
@@ -90,7 +88,7 @@ def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str =
 
 
 def draw_edges(axes: Axes, shown: Flat, unit: str, colour: str, width: float) -> None:
-    """Draw the sides of elements that are not on an outline."""
+    """Draw the sides of elements except boundaries and interfaces."""
     inner = np.setdiff1d(shown.sides, outlined_facets(shown.mesh))
     _draw_facets(axes, shown.mesh, inner, unit, colour, width)
 
@@ -104,16 +102,16 @@ def draw_indicators(
     plane: CutBy | None = None,
     unit: str = "m",
 ) -> Collection:
-    """Colour every element by its error indicator.
+    """Colour every element by its error indicator, on a logarithmic scale.
 
     Parameters
     ----------
     axes, mesh, plane, unit
-        As for `draw_mesh`.
+        As in `draw_mesh`.
     indicators
-        (nelements,), unsquared.
+        Unsquared indicators, (nelements,).
     norm
-        The scale, for several pictures on one; by default that of these indicators.
+        Colour scale, to share between several pictures; by default the scale of these indicators.
 
     Returns
     -------
@@ -149,21 +147,24 @@ def draw_field_lines(
     plane: CutBy | None = None,
     unit: str = "m",
 ) -> Collection:
-    """Draw contours of a potential, for A_z the flux lines, over the magnitude of a field.
+    """Draw contours of a potential over the magnitude of a field.
+
+    For A_z the contours are flux lines.
 
     Parameters
     ----------
     axes, mesh, plane, unit
-        As for `draw_mesh`.
+        As in `draw_mesh`.
     potential
-        (nnodes,), at the corners and linear in every element; between neighbouring lines it changes by the same amount.
+        Values at the corners of elements, (nnodes,), linear in every element. The levels of the contours are equally
+        spaced.
     magnitude
-        (nelements,), constant in every element; the colours end where 1 % of the area has more.
+        Values (nelements,), constant in every element. The colour scale ends at the value that 1 % of the area exceeds.
 
-        Of elements of higher order either may be (k, nelements), at the points of a `kohonen_adapt.display.lattice` in
-        every element and linear between them.
+        For elements of higher order, potential and magnitude may have shape (k, nelements), with values at the points
+        of a `kohonen_adapt.display.lattice` in every element and linear between them.
     lines
-        How many contours.
+        Number of contours.
 
     Returns
     -------
@@ -201,12 +202,15 @@ def draw_field_lines(
 
 
 def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
-    """Values at the corners of elements, (3, nelements), where bent sides look round, if the mesh has any."""
+    """Return values on a lattice fine enough to draw curved sides.
+
+    Only values at the corners of elements, shape (3, nelements), of a `MeshTri2` are interpolated.
+    """
     return lattice(PARTS)[0].T @ values if is_second_order(mesh) and len(values) == 3 else values
 
 
 def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
-    """Values of that shape, or at the points of a lattice in every element."""
+    """Return checked values of a shape, or of shape (k, nelements) on a lattice."""
     array = np.asarray(given)
     if array.ndim == 2 and divisions_of(len(array)):
         return as_reals(name, array, {"k": len(array), "nelements": mesh.t.shape[1]})
@@ -214,7 +218,9 @@ def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> F
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:
-    """One logarithmic scale for several arrays of indicators: three decades below the largest of them.
+    """Return a logarithmic colour scale for several arrays of indicators.
+
+    The scale covers three decades below the largest indicator.
 
     Parameters
     ----------
@@ -231,7 +237,7 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 
 
 def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:
-    """Equal scales, a little room around the mesh, units."""
+    """Set limits, equal scales and labels with a unit."""
     low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
     room = 0.02 * np.max(high - low)
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
@@ -242,7 +248,11 @@ def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x"
 def draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
 ) -> Collection:
-    """Elements in colours: constant, or where values are those of a lattice, (k, nelements), linear between them."""
+    """Draw the elements in colours.
+
+    Values of shape (nelements,) are constant in each element; values of shape (k, nelements) are given on a lattice and
+    linear between its points.
+    """
     if values.ndim == 2:
         values = _on_finer_lattice(mesh, values)
         fine = divided(mesh, divisions_of(len(values)))
@@ -252,14 +262,17 @@ def draw_elements(
     if is_second_order(mesh):
         mesh, values = divided(mesh, PARTS), np.tile(values, PARTS**2)
     x, y = in_unit(unit) * mesh.p
-    # Edges in the colour of their element leave no light seams between elements.
+    # Edges in the colour of the element close the light gaps of antialiasing.
     return axes.tripcolor(
         x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
     )
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
-    """Lines with gaps: a collection would make an object of every facet, and Agg limits the size of a single line."""
+    """Draw facets as long lines with gaps.
+
+    A collection would create an object for every facet, and Agg limits the length of a single line.
+    """
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
         straight, bent = straight_and_bent(mesh, part)
         for points in (mesh.p[:, mesh.facets[:, straight]], bent):
@@ -271,6 +284,6 @@ def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str
 
 
 def draw_outline(axes: Axes, shown: Flat, unit: str, colour: str) -> None:
-    """Draw the outlines of regions, and fit the axes."""
+    """Draw boundaries and interfaces, and set the axes."""
     _draw_facets(axes, shown.mesh, outlined_facets(shown.mesh), unit, colour, OUTLINE)
     set_axes(axes, shown.mesh, unit, shown.axes)

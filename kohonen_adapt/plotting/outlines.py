@@ -1,4 +1,7 @@
-"""Draw outlines: what the chains of a mesh are taken for, and what every node may do."""
+"""Boundaries and interfaces drawn with the constraints on their nodes.
+
+The code calls these lines the outlines of a mesh, and a curve segment from corner to corner a chain.
+"""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -22,19 +25,10 @@ from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 
 __all__ = ["plot_outlines"]
 
-
-LABELLED = 0.08
-"""Of the size of the mesh: shorter chains are not labelled."""
-
-ROOM = np.array([0.2, 0.05])
-"""Of the size of the mesh, across and up: no other label begins so near to one."""
-
-STEP = np.deg2rad(2.0)
-"""Turn of a circle from one point drawn to the next."""
-
-
-TOLD = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))
-"""Dashes of chains that mid-side nodes tell."""
+LABELLED = 0.08  # minimum size of a curve segment with a label, relative to the mesh
+ROOM = np.array([0.2, 0.05])  # minimum distance of labels in x and y, relative to the mesh
+STEP = np.deg2rad(2.0)  # angle between points drawn on a circle
+TOLD = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))  # dashes of splines through midside nodes
 
 
 def plot_outlines(
@@ -46,34 +40,36 @@ def plot_outlines(
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:
-    """Draw what the outlines of a mesh are taken for: its chains, and where each node may go.
+    """Draw the outlines of a mesh and the constraints on its nodes.
 
-    Chains that meet differ in colour. Straight ones are solid, recognised arcs and circles dashed with their radius,
-    splines through the mid-side nodes of a `skfem.MeshTri2` dash-double-dotted, chains on given curves dotted, periodic
-    ones dash-dotted; curves are drawn as they are, their facets in grey.
-    Corners are squares: filled where the node is held for good, hollow where another may take its place (of three
-    chains only where edges may flip). Nodes that slide are dots, free ones grey.
+    Outlines are the boundaries and interfaces. Each consists of curve segments ("chains") from corner to corner, drawn
+    in different colours where they meet. Straight segments are solid lines, recognised arcs and circles are dashed and
+    have their radius beside them. Splines through the midside nodes of a `skfem.MeshTri2` are dash-double-dotted,
+    segments on user-defined curves dotted, periodic segments dash-dotted. Grey lines show the facets.
+
+    Corners are squares. A filled square is a node that never moves, and a hollow square one whose place another node
+    may take (where three segments meet, only if edges may flip). Sliding nodes are black dots, free nodes grey dots.
 
     Parameters
     ----------
     mesh
-        The mesh, in metres if the axes are to have a unit.
+        The mesh, in metres if `unit` is "m" or "mm".
     pinned, curves, periodic
-        As `relocate` takes them.
+        As in `relocate`.
     ax
-        Where to; None makes a figure, which is ``plot_outlines(mesh).figure``.
+        Axes to draw on; None creates a figure, ``plot_outlines(mesh).figure``.
     unit
         Unit of the axes and radii, "m", "mm" or "".
 
     Returns
     -------
     Axes
-        With a legend that counts what was found.
+        With a legend that counts segments and nodes of each kind.
 
     Raises
     ------
     ValueError
-        If `relocate` would refuse the mesh or what goes with it, or the unit is unknown.
+        If `relocate` would refuse the arguments, or if the unit is unknown.
 
     Examples
     --------
@@ -99,7 +95,11 @@ def plot_outlines(
 
 
 def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
-    """A colour for every chain that no chain it meets has, as far as colours go; from one to the next they change."""
+    """Return a colour for every curve segment, distinct where segments meet.
+
+    `ends` (2, n) are the nodes of facets, `chain` (n,) the segment of each. The colours repeat only if more segments
+    meet than there are colours.
+    """
     at: dict[int, set[int]] = defaultdict(set)
     for node, c in zip(ends.ravel().tolist(), np.repeat(chain, 2).tolist(), strict=True):
         at[node].add(c)
@@ -116,13 +116,16 @@ def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
 
 
 def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
-    """The chains as they are, a line style for what they were taken for, with names and radii where there is room."""
+    """Draw the curve segments, with a line style for each kind.
+
+    `facets` (c,) counts the facets of each segment. Names and radii are written where they do not overlap.
+    """
     chains = outline.constraints.chains
     given = outline.given >= 0
     plain = ~chains.paired & ~given
     recognised = outline.on_circles & plain
     lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
-    with np.errstate(divide="ignore"):  # of straight ones
+    with np.errstate(divide="ignore"):  # straight segments have no curvature
         radii = in_unit(unit) / np.abs(chains.curvature)
     for mask, style, label in (
         (plain & outline.straight, "solid", "straight"),
@@ -148,7 +151,10 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
 
 
 def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
-    """Points along every chain, as dense as its shape asks for; `facets` (c,) counts those of each."""
+    """Return points (n, 2) along every curve segment, dense enough for its curvature.
+
+    `facets` (c,) counts the facets of each segment.
+    """
     chains = outline.constraints.chains
     turn = np.abs(chains.curvature) * chains.length
     parts = np.where(outline.on_circles, np.ceil(turn / STEP), np.where(outline.straight, 1, 8 * facets))
@@ -159,7 +165,7 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
 
 
 def _in_words(radii: Floats, unit: str) -> str:
-    """The radii of recognised circles, or from which to which they are."""
+    """Return text with the radii of circles, or with their range if more than four."""
     texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if len(texts) > 4:
         return f",\nradii from {texts[0]} to {texts[-1]} {unit}".rstrip()
@@ -167,7 +173,7 @@ def _in_words(radii: Floats, unit: str) -> str:
 
 
 def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int, str]:
-    """Texts to be written at chains: the names they carry, and the radius that was recognised."""
+    """Return the labels of curve segments, with names and recognised radii."""
     named = [(c, name) for name, manner in outline.names.items() for c in np.flatnonzero(manner).tolist()]
     found: dict[int, list[str]] = defaultdict(list)
     for c, text in [*named, *((c, f"r = {radius:.4g} {unit}".rstrip()) for c, radius in radii.items())]:
@@ -176,7 +182,7 @@ def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int
 
 
 def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
-    """The middle of a line, and the unit vector across it there to the side of a point."""
+    """Return the midpoint of a line and its unit normal on the side of `towards`."""
     steps = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(line, axis=0) ** 2, axis=1))))
     at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
     k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)
@@ -185,18 +191,18 @@ def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
 
 
 def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> None:
-    """Write beside a line."""
+    """Write a label beside a line, on the side of `normal`."""
     places = [("right", "center", "left"), ("top", "center", "bottom")]
     ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
     offset = (6.0 * normal[0], 6.0 * normal[1])
     axes.annotate(
         text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va,
-        zorder=5, parse_math=False,  # dollars in a name are no formula
+        zorder=5, parse_math=False,  # a name may contain dollar signs
     )  # fmt: skip
 
 
 def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
-    """A marker for every node: what it may do."""
+    """Draw a marker at every node, with a style for its freedom to move."""
     freedoms = outline.nodes_by_freedom()
     held = max(int(np.sum(~freedoms["free"])), 1)
     size = float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))

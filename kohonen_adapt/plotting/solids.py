@@ -1,4 +1,4 @@
-"""Draw a mesh of tetrahedra in a cut by a plane, and from outside."""
+"""Meshes of tetrahedra drawn as cuts and from outside."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -23,18 +23,11 @@ from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, d
 
 __all__ = ["plot_slice", "plot_surface"]
 
-WHITE = 0.45
-"""How much white is in the colour of a name, so that lines stand out on it."""
-
+WHITE = 0.45  # fraction of white in the colour of a name, so that lines are visible on top
 NAMELESS = "#d9dde2"
-SHADE = 0.45
-"""How much darker a face is that turns away from the light."""
-
-LIGHT = np.array([-0.3, 0.5, 1.0]) / np.linalg.norm([-0.3, 0.5, 1.0])
-"""Direction to the light: to the right, up, and to the eye."""
-
-ARROW = 0.09
-"""Length of the arrows that show the axes, in widths of the picture."""
+SHADE = 0.45  # fraction by which a face that turns away from the light is darker
+LIGHT = np.array([-0.3, 0.5, 1.0]) / np.linalg.norm([-0.3, 0.5, 1.0])  # in components right, up, towards the viewer
+ARROW = 0.09  # length of the arrows of the axes, as a fraction of the picture
 
 
 def plot_slice(
@@ -47,22 +40,25 @@ def plot_slice(
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:
-    """Draw where a plane cuts a mesh of tetrahedra: its elements in the colours of values or of their subdomains.
+    """Draw a cut through a mesh of tetrahedra by a plane.
+
+    Elements have the colours of values or of their subdomains.
 
     Parameters
     ----------
     mesh
         The mesh.
     plane
-        Where it is cut, a `kohonen_adapt.Plane`; through faces of elements, those on one of its sides are shown.
+        Cutting plane, a `kohonen_adapt.Plane`. Where the plane runs along faces of elements, the elements on one of its
+        sides are shown.
     values
-        (nelements,), constant in every element, or (nnodes,), linear between the nodes. None colours subdomains.
+        Values (nelements,), constant in every element, or (nnodes,), linear between the nodes. None colours subdomains.
     label
-        Of the colour bar, with a unit.
+        Label of the colour bar, with a unit.
     norm
-        The scale of the colours, for several pictures on one.
+        Colour scale, to share between several pictures.
     ax
-        Where to; None makes a figure, which is ``plot_slice(mesh, plane).figure``.
+        Axes to draw on; None creates a figure, ``plot_slice(mesh, plane).figure``.
     unit
         Unit of the axes, "m", "mm" or "".
 
@@ -74,7 +70,7 @@ def plot_slice(
     Raises
     ------
     ValueError
-        If the plane does not meet the mesh, values have another shape, or the unit is unknown.
+        If the plane does not cut the mesh, if `values` has the wrong shape, or if the unit is unknown.
 
     Examples
     --------
@@ -115,28 +111,29 @@ def plot_surface(
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:
-    """Draw a mesh of tetrahedra from outside: its outer faces in the colours of values or of names.
+    """Draw a mesh of tetrahedra from outside.
 
-    Faces that look away are left out, the others drawn from the farthest to the nearest, without perspective.
+    Boundary faces have the colours of values or of names. Only faces towards the viewer are drawn, from the farthest to
+    the nearest, without perspective.
 
     Parameters
     ----------
     mesh
         The mesh.
     values
-        (nelements,), or (nnodes,), of which a face has the mean over its corners. None colours names.
+        Values (nelements,), or (nnodes,) of which each face shows the mean over its corners. None colours names.
     names
-        Whose colours: "boundaries" or "subdomains".
+        The names to colour, "boundaries" or "subdomains".
     view
-        Degrees from which one looks: around z from x on, and above the horizon.
+        Direction of the viewer in degrees, as azimuth from x around z and elevation above the xy plane.
     label
-        Of the colour bar, with a unit.
+        Label of the colour bar, with a unit.
     norm
-        The scale of the colours, for several pictures on one.
+        Colour scale, to share between several pictures.
     ax
-        Where to; None makes a figure, which is ``plot_surface(mesh).figure``.
+        Axes to draw on; None creates a figure, ``plot_surface(mesh).figure``.
     unit
-        Unit of the lengths that are told, "m", "mm" or "".
+        Unit of the dimensions below the picture, "m", "mm" or "".
 
     Returns
     -------
@@ -146,7 +143,7 @@ def plot_surface(
     Raises
     ------
     ValueError
-        If values have another shape, or the names or the unit are unknown.
+        If `values` has the wrong shape, or if `names` or the unit is unknown.
 
     Examples
     --------
@@ -182,7 +179,11 @@ def plot_surface(
 
 
 def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
-    """The outer faces that are seen, which they are of `rim` from the farthest on, and how they turn to the light."""
+    """Return the visible boundary faces, their order, and their brightness.
+
+    The faces are projected along the line of sight and sorted from the farthest to the nearest. The order contains rows
+    of `rim`, and the brightness is the cosine of the angle between normal and light.
+    """
     corners = mesh.p[:, directed(mesh, rim, np.zeros_like(rim)).T]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
@@ -195,7 +196,7 @@ def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[Poly
 
 
 def _check(mesh: MeshTet) -> None:
-    """Refuse what is no mesh of tetrahedra, and number its facets."""
+    """Refuse anything but a mesh of tetrahedra, and number its facets."""
     check_kind(mesh, bent=True, space=True)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
@@ -208,7 +209,10 @@ def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
 
 
 def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
-    """The number of the set of names that each of `count` things carries, and the colour and label of every one."""
+    """Return colour indices (count,), the colours, and their labels.
+
+    Each combination of names that occurs has a colour of its own.
+    """
     number, members = combinations(list(sets.values()), count)
     names = list(sets)
     labels = [", ".join(names[k] for k in each.tolist()) for each in members]
@@ -223,7 +227,7 @@ def _numbered(colours: Floats) -> Normalize:
 
 
 def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
-    """Say what colours mean, unless nothing has a name."""
+    """Add a legend of colours, unless no colour has a label."""
     if any(labels):
         handles = [Patch(color=colour, label=text or "no name") for colour, text in zip(colours, labels, strict=True)]
         axes.legend(
@@ -233,14 +237,14 @@ def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
 
 
 def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
-    """Which of the outer faces carry every name: as rows of `rim`."""
+    """Return the rows of `rim` that carry each name, without names that do not occur."""
     of_face = {"boundaries": rim, "subdomains": mesh.f2t[0, rim]}[names]
     found = {name: np.flatnonzero(np.isin(of_face, rows)) for name, rows in named_sets(getattr(mesh, names)).items()}
     return {name: rows for name, rows in found.items() if len(rows)}
 
 
 def _camera(around: float, above: float) -> NDArray[np.float64]:
-    """Unit vectors to the right, up and towards the eye, (3, 3)."""
+    """Return unit vectors to the right, up and towards the viewer, (3, 3)."""
     turn, rise = np.radians([around, above])
     right = np.array([-np.sin(turn), np.cos(turn), 0.0])
     towards = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
@@ -248,7 +252,7 @@ def _camera(around: float, above: float) -> NDArray[np.float64]:
 
 
 def _draw_arrows(axes: Axes, right: Floats, up: Floats) -> None:
-    """Show which way x, y and z are, in the corner below on the left."""
+    """Draw the directions of x, y and z in the lower left corner."""
     for name, tip in zip("xyz", ARROW * np.stack([right, up], axis=1), strict=True):
         look = {"arrowstyle": "<|-", "color": "0.35", "shrinkA": 0.0, "shrinkB": 0.0}
         axes.annotate(

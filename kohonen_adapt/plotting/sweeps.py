@@ -1,4 +1,4 @@
-"""Draw the outputs of a sweep over its first parameter, one curve for every combination of the others."""
+"""A figure of the outputs of a sweep over its first parameter."""
 
 from typing import Any
 
@@ -13,26 +13,28 @@ from kohonen_adapt.sweeps.result import SweepResult, shown
 __all__ = ["sweep_figure"]
 
 COLUMNS = 3  # of panels
-NAMED = 10  # curves in a legend, at most
+NAMED = 10  # maximum number of curves in a legend
 
 
 def sweep_figure(result: SweepResult) -> Figure:
-    """Every output over the first parameter in a panel of its own, one curve for every combination of the others.
+    """Draw every output of a sweep over the first parameter.
+
+    Each output has a panel of its own, with one curve for every combination of the remaining parameters.
 
     Parameters
     ----------
     result
-        What `kohonen_adapt.sweep` returned. Cases without an output leave a gap.
+        The result of `kohonen_adapt.sweep`. Cases without an output leave a gap.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The page; ``savefig`` writes it.
+        Save with ``figure.savefig(path)``.
 
     Raises
     ------
     ValueError
-        If there is no output, as where every case ended with an error.
+        If the result has no outputs, for instance because every case failed.
     """
     if not result.outputs:
         raise ValueError("a sweep must have outputs to be drawn; every case of this one ended with an error.")
@@ -68,7 +70,7 @@ def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:
 
 
 def _curves(result: SweepResult) -> dict[str, list[int]]:
-    """The numbers of the cases of every curve, along the first parameter, by what they have in common."""
+    """Return the indices of the cases of every curve, by its label."""
     first, *others = result.parameters
     found: dict[str, list[int]] = {}
     for number in _order(result.table[first]):
@@ -78,5 +80,5 @@ def _curves(result: SweepResult) -> dict[str, list[int]]:
 
 
 def _order(values: NDArray[Any]) -> list[int]:
-    """From the least number to the largest; texts stay as they are."""
+    """Return the order of numbers by size, or of text as given."""
     return np.argsort(values, kind="stable").tolist() if values.dtype.kind in "bif" else list(range(values.size))
