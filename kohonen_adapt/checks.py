@@ -1,8 +1,11 @@
-"""Check arguments, each kind of check with one wording: what was expected, what came, what to do."""
+"""Check arguments with one wording for each kind of check."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from functools import wraps
+from inspect import signature
 from math import isfinite
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +25,12 @@ __all__ = [
     "is_count",
     "is_number",
     "listed",
+    "nearest_name",
+    "with_nearest_names",
 ]
+
+Arguments = ParamSpec("Arguments")
+Returned = TypeVar("Returned")
 
 
 def is_count(value: object) -> bool:
@@ -100,6 +108,45 @@ def check_state(
 def listed(names: Iterable[str]) -> str:
     """Names for the end of a message, in order and in quotes, or "none"."""
     return ", ".join(repr(name) for name in sorted(names)) or "none"
+
+
+def nearest_name(given: Any, known: Iterable[str]) -> str:
+    """Return " Did you mean 'name'?" for the nearest of the known names, an empty string if none is near."""
+    near = get_close_matches(given, list(known), 1) if isinstance(given, str) else []
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def with_nearest_names(
+    synonyms: Mapping[str, str],
+) -> Callable[[Callable[Arguments, Returned]], Callable[Arguments, Returned]]:
+    """Return a decorator that suggests the nearest argument for a keyword that a function lacks.
+
+    Parameters
+    ----------
+    synonyms
+        Words of the field to the arguments that have their meaning.
+
+    Raises
+    ------
+    TypeError
+        When the decorated function is called with an unknown keyword.
+    """
+
+    def decorated(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
+        public = function.__qualname__.split(".")[0]  # for a constructor the name of its class
+        known = [argument for argument in signature(function).parameters if argument != "self"]
+
+        @wraps(function)
+        def called(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Returned:
+            for given in kwargs:
+                if given not in known:
+                    near = nearest_name(synonyms.get(given, given), known) or f" It has {listed(known)}."
+                    raise TypeError(f"{public} has no argument {given!r}.{near}")
+            return function(*args, **kwargs)
+
+        return called
+
+    return decorated
 
 
 def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:

@@ -4,10 +4,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from difflib import get_close_matches
 from inspect import Parameter, signature
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
+
+from kohonen_adapt.checks import nearest_name
 
 __all__ = [
     "NUMBER",
@@ -148,10 +149,9 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
     entries = TABLE(given, place or "a case")
     for key in entries:
         if key not in readers:
-            where = f" in {place}" if place else ""
+            where, near = f" in {place}" if place else "", nearest_name(key, readers)
             raise UnknownKeyError(
-                f"{_below(place, key)!r} is no key of a case.{_near(key, readers)} Known{where}: {', '.join(readers)}.",
-                key,
+                f"{_below(place, key)!r} is no key of a case.{near} Known{where}: {', '.join(readers)}.", key
             )
     for key in required:
         if key not in entries:
@@ -182,7 +182,7 @@ def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any,
     if name is None:
         raise ValueError(f"{_below(place, key)} is missing; it must be {said}.")
     if not isinstance(name, str) or name not in makers:
-        raise ValueError(f"{_below(place, key)} must be {said}; got {_shown(name)}.{_near(name, makers)}")
+        raise ValueError(f"{_below(place, key)} must be {said}; got {_shown(name)}.{nearest_name(name, makers)}")
     return made(makers[name], entries, place)
 
 
@@ -208,11 +208,6 @@ def _either(kinds: Sequence[Kind]) -> Kind:
 def _below(place: str, key: str) -> str:
     name = key if key.isprintable() and len(key) <= SHOWN else _shown(key)
     return f"{place}.{name}" if place else name
-
-
-def _near(given: Any, known: Iterable[str]) -> str:
-    near = get_close_matches(given, list(known), 1) if isinstance(given, str) else []
-    return f" Did you mean {near[0]!r}?" if near else ""
 
 
 def _shown(given: Any) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from skfem import Mesh
 
+from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
@@ -31,8 +32,19 @@ from kohonen_adapt.som.schedule import Schedule
 __all__ = ["adapt"]
 
 TOPOLOGY = "recycle"  # the measured best
+SYNONYMS = {
+    "iterations": "passes",
+    "steps": "passes",
+    "tol": "rtol",
+    "tolerance": "rtol",
+    "nodes": "target_nodes",
+    "fixed": "pinned",
+    "pairs": "periodic",
+    "folder": "checkpoint",
+}
 
 
+@with_nearest_names(SYNONYMS)
 def adapt(
     mesh: Mesh,
     problem: Problem,

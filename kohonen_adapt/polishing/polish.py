@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from skfem import Mesh
 
-from kohonen_adapt.checks import check_count
+from kohonen_adapt.checks import check_count, with_nearest_names
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of, check_kind
 from kohonen_adapt.mesh.motions import Pair
@@ -22,7 +22,16 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish_in_space import SETTLED, descend_in_space, loops_in_space
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.sweeps import SWEEPS, loops_of, sweep
-from kohonen_adapt.problem.protocol import NotOffered, Problem, is_curved, nodes_held, offered, offers, ritz_of
+from kohonen_adapt.problem.protocol import (
+    NotOffered,
+    Problem,
+    check_names,
+    is_curved,
+    nodes_held,
+    offered,
+    offers,
+    ritz_of,
+)
 
 __all__ = ["PLAN", "descend", "descend_and_recycle", "polish"]
 
@@ -39,6 +48,7 @@ PAYS = 0.01
 KNOWN = 2  # sweeps after which elements are asked again for a flux that varies
 
 
+@with_nearest_names({"iterations": "sweeps", "passes": "sweeps", "steps": "sweeps", "fixed": "pinned"})
 def polish(
     mesh: Mesh,
     problem: Problem,
@@ -144,6 +154,7 @@ def check_polish(problem: Problem, sweeps: object, topology: object, seed: objec
     check_count("sweeps", sweeps)
     if not offers(problem, "solve"):
         raise ValueError(f"polish needs a problem with the method solve(mesh); {type(problem).__name__} has none.")
+    check_names(problem)
     try:
         offered(problem, "ritz")
     except NotOffered as reason:

@@ -8,14 +8,16 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import as_reals
+from kohonen_adapt.checks import as_reals, checked_points
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
-from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.problem.ritz import VECTORS, Ritz
 
 __all__ = [
     "NotOffered",
     "Problem",
+    "check_names",
     "check_problem",
     "curves_of",
     "energy_norm",
@@ -34,6 +36,22 @@ __all__ = [
     "solve_again",
 ]
 
+
+ATTRIBUTES = {
+    "order": "the degree of its elements, 1 to 4",
+    "norm": "'energy' or 'L2'",
+    "calibrated": "True or False",
+    "curved": "True, False or None",
+    "pairs": "a sequence of pairs of names of boundaries",
+    "points": "a mapping of names to places of shape (2, n)",
+}
+METHODS = {
+    "solve_from": "mesh, old_mesh, old_solution",
+    "energy_norm": "mesh, solution",
+    "ritz": "mesh, solution",
+    "curves": "mesh",
+    "improved": "mesh, solution, outputs",
+}
 
 SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
 
@@ -139,32 +157,45 @@ def pairs_of(problem: Problem) -> Sequence[Pair]:
 
 
 def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
-    """Nodes of the mesh that must stay where they are, those at the problem's points."""
-    nodes = nodes_of_points(mesh, getattr(problem, "points", None) or {})
-    return [int(node) for rows in nodes.values() for node in rows]
-
-
-def check_problem(problem: Problem, rtol: float | None) -> None:
-    """Refuse a problem that the loop cannot use, before anything is solved.
+    """Nodes of the mesh that must stay where they are, those at the problem's points.
 
     Raises
     ------
     ValueError
-        If a method is missing (``energy_norm`` too, where there is an `rtol`), or if ``order``, ``norm``,
-        ``calibrated`` or ``curved`` is unknown.
+        If the points are no mapping of names to places, or the mesh has no node at one of them.
+    """
+    points = getattr(problem, "points", None) or {}
+    if not isinstance(points, Mapping):
+        raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
+    places = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
+    return [int(node) for rows in nodes_of_points(mesh, places).values() for node in rows]
+
+
+def check_names(problem: Problem) -> None:
+    """Refuse a problem that has something else under a name of the protocol.
+
+    Raises
+    ------
+    ValueError
+        If an attribute is a method, or a method none, or if ``order``, ``norm``, ``calibrated`` or ``curved`` is
+        unknown.
     """
     kind = type(problem).__name__
-    missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
-    if missing:
-        raise ValueError(
-            f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
-            f"{kind} has no {' and no '.join(missing)}."
-        )
-    if rtol is not None:
-        try:
-            offered(problem, "energy_norm")
-        except NotOffered as reason:
-            raise without_norm(reason) from None
+    for name, wanted in ATTRIBUTES.items():
+        if callable(getattr(problem, name, None)):
+            raise ValueError(
+                f"{name} of the problem must be {wanted}; {kind} has a method of that name. Rename it if it is there "
+                "for something else; otherwise make it a property."
+            )
+    for name, arguments in METHODS.items():
+        value = getattr(problem, name, None)
+        if value is not None and not callable(value):
+            raise ValueError(
+                f"{name} of the problem must be a method {name}({arguments}); {kind} has a {type(value).__name__} of "
+                "that name. Rename it if it is there for something else."
+            )
+    if not isinstance(pairs_of(problem), tuple | list):
+        raise ValueError(f"pairs of the problem must be {ATTRIBUTES['pairs']}; got {pairs_of(problem)!r}.")
     if norm_of(problem) not in ("energy", "L2"):
         raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
     if not isinstance(is_calibrated(problem), bool):
@@ -173,6 +204,29 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
         raise ValueError(f"curved of the problem must be True, False or None; got {is_curved(problem)!r}.")
     if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
         raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
+
+
+def check_problem(problem: Problem, rtol: float | None) -> None:
+    """Refuse a problem that the loop cannot use, before anything is solved.
+
+    Raises
+    ------
+    ValueError
+        If a method is missing (``energy_norm`` too, where there is an `rtol`), or as `check_names` says.
+    """
+    kind = type(problem).__name__
+    missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
+    if missing:
+        raise ValueError(
+            f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
+            f"{kind} has no {' and no '.join(missing)}."
+        )
+    check_names(problem)
+    if rtol is not None:
+        try:
+            offered(problem, "energy_norm")
+        except NotOffered as reason:
+            raise without_norm(reason) from None
 
 
 def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
@@ -248,12 +302,24 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     ValueError
         If it is no `Ritz`.
     """
-    ritz = offered(problem, "ritz")(mesh, solution)
+    try:
+        method = offered(problem, "ritz")
+    except NotOffered as reason:
+        if has_several_per_node(mesh, solution):
+            raise NotOffered(f"{reason}, and {VECTORS}") from None
+        raise
+    ritz = method(mesh, solution)
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
     if ritz.order != order_of(problem):
         raise NotOffered(f"its Ritz is of order {ritz.order}, its elements of order {order_of(problem)}")
     return ritz
+
+
+def has_several_per_node(mesh: Mesh, solution: Any) -> bool:
+    """Return True if a solution is an array of more unknowns than one per node, and of no scalar elements."""
+    size = np.size(solution) if isinstance(solution, np.ndarray) else 0
+    return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
 
 
 def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
@@ -262,6 +328,8 @@ def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> 
     if not callable(tell) or not (given is None or isinstance(given, Mapping)):
         return given
     told = tell(mesh)
+    if not isinstance(told, Mapping | None):
+        raise ValueError(f"curves of the problem must return a mapping of boundaries to curves, or None; got {told!r}.")
     return {**told, **(given or {})} if told else given
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import is_number
+from kohonen_adapt.checks import is_number, with_nearest_names
 from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boundary
@@ -25,9 +25,30 @@ from kohonen_adapt.problem.tables import (
     numbers,
 )
 
-__all__ = ["Flux", "Ritz", "check_fits", "parts_of", "unknown_in_space"]
+__all__ = ["VECTORS", "Flux", "Ritz", "check_fits", "parts_of", "unknown_in_space"]
 
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
+
+VECTORS = "vector problems, with several unknowns per node, are moved by the map alone"
+SYNONYMS = {
+    "solution": "values",
+    "u": "values",
+    "potential": "values",
+    "dirichlet": "fixed",
+    "conductivity": "coefficient",
+    "diffusion": "coefficient",
+    "permeability": "coefficient",
+    "reluctivity": "coefficient",
+    "load": "source",
+    "rhs": "source",
+    "f": "source",
+    "remanence": "flux",
+    "subdomains": "region",
+    "neumann": "robin",
+    "degree": "order",
+    "periodic": "signs",
+    "goal": "dual",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +187,9 @@ class Ritz:
         _check_dual(self)
 
 
+Ritz.__init__ = with_nearest_names(SYNONYMS)(Ritz.__init__)  # type: ignore[method-assign]
+
+
 def _check_dual(ritz: Ritz) -> None:
     """Refuse a dual that is none, and a share that says nothing."""
     if not is_number(ritz.share) or not 0.0 < ritz.share < np.inf:
@@ -217,7 +241,11 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
     unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
     if np.shape(ritz.values) != (unknowns,):
         wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
-        raise ValueError(f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}.")
+        several = np.size(ritz.values) in (2 * unknowns, 3 * unknowns)
+        raise ValueError(
+            f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}."
+            + f" A Ritz is of one unknown per node: {VECTORS}." * several
+        )
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
     if not callable(ritz.flux):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
@@ -37,6 +38,7 @@ __all__ = ["loops_in_plane", "move", "relocate", "report_curves"]
 MISMATCH = 0.6
 
 
+@with_nearest_names({"size": "density", "sizes": "density", "indicators": "density", "fixed": "pinned"})
 def relocate(
     mesh: Mesh,
     density: ArrayLike | Callable[[Floats], ArrayLike],
