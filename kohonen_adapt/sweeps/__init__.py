@@ -1,1 +1,1 @@
-"""Compute a function of many cases, on this machine or a cluster, none of them twice."""
+"""Sweeps of a function over many cases, on this machine or a cluster."""

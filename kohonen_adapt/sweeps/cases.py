@@ -1,4 +1,4 @@
-"""List the cases of a sweep, given one by one or as the values that make a grid."""
+"""Cases of a sweep, listed one by one or as a grid of values."""
 
 from collections.abc import Iterable, Mapping
 from itertools import product
@@ -11,18 +11,19 @@ __all__ = ["SECONDS", "Case", "Value", "list_cases"]
 Value = bool | int | float | str
 Case = dict[str, Value]
 
-SECONDS = "seconds"  # column of the table that no parameter and no output may have for its name
+SECONDS = "seconds"  # reserved column of the table, not allowed as a parameter or an output
 
 
 def list_cases(given: Any) -> list[Case]:
-    """The cases in order, each with the same parameters; of a grid the last parameter changes fastest.
+    """Return the cases in order, all with the same parameters.
 
-    Numbers of numpy become those of Python, which files can hold.
+    In a grid the last parameter changes fastest. NumPy scalars are converted to Python numbers, which JSON files can
+    store.
 
     Raises
     ------
     ValueError
-        If there is no case, or one is not what `sweep` documents.
+        If there is no case, or if a case is not as documented in `sweep`.
     """
     if not isinstance(given, Mapping | Iterable) or isinstance(given, str | bytes):
         raise ValueError(

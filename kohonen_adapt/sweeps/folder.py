@@ -1,4 +1,4 @@
-"""Keep finished cases of a sweep as files, so that none is computed again."""
+"""Files of the finished cases of a sweep, which a repeated sweep reads."""
 
 import json
 import pickle
@@ -16,39 +16,39 @@ from kohonen_adapt.sweeps.outcome import Outcome
 
 __all__ = ["SweepFolder"]
 
-FORMAT = 1  # of the files; another number is another format
+FORMAT = 1  # version of the files, to increase with each change of their format
 
-ABOUT = "sweep.json"  # what the cases are of
+ABOUT = "sweep.json"  # description of the sweep
 
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """A folder with a file for every finished case of one sweep.
+    """Folder with one file for every finished case of a sweep.
 
     Attributes
     ----------
     folder
-        Where the files are.
+        Path of the folder.
     """
 
     folder: Path
 
     @classmethod
     def at(cls, folder: str | PathLike[str], function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
-        """Create the folder if need be, and see that what is in it belongs to this sweep.
+        """Create the folder if missing, and require that its files belong to this sweep.
 
         Raises
         ------
         ValueError
-            If `folder` is no path, or holds another sweep.
+            If `folder` is not a path, or if the folder contains another sweep.
         OSError
-            If it cannot be created, read or written to.
+            If the folder cannot be created, read or written.
         """
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"folder must be the path of a folder, or None; got {folder!r}.")
         path, about = Path(folder), _about(function, cases)
         path.mkdir(parents=True, exist_ok=True)
-        remove_drafts(path)  # of a process that was killed
+        remove_drafts(path)  # left by a process that was killed
         if (path / ABOUT).exists():
             _check(path, before=_read(path / ABOUT), now=about)
         else:
@@ -56,24 +56,24 @@ class SweepFolder:
         return cls(path)
 
     def finished(self, count: int) -> dict[int, Outcome]:
-        """What came of those of the first cases that are there, by their numbers.
+        """Return the stored outcomes of the first `count` cases, by case index.
 
         Raises
         ------
         ValueError
             If a file is damaged.
         OSError
-            If one cannot be read.
+            If a file cannot be read.
         """
         return {number: _outcome(file) for number in range(count) if (file := self._file(number)).exists()}
 
     def keep(self, number: int, outcome: Outcome) -> None:
-        """Write what came of a case, whole or not at all.
+        """Write the outcome of a case, as a whole file or none.
 
         Raises
         ------
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         """
         _write(self._file(number), {"outputs": outcome.outputs, SECONDS: outcome.seconds})
 
@@ -82,7 +82,10 @@ class SweepFolder:
 
 
 def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
-    """What a sweep is of, by the words of the error that another one gets."""
+    """Return a description of a sweep, to compare with the stored one.
+
+    Messages about another sweep list the keys that differ.
+    """
     name, content = _identity(function)
     return {
         "format": FORMAT,
@@ -94,9 +97,11 @@ def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
 
 
 def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
-    """The name of a function and its code, or of any other callable the class and the data.
+    """Return the name and the content of a function.
 
-    What a function calls is not looked at.
+    The content is the code of a plain function, and the pickled data of any other callable, whose name is its class.
+
+    Functions called by this function are not compared.
     """
     kind = function if isinstance(function, FunctionType) else type(function)
     name = f"{kind.__module__}.{kind.__qualname__}"
@@ -104,12 +109,12 @@ def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
         return name, _code(function.__code__).encode()
     try:
         return name, pickle.dumps(function)
-    except Exception:  # an executor that needs no pickles may take it all the same
+    except Exception:  # threads run a callable that cannot be pickled, too
         return name, b""
 
 
 def _code(code: CodeType) -> str:
-    """What a function does, and neither where it stands nor its comments."""
+    """Return bytecode, names and constants as text, without line numbers."""
     constants = [
         _code(each) if isinstance(each, CodeType) else sorted(map(repr, each)) if isinstance(each, frozenset) else each
         for each in code.co_consts

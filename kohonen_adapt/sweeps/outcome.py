@@ -1,4 +1,4 @@
-"""Compute one case, and tell what came of it whatever that was; this is what other processes and machines run."""
+"""Computation of one case, with its outputs or its error, in any process."""
 
 import pickle
 import time
@@ -11,21 +11,21 @@ from kohonen_adapt.sweeps.cases import SECONDS, Case
 
 __all__ = ["VALUE", "Outcome", "compute"]
 
-VALUE = "value"  # name of the output of a function that returns a number and no names
+VALUE = "value"  # name of the output of a function that returns a single number
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """Outputs, duration and error of a case.
 
     Attributes
     ----------
     outputs
-        Values by name; empty where there is an error.
+        Values by name; empty after an error.
     seconds
-        How long it took.
+        Duration in seconds.
     error
-        What the function raised, or None.
+        The exception raised by the function, or None.
     """
 
     outputs: dict[str, float]
@@ -34,7 +34,7 @@ class Outcome:
 
 
 def compute(function: Callable[..., Any], case: Case) -> Outcome:
-    """Call the function with the case; an exception becomes the case's error, and ends nothing else."""
+    """Call the function with a case and return its outputs or its exception."""
     start = time.perf_counter()
     try:
         outputs = _outputs(function(**case), case)
@@ -54,11 +54,14 @@ def _outputs(returned: Any, case: Case) -> dict[str, float]:
 
 
 def _portable(error: BaseException) -> Exception:
-    """The exception with its traceback for a note, or one that says the same where it cannot be sent on."""
+    """Return an exception that can be pickled, with the traceback as a note.
+
+    A RuntimeError with the same message replaces an exception that cannot be pickled.
+    """
     error.add_note(format_exc())
     try:
         sent = pickle.loads(pickle.dumps(error))
-    except Exception:  # its class may refuse in any way
+    except Exception:  # pickling can raise anything
         sent = None
     if isinstance(sent, Exception) and type(sent) is type(error):
         return sent

@@ -1,4 +1,4 @@
-"""Run tasks in processes of this machine, each with its share of the threads; none of them outlives this one."""
+"""Process pool with shared threads, which ends with this process."""
 
 import os
 import pickle
@@ -23,53 +23,55 @@ Result = TypeVar("Result")
 SPAWN = get_context("spawn")
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables of the environment that say how many threads libraries begin; they read them when they are imported."""
+# Libraries read these variables of the environment on import.
 
 REMEDY = (
     "Define it at the top level of a module or a script: no lambda, and not within a function or at a prompt. Or give "
     "an executor that sends nothing to other processes, such as ThreadPoolExecutor(1)."
 )
 
-_starting = threading.Lock()  # what processes start with is the environment of this one
+# A new process inherits the environment, which is changed for each start.
+_starting = threading.Lock()
 
 
 class CannotBeginError(ValueError):
-    """No process can take up the function, so that no case will ever be computed."""
+    """Failure to run the function of a sweep in any other process."""
 
 
 def check_pickled(function: Callable[..., Any]) -> None:
-    """Refuse what cannot be pickled and sent to another process.
+    """Raise an exception unless a function can be pickled for another process.
 
     Raises
     ------
     CannotBeginError
-        With the remedy.
+        If the function cannot be pickled.
     """
     try:
         pickle.dumps(function)
-    except Exception as error:  # an object may refuse in any way
+    except Exception as error:  # pickling can raise anything
         raise cannot_be_pickled(error) from error
 
 
 def cannot_be_pickled(error: Exception) -> CannotBeginError:
-    """What to raise of a function whose pickling ended with that error."""
+    """Return the exception for a function whose pickling raised `error`."""
     return CannotBeginError(f"function must be one that can be pickled: {error}. {REMEDY}")
 
 
 class LocalPool(Executor):
-    """Processes started by spawn, each for one task at a time; all is compiled before the first of them starts.
+    """Executor with spawned processes, each for one task at a time.
 
-    A process that dies ends its own task only, with a RuntimeError, and another takes its place. Tasks must not raise.
+    All kernels are compiled before the first process starts. If a process dies, its task ends with a RuntimeError and a
+    new process replaces the dead one. Tasks must not raise.
 
     Parameters
     ----------
     processes
-        How many; by default as many as this process has threads for compiled loops, which they share evenly.
+        Number of processes; by default the number of threads for compiled loops, which the processes share evenly.
 
     Raises
     ------
     ValueError
-        If `processes` is no integer of at least 1.
+        If `processes` is not an integer of at least 1.
     """
 
     def __init__(self, processes: int | None = None) -> None:
@@ -86,13 +88,13 @@ class LocalPool(Executor):
             thread.start()
 
     def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> "Future[Result]":
-        """Have a process call the function with these arguments, as soon as one is free."""
+        """Queue a call for the next free process."""
         future: Future[Result] = Future()
         self._tasks.put((future, partial(fn, *args, **kwargs)))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes at once, whatever they are at."""
+        """Stop all processes at once, also in the middle of a task."""
         with self._lock:
             self._ended = True
             for worker in self._workers:
@@ -105,7 +107,7 @@ class LocalPool(Executor):
             worker.process.join()
 
     def _serve(self, number: int) -> None:
-        """Hand tasks to the process of that number, or to the one that takes its place."""
+        """Run queued tasks in process `number`, or in its replacement."""
         while (task := self._tasks.get()) is not None:
             future, call = task
             if self._ended or not future.set_running_or_notify_cancel():
@@ -123,18 +125,18 @@ class LocalPool(Executor):
 
 
 class _Worker:
-    """One process, and the line to it."""
+    """A process, and its pipe."""
 
     def __init__(self, threads: int) -> None:
         self._line, there = SPAWN.Pipe()
         self.process = SPAWN.Process(target=_work, args=(there,), daemon=True)
         with _sharing(threads):
             self.process.start()
-        there.close()  # so that the line ends with the process
+        there.close()  # the pipe then closes when the process ends
         self._begun = False
 
     def answer(self, call: Callable[[], Any]) -> Any:
-        """Have the process make a call, and return what that returns."""
+        """Return the result of a call made in the process."""
         task = pickle.dumps(call)
         try:
             self._begun = self._begun or self._line.recv()
@@ -159,7 +161,10 @@ class _Worker:
 
 @contextmanager
 def _sharing(threads: int) -> Iterator[None]:
-    """Let processes that start inside have so many threads; what the user has set for other libraries stays."""
+    """Set the number of threads for processes started inside this context.
+
+    Other variables of the environment set by the user are kept.
+    """
     with _starting:
         before = {name: os.environ.get(name) for name in THREADS}
         ours = [name for name in THREADS if before[name] is None or name == THREADS[0]]
@@ -173,8 +178,8 @@ def _sharing(threads: int) -> Iterator[None]:
 
 
 def _work(line: connection.Connection) -> None:
-    """Make the calls that come along the line until that ends; what a process of the pool does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the first process to hear
+    """Run calls received through the pipe until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
     line.send(True)
     while True:
@@ -184,14 +189,14 @@ def _work(line: connection.Connection) -> None:
             return
         try:
             call = pickle.loads(task)
-        except Exception as error:  # as its module fails to be imported
+        except Exception as error:  # for instance if its module cannot be imported
             line.send((None, f"{type(error).__name__}: {error}"))
         else:
             line.send((call(), None))
 
 
 def _end_with_parent() -> None:
-    """End this process when the first one has ended, however that came, and whatever is under way."""
+    """End this process as soon as its parent has ended, also during a call."""
     if parent := parent_process():
         connection.wait([parent.sentinel])
         os._exit(1)

@@ -1,4 +1,4 @@
-"""Give back what a sweep found: a table of parameters and outputs, and the errors."""
+"""Result of a sweep, a table of parameters and outputs with the errors of cases."""
 
 import csv
 from dataclasses import dataclass, field
@@ -19,19 +19,21 @@ __all__ = ["SweepResult", "shown", "tabulated"]
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """What came of a sweep; ``print(result)`` shows it as a table.
+    """Result of a sweep.
+
+    ``print(result)`` shows the table and the errors.
 
     Attributes
     ----------
     parameters
-        Names of what the cases differ by.
+        Names of the parameters.
     outputs
-        Names of what the function returned; ``("value",)`` if that had no names.
+        Names of the outputs; ``("value",)`` if the function returns a single number.
     table
-        (ncases,), a structured array: parameters, outputs and ``"seconds"``, in the order of the cases, so that
-        ``table["torque"]`` is an array of floats. A case without an output has nan there.
+        Structured array (ncases,) with parameters, outputs and ``"seconds"``, in the order of the cases. For instance
+        ``table["torque"]`` is an array of floats. Outputs of a case that has none are nan.
     errors
-        For every case the exception that it ended with, or None.
+        For every case the exception raised, or None.
     """
 
     parameters: tuple[str, ...]
@@ -40,7 +42,9 @@ class SweepResult:
     errors: tuple[Exception | None, ...] = field(repr=False)
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the table, with a last column for errors, whole or not at all; numbers have all their digits.
+        """Write the table and the errors to a CSV file.
+
+        Numbers are written in full precision. An interrupted call leaves no partial file.
 
         Parameters
         ----------
@@ -50,7 +54,7 @@ class SweepResult:
         Raises
         ------
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         """
         with whole_file(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
@@ -71,7 +75,7 @@ class SweepResult:
 
 
 def shown(value: Value) -> str:
-    """A value for people: six digits, a dash for what is not there."""
+    """Return a value as text, with six digits or a dash for nan."""
     if isinstance(value, float):
         return DASH if np.isnan(value) else f"{value:.6g}"
     return str(value)
@@ -82,7 +86,6 @@ def _said(error: Exception) -> str:
 
 
 def tabulated(cases: list[Case], outcomes: list[Outcome]) -> SweepResult:
-    """The result of cases and what came of each."""
     parameters = tuple(cases[0])
     outputs = tuple(dict.fromkeys(name for outcome in outcomes for name in outcome.outputs))
     columns = {name: _values([case[name] for case in cases]) for name in parameters}
@@ -95,6 +98,6 @@ def tabulated(cases: list[Case], outcomes: list[Outcome]) -> SweepResult:
 
 
 def _values(given: list[Value]) -> NDArray[Any]:
-    """An array of numbers, of texts or of truth values; of objects where they are mixed."""
+    """Return an array of numbers, texts or truth values, of type object if mixed."""
     kinds = {type(value) for value in given}
     return np.array(given, dtype=None if len(kinds) == 1 or kinds == {int, float} else object)

@@ -1,4 +1,4 @@
-"""Compute a function of many cases in other processes or on other machines, keeping what is finished."""
+"""Parallel computation of a function over many cases, with stored results."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -31,19 +31,20 @@ def sweep(
     Parameters
     ----------
     function
-        Called as ``function(**case)``; it returns a number, or a mapping of names to numbers. What it raises is the
-        error of its case and ends nothing else.
+        Called as ``function(**case)``; returns a number, or a mapping of names to numbers. An exception is stored as
+        the error of the case and does not stop the sweep.
     cases
-        A mapping for every case, all with the same keys; or a mapping of names to sequences of values for the grid of
-        them, whose last parameter changes fastest. Values are numbers, texts or truth values.
+        A sequence of mappings with the same keys, one for every case, or a mapping of names to sequences of values. The
+        latter means all combinations, and the last parameter changes fastest. Values are numbers, texts or truth
+        values.
     executor
-        Who computes. None: processes of this machine, started by spawn when everything is compiled, each with its share
-        of the threads; the function must stand at the top level of a module or script. Else any
-        ``concurrent.futures.Executor``, which stays open: of a Dask client that is ``client.get_executor()``.
+        Any ``concurrent.futures.Executor``, which stays open; for a Dask client ``client.get_executor()``. None means
+        spawned processes on this machine, which share its threads. All kernels are compiled before they start. The
+        function must then be defined at the top level of a module or a script.
     folder
-        Where every case that finishes is kept in a file. What is there is not computed again; cases with errors are.
+        Folder with a file for every finished case. Cases found there are not computed again; cases with errors are.
     progress
-        Called as ``progress(done, count)`` at the beginning and after every case.
+        Called as ``progress(done, count)`` at the start and after every case.
 
     Returns
     -------
@@ -53,23 +54,24 @@ def sweep(
     Raises
     ------
     ValueError
-        If an argument is not as above, the function cannot be sent to other processes or is not found there, or the
-        folder holds files of another function, of other cases, or damaged ones. Of functions the code is compared, of
-        other callables the data; what they call is not looked at.
+        If an argument is not as above, if the function cannot be pickled or imported by other processes, or if the
+        folder contains damaged files or those of another function or of other cases. Functions are compared by their
+        code, other callables by their data; functions called by them are not compared.
     OSError
-        If the folder cannot be read or written to.
+        If the folder cannot be read or written.
     KeyboardInterrupt
-        At Ctrl-C: processes of this machine are ended at once, and what is finished is in the folder.
+        At Ctrl-C. Processes on this machine end at once, and finished cases are in the folder.
 
     Notes
     -----
-    Processes of this machine import the script that began them: it begins a sweep below ``if __name__ == "__main__":``.
-    They share the threads that ``NUMBA_NUM_THREADS`` allows, and end with this process, however that ends. One that
-    dies, as for want of memory, is the error of its case, and another takes its place. Where this process was killed,
-    the same call with the same folder computes what is missing, and gives the table that it would have given.
+    Processes on this machine import the script that started them. A script must therefore call `sweep` below
+    ``if __name__ == "__main__":``. The processes share the threads that ``NUMBA_NUM_THREADS`` allows, and end with the
+    main process, also if the main process is killed. If a process dies, for instance for lack of memory, its case has
+    an error and a new process replaces the dead one. After the main process was killed, the same call with the same
+    folder computes the missing cases and returns the complete table.
 
-    On a cluster every machine needs this package and the module of the function, and compiles for itself, once. Without
-    a shared disk the function must bring its meshes along. Cases that Dask loses with a worker it gives to another one.
+    On a cluster every machine needs this package and the module of the function, and compiles once for itself. Without
+    a shared disk the function must bring its meshes along. Dask moves cases of a lost worker to another worker.
 
     Examples
     --------
@@ -125,14 +127,17 @@ def _check(function: Any, executor: Any, progress: Any) -> None:
 
 
 def _open(executor: Executor | None, count: int) -> AbstractContextManager[Executor]:
-    """The executor, which its owner will close, or a pool of this sweep."""
+    """Return a context with the executor, left open on exit, or with a new pool."""
     return LocalPool(min(count, number_of_threads())) if executor is None else nullcontext(executor)
 
 
 def _compute(
     executor: Executor, function: Callable[..., Any], cases: Mapping[int, Case], ended: Callable[[int, Outcome], Any]
 ) -> None:
-    """Compute cases, and tell of each that has ended with its number; what is still waiting ends with this."""
+    """Compute cases and call `ended` with the index and the outcome of each.
+
+    Cases that have not started are cancelled if an exception ends this call.
+    """
     futures: dict[Future[Outcome], int] = {}
     try:
         for number, case in cases.items():
@@ -152,10 +157,10 @@ def _submitted(executor: Executor, function: Callable[..., Any], case: Case) -> 
 
 
 def _outcome(future: "Future[Outcome]") -> Outcome:
-    """What came of a case, also where the executor lost it."""
+    """Return the outcome of a case, with an error if the executor lost the case."""
     try:
         return future.result()
     except CannotBeginError:
         raise
-    except Exception as error:  # such as BrokenProcessPool and Dask's KilledWorker
+    except Exception as error:  # for instance BrokenProcessPool, or KilledWorker of Dask
         return Outcome({}, float("nan"), error)
