@@ -1,1 +1,1 @@
-"""A scikit-fem mesh as arrays that kernels change, and back with every name."""
+"""Meshes of scikit-fem as arrays for kernels, and back with every name."""

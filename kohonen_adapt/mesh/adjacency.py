@@ -1,7 +1,7 @@
-"""Turn elements the right way round, and find the neighbours of each.
+"""Orientation and neighbours of elements.
 
-scikit-fem sorts the nodes of elements by number and has no neighbours, and its facets tell neither which side of them
-an element is on, nor that more than two elements share one: what is tangled shows here.
+scikit-fem sorts the nodes of elements by index and stores no neighbours. Its facets show neither on which side an
+element lies, nor that more than two elements share a facet. Tangled meshes are therefore detected here.
 """
 
 import numpy as np
@@ -17,9 +17,9 @@ __all__ = ["neighbours_of", "parts_of_regions", "positive", "write_on_both_sides
 
 
 def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
-    """Elements as rows of nodes (m, d + 1) of positive area or volume; scikit-fem sorts them by number instead.
+    """Return elements as rows of nodes, with positive area or volume.
 
-    `position` is (n, d), `t` (d + 1, m).
+    `position` has shape (n, d), `t` (d + 1, m), the result (m, d + 1). scikit-fem sorts the nodes by index instead.
     """
     node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
     negative = CELLS[position.shape[1]].determinant(position.T[:, node.T]) < 0.0
@@ -28,12 +28,14 @@ def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
 
 
 def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The element across the facet opposite to every corner, (m, d + 1), -1 outside, of elements from `positive`.
+    """Return the element across the facet opposite to every corner, -1 outside.
+
+    `node` has shape (m, d + 1) and positive elements, as returned by `positive`; the result has the same shape.
 
     Raises
     ------
     ValueError
-        If two elements lie on the same side of a facet, overturned or one on the other.
+        If two elements lie on the same side of a facet, because one is inverted or both overlap.
     """
     (m, corners), cell = node.shape, CELLS[node.shape[1] - 1]
     facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
@@ -42,7 +44,7 @@ def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
     order = np.argsort(key, kind="stable")
     same = key[order[1:]] == key[order[:-1]]
     one, other = order[:-1][same], order[1:][same]
-    # two elements see the nodes of their facet in opposite senses, and no third one does
+    # Two elements have the nodes of a facet in opposite orientation, and no third element has the same nodes.
     bad = (even[one] == even[other]) | np.append(same[1:] & same[:-1], False)[same]
     if bad.any():
         fold = min(one[bad].min(), other[bad].min()) // corners
@@ -56,7 +58,10 @@ def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _is_even(rows: NDArray[np.int32]) -> Mask:
-    """Whether the entries of every column (k, ...) come into ascending order by an even number of exchanges."""
+    """Return True for columns that an even permutation sorts.
+
+    `rows` has shape (k, ...), the result the shape of one row.
+    """
     odd = np.zeros(rows.shape[1:], dtype=np.bool_)
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
@@ -64,14 +69,20 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
 
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
-    """The connected part of the mesh that every region of elements (m,) is of, (nregions,); neighbours (m, d + 1)."""
+    """Return the index of the connected part of the mesh of each region.
+
+    `neighbour` has shape (m, d + 1), `region` (m,), the result (nregions,).
+    """
     e, k = np.nonzero((neighbour >= 0) & (region[neighbour] != region[:, None]))
     beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
     return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
 
 
 def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:
-    """Write values of facets, opposite to these corners of elements, into the rows (m, d) of both elements of each."""
+    """Write values of facets into the rows of both adjacent elements.
+
+    A facet is opposite to `corner` of `element`. `of_facet` and `neighbour` have shape (m, d + 1).
+    """
     of_facet[element, corner] = value
     across = neighbour[element, corner]
     inside = across >= 0

@@ -1,4 +1,4 @@
-"""List the two kinds of elements of meshes, with all in which they differ above the compiled loops; refuse others."""
+"""Tables of the two kinds of elements, triangles and tetrahedra."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,37 +12,38 @@ from kohonen_adapt.arrays import Floats, Ints
 
 __all__ = ["CELLS", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals"]
 
-SOLID = ("Tet", "Hex", "Wedge")  # in the names of classes of three dimensions
+SOLID = ("Tet", "Hex", "Wedge")  # parts of the names of classes for three dimensions
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One kind of element: a simplex of `dim` dimensions with as many corners and one more.
+    """Kind of element, a simplex of `dim` dimensions with ``dim + 1`` corners.
 
     Attributes
     ----------
     name, facet, size
-        What messages call it, its facets, and |K|, with an article.
+        Words for the element, its facets and ``|K|`` in messages, the latter two with an article.
     mesh
-        The class of scikit-fem's plain meshes of it.
+        Class of scikit-fem's meshes of straight elements of this kind.
     edges
-        Its corners in pairs.
+        Pairs of corners.
     facets, opposite
-        The corners of its facets in scikit-fem's order, and the corner opposite to each.
+        Corners of the facets in the order of scikit-fem, and the corner opposite to each.
     outward
-        The corners of the facet opposite to each corner, so that of a positive element they run about the normal that
-        points outward: with it on the left in the plane, counter-clockwise seen from outside in space.
+        Corners of the facet opposite to each corner. For a positive element they run counter-clockwise around the
+        element in the plane, and counter-clockwise as seen from outside in space.
     regular
-        ``regular |K|^(2 / dim) / (sum of squared edges)`` is the quality of an element: 1 if it is regular.
+        Constant of the quality ``regular |K|^(2 / dim) / (sum of squared edges)``, which is 1 for a regular element.
     share
-        The part of |K| that belongs to a node of a lattice whose edges have the length one: as of equilateral triangles
-        in the plane, of densely packed spheres in space.
+        Area or volume per node of a lattice with edges of length one, equilateral triangles in the plane and densely
+        packed spheres in space.
     floor
-        The least quality that moving nodes leaves an element by default.
+        Default of `min_quality`, the quality that moves of nodes preserve.
     determinant
-        ``dim! |K|`` with its sign, (m,), of corners (dim, dim + 1, m).
+        Function of corners (dim, dim + 1, m) that returns the signed ``dim! |K|``, (m,).
     hat_gradients
-        Gradients of the barycentric coordinates, (dim, dim + 1, m), of the same corners.
+        Function of corners (dim, dim + 1, m) that returns the gradients of the barycentric coordinates, (dim, dim + 1,
+        m).
     """
 
     name: str
@@ -62,24 +63,30 @@ class Cell:
 
 
 def doubled_area(corners: Floats) -> Floats:
-    """Twice the area of triangles, positive where their corners run counter-clockwise."""
+    """Return twice the signed area of triangles, positive if counter-clockwise."""
     x, y = corners
     return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
 
 
 def sixfold_volume(corners: Floats) -> Floats:
-    """Six times the volume of tetrahedra a, b, c, d, positive where b, c, d run clockwise seen from a."""
+    """Return six times the signed volume of tetrahedra a, b, c, d.
+
+    The volume is positive if b, c, d run clockwise as seen from a.
+    """
     u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     return np.sum(u * crossed(v, w), axis=0)
 
 
 def crossed(u: Floats, v: Floats) -> Floats:
-    """Cross products of vectors (3, m)."""
+    """Return the cross products of vectors (3, m)."""
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
 
 def hats_of_triangles(corners: Floats) -> Floats:
-    """``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)`` with i, j, k in their order and the area signed."""
+    """Return the gradients of barycentric coordinates, (2, 3, m).
+
+    For i, j, k in cyclic order and the signed area, ``grad phi_i = (y_j - y_k, x_k - x_j) / (2 |K|)``.
+    """
     x, y = corners
     along_x = x[[2, 0, 1]] - x[[1, 2, 0]]
     along_y = y[[1, 2, 0]] - y[[2, 0, 1]]
@@ -88,14 +95,20 @@ def hats_of_triangles(corners: Floats) -> Floats:
 
 
 def hats_of_tetrahedra(corners: Floats) -> Floats:
-    """``grad phi_1 = v x w / (6 |K|)`` with u, v, w from corner 0 to the others, and so on; their sum is zero."""
+    """Return the gradients of barycentric coordinates, (3, 4, m).
+
+    With the edges u, v, w from corner 0, ``grad phi_1 = v x w / (6 |K|)`` and cyclically; the sum of all four is zero.
+    """
     u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     others = np.stack([crossed(v, w), crossed(w, u), crossed(u, v)], axis=1) / sixfold_volume(corners)
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
 
 def normals(position: Floats, nodes: Ints) -> Floats:
-    """Vectors (f, 3) across triangles of nodes (f, 3), twice as long as their areas, towards who sees them run left."""
+    """Return normals (f, 3) of triangles with nodes (f, 3).
+
+    Their length is twice the area. Seen from the tip of the normal, the nodes run counter-clockwise.
+    """
     a, b, c = (position[nodes[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
@@ -136,14 +149,15 @@ CELLS = {cell.dim: cell for cell in (TRIANGLE, TETRAHEDRON)}  # by dimension
 
 
 def cell_of(mesh: Mesh) -> Cell:
-    """The kind of the elements of a mesh that `check_kind` lets pass; bent sides make no other kind."""
+    """Return the kind of element of a mesh, also for curved sides."""
     return TRIANGLE if type(mesh) is MeshTri2 else next(cell for cell in CELLS.values() if type(mesh) is cell.mesh)
 
 
 def check_kind(mesh: object, bent: bool = False, space: bool = False) -> None:
-    """Refuse what is not exactly a `skfem.MeshTri`, a `MeshTri2` if `bent`, or a `MeshTet` if in `space`.
+    """Raise ValueError unless the mesh is a `skfem.MeshTri`.
 
-    The message names the remedy.
+    A `MeshTri2` is also accepted if `bent`, a `MeshTet` if `space`; subclasses are not. The message includes the
+    remedy.
     """
     if type(mesh) is TRIANGLE.mesh or (bent and type(mesh) is MeshTri2) or (space and type(mesh) is TETRAHEDRON.mesh):
         return
@@ -153,7 +167,7 @@ def check_kind(mesh: object, bent: bool = False, space: bool = False) -> None:
 
 
 def remedy_for(mesh: object, space: bool) -> str:
-    """What to do with a mesh of another class, where tetrahedra will do in `space`."""
+    """Return the advice for a mesh of another class."""
     name = type(mesh).__name__
     if "Quad" in name:
         return "Split the quadrilaterals: mesh.to_meshtri()."

@@ -1,8 +1,8 @@
-"""Tell the straight triangles of a `MeshTri2` from how far its mid-side nodes are off their chords, and join the two.
+"""Curved sides of a `MeshTri2`, as straight triangles with midside offsets.
 
-A side with the ends a, b and the mid-side node m is the parabola through the three; what bends it is its displacement
-``d = m - (a + b) / 2``. An element is ``x = sum_i lambda_i x_i + 4 sum_k lambda_i lambda_j d_k`` for d_k of the side
-opposite to corner k, between i and j.
+A side with ends a, b and midside node m is the parabola through these points, with the midside offset
+``d = m - (a + b) / 2`` (`displacements`). An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_i
+lambda_j d_k``, where side k lies opposite to corner k, between i and j.
 """
 
 import numpy as np
@@ -29,49 +29,52 @@ __all__ = [
     "with_sides",
 ]
 
-LATTICE = 10  # steps along a side between the points at which a doubtful determinant is looked at
-AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # the corners that the side opposite to each corner joins
-OPPOSITE = [1, 2, 0]  # rows of `t2f` by the corner opposite: scikit-fem's facets of an element are corners 01, 12, 02
+LATTICE = 10  # steps along a side of the lattice for determinants that the Bernstein bound leaves undecided
+AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # ends of the side opposite to each corner
+OPPOSITE = [1, 2, 0]  # rows of `t2f` by opposite corner; scikit-fem orders facets as corners 01, 12, 02
 
 
 def is_second_order(mesh: object) -> bool:
-    """Whether a mesh has mid-side nodes, bent or not."""
     return type(mesh) is MeshTri2
 
 
 def corners_of(mesh: MeshTri) -> MeshTri:
-    """The straight triangles between the corners of a mesh, with every name; a `MeshTri` is returned as it is."""
+    """Return the straight triangles between the corners of a mesh, with every name.
+
+    A `MeshTri` is returned unchanged.
+    """
     return of_kind(MeshTri1, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
 
 
 def corner_places(mesh: MeshTri) -> Floats:
-    """Where the corners of elements are, (nelements, 3, 2), in the order of ``mesh.t``."""
+    """Return the corners of elements, (nelements, 3, 2), in the order of ``mesh.t``."""
     return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
 
 
 def nodes_of_elements(mesh: MeshTri) -> Ints:
-    """The nodes of elements, (nelements, 3), of a `MeshTri2` and then those on sides 01, 12, 20, (nelements, 6).
+    """Return the nodes of elements, (nelements, 3) or (nelements, 6).
 
-    So have Gmsh and VTK them.
+    The midside nodes of a `MeshTri2` follow the corners, for the sides 01, 12, 20, as in Gmsh and VTK.
     """
     return np.vstack([mesh.t, mesh.nvertices + mesh.t2f]).T if is_second_order(mesh) else mesh.t.T
 
 
 def with_middles(mesh: MeshTri, middles: Floats) -> MeshTri2:
-    """The `MeshTri2` with the corners of a mesh, every name, and these mid-side nodes of facets, (2, nfacets)."""
+    """Return a `MeshTri2` with the given midside nodes of facets, (2, nfacets)."""
     return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], middles]), mesh)
 
 
 def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
-    """The `MeshTri2` with the corners of a mesh, every name, and its facets (2, nfacets) bent by so much."""
+    """Return a `MeshTri2` with the given midside offsets of facets, (2, nfacets)."""
     number_facets(mesh)
     return with_middles(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
 
 
 def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
-    """The mesh with its sides bent as elements have them, (nelements, 3, 2) as of `displacements`.
+    """Return the mesh with midside offsets given per element, (nelements, 3, 2).
 
-    Of two elements at a facet the one by its greater number counts. Where no side is bent it is the mesh itself.
+    At a facet of two elements, the element with the larger index counts. If all offsets are zero, the mesh itself is
+    returned.
     """
     if not off.any():
         return mesh
@@ -83,7 +86,7 @@ def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
 
 
 def facet_displacements(mesh: MeshTri) -> Floats:
-    """How far the mid-side node of every facet is off the middle of its chord, (2, nfacets); 0 on a `MeshTri`."""
+    """Return the midside offsets of facets, (2, nfacets), zero on a `MeshTri`."""
     number_facets(mesh)
     if not is_second_order(mesh):
         return np.zeros(mesh.facets.shape)
@@ -91,17 +94,21 @@ def facet_displacements(mesh: MeshTri) -> Floats:
 
 
 def displacements(mesh: MeshTri) -> Floats:
-    """The displacement of the side opposite to every corner of ``mesh.t``, (nelements, 3, 2); 0 of straight sides."""
+    """Return the midside offsets of elements, (nelements, 3, 2).
+
+    Row k belongs to the side opposite to corner k of ``mesh.t``. Offsets of straight sides are zero.
+    """
     return facet_displacements(mesh).T[mesh.t2f[OPPOSITE].T]
 
 
 def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
-    """Bernstein coefficients of the Jacobian determinants of elements, (m, 6); the least is below every value of it.
+    """Return the Bernstein coefficients of the Jacobian determinants, (m, 6).
 
-    `corners` are (m, 3, 2), `bent` the displacements of the sides opposite to them, (m, 3, 2). The determinant is a
-    polynomial of degree 2: the first three coefficients are its values at the corners, the others belong to the sides
-    opposite to these. Straight elements have their doubled signed area in all six. (G. Farin, *Curves and Surfaces for
-    CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
+    `corners` has shape (m, 3, 2), and so has `bent`, the midside offsets of the sides opposite to the corners. The
+    determinant is a polynomial of degree 2. The first three coefficients are its values at the corners, the last three
+    belong to the sides opposite to the corners. The smallest coefficient is a lower bound of the determinant. In a
+    straight element all six are twice the signed area. (G. Farin, *Curves and Surfaces for CAGD*, chapter 17; A.
+    Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
     """
     along, across = (derivative(corners, bent, corner) for corner in (1, 2))
     at = cross(along, across)
@@ -110,7 +117,10 @@ def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
 
 
 def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
-    """Derivatives of x from corner 0 towards another one, at the three corners, (m, 3, 2); linear in between."""
+    """Return the derivative of x by the barycentric coordinate of `corner`.
+
+    The direction is from corner 0 to `corner`. Values are at the three corners, (m, 3, 2), and linear between them.
+    """
     other = 3 - corner
     straight = corners[:, corner] - corners[:, 0]
     side, beside, far = 4.0 * bent[:, other], 4.0 * bent[:, corner], 4.0 * bent[:, 0]
@@ -122,12 +132,12 @@ def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
 
 
 def cross(u: Floats, w: Floats) -> Floats:
-    """Third component of the cross products of vectors (..., 2)."""
+    """Return the third component of the cross products of vectors (..., 2)."""
     return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
 
 
 def check_middles(mesh: MeshTri) -> None:
-    """Refuse a `MeshTri2` without a mid-side node for every side."""
+    """Raise ValueError unless a `MeshTri2` has a finite midside node on every side."""
     number_facets(mesh)
     wanted = mesh.nvertices + mesh.facets.shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
@@ -138,7 +148,7 @@ def check_middles(mesh: MeshTri) -> None:
 
 
 def check_bent(mesh: MeshTri) -> None:
-    """Refuse a `MeshTri2` with an element that its bent sides fold over."""
+    """Raise ValueError if curved sides invert an element of a `MeshTri2`."""
     folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
     if len(folded):
         raise ValueError(
@@ -149,7 +159,11 @@ def check_bent(mesh: MeshTri) -> None:
 
 
 def least_determinants(mesh: MeshTri) -> Floats:
-    """The least Jacobian determinants of the elements of a `MeshTri2`, or bounds below them that are positive."""
+    """Return the smallest Jacobian determinant of each element of a `MeshTri2`.
+
+    A positive value is a lower bound, by Bernstein coefficients. If that bound is not positive, the smallest value on a
+    lattice of points is returned.
+    """
     corners, bent = corner_places(mesh), displacements(mesh)
     coefficients = jacobian_coefficients(corners, bent)
     coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])

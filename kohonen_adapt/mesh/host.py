@@ -1,4 +1,4 @@
-"""Reach into a scikit-fem mesh where it has no public way: its cache of facets, names put on unchecked and its own."""
+"""Access to scikit-fem meshes beyond their public interface."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,17 +16,26 @@ Names = Mapping[str, NDArray[np.integer]] | None
 
 
 def is_own_name(name: str) -> bool:
-    """Whether a name is of the user: what scikit-fem calls ``gmsh:*`` when it loads a Gmsh file is no set of theirs."""
+    """Return True if a name was given by the user.
+
+    scikit-fem adds sets called ``gmsh:*`` when reading a Gmsh file.
+    """
     return not name.startswith("gmsh:")
 
 
 def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> Host:
-    """A mesh of the same kind with other nodes (d, nnodes), elements (d + 1, nelements), neither copied, and names."""
+    """Return a mesh of the same kind with other nodes, elements and names.
+
+    `p` has shape (d, nnodes) and `t` (d + 1, nelements); neither is copied.
+    """
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
 def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshTri:
-    """A mesh of that class with the elements and names of another, and what is known of its facets."""
+    """Return a mesh of class `kind` with the elements and names of another mesh.
+
+    Cached facets of the other mesh are shared.
+    """
     made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
     known = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
     if np.array_equal(made.t, mesh.t):
@@ -35,16 +44,19 @@ def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshT
 
 
 def set_boundaries(mesh: Mesh, boundaries: Names) -> None:
-    """Name the boundaries of a mesh in place: a copy, as `with_boundaries` makes, would number its facets again."""
+    """Set the named boundaries of a mesh in place.
+
+    The copy that `with_boundaries` returns would number its facets again.
+    """
     mesh._boundaries = boundaries
 
 
 def number_facets(mesh: Mesh) -> None:
-    """Give a mesh, whose elements have nodes that exist, its `facets`, `t2f` and `f2t`, unless it has them already.
+    """Set `facets`, `t2f` and `f2t` of a mesh, unless they are cached.
 
-    scikit-fem sorts columns of two or three nodes; sorting one whole number for each gives the same arrays in a
-    fraction of the time. They go where scikit-fem looks for what it has worked out before; were it to look elsewhere
-    one day, it would work them out itself.
+    scikit-fem sorts columns of two or three nodes. Sorting one integer per column gives the same arrays in a fraction
+    of the time. The result is stored in scikit-fem's own cache attributes. If a later version renames these, scikit-fem
+    computes the arrays itself.
     """
     if hasattr(mesh, "_facets"):
         return
@@ -52,14 +64,17 @@ def number_facets(mesh: Mesh) -> None:
     rows = ascending(*mesh.t[corners])
     key, side = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)
     one = np.empty(key.size, dtype=np.int64)
-    one[side.ravel()] = np.arange(side.size)  # any of a facet's sides: its nodes are the same
+    one[side.ravel()] = np.arange(side.size)  # any side of a facet, because all have the same nodes
     mesh._facets = np.take(rows.reshape(len(rows), -1), one, axis=1)
     mesh._t2f = side.reshape(rows.shape[1:])
     mesh._f2t = elements_of(mesh._t2f, key.size)
 
 
 def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
-    """One number for each column of node numbers (k, ...) below `count`: they come in the order of the columns."""
+    """Return one integer per column of node indices (k, ...) below `count`.
+
+    The integers have the lexicographic order of the columns.
+    """
     key = rows[0].astype(np.int64)
     for row in rows[1:]:
         if int(key.max(initial=0)) >= np.iinfo(np.int64).max // count - 1:
@@ -69,19 +84,22 @@ def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
 
 
 def ascending(*rows: NDArray[np.integer]) -> NDArray[np.integer]:
-    """The two or three numbers of every column in order: many times faster than a sort of short columns."""
+    """Return the two or three integers of every column in ascending order.
+
+    This is many times faster than a sort of short columns.
+    """
     low, high = reduce(np.minimum, rows), reduce(np.maximum, rows)
     return np.stack([low, sum(rows) - low - high, high] if len(rows) == 3 else [low, high])
 
 
 def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
-    """The first and the last element, by number, at each of `count` facets, (2, count); -1 for last at a boundary.
+    """Return the first and the last element at each facet, (2, count).
 
-    `facet` is (d + 1, nelements), the facets of the elements.
+    `facet` has shape (d + 1, nelements), the facets of the elements. The last element is -1 on the boundary.
     """
     side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
     elements = np.empty((2, count), dtype=np.int32)
-    elements[0, side[::-1]] = element[::-1]  # of values for one place numpy leaves the last
+    elements[0, side[::-1]] = element[::-1]  # of several values for one index numpy keeps the last
     elements[1, side] = element
     elements[1, elements[0] == elements[1]] = -1
     return elements

@@ -1,4 +1,4 @@
-"""Map barycentric coordinates to points of elements with curved sides, and back; say which element holds a point."""
+"""Maps between points and barycentric coordinates of curved triangles."""
 
 from functools import cached_property
 
@@ -12,33 +12,33 @@ from kohonen_adapt.mesh.host import number_facets, of_kind
 
 __all__ = ["CurvedElements", "Isoparametric", "refined"]
 
-STRAIGHT = 1e-10  # of its chord: a side whose middle is nearer to the chord's is straight
-INSIDE = 1e-9  # how far barycentric coordinates of a point inside may be below 0
-MOST_STEPS = 20  # of Newton's method; four to six are what it takes
-SETTLED = 1e-8  # a step after which the next one is rounding
-NEAR = 4  # sides between whose arc and chord a point is looked for
-WALK = 12  # steps from element to element
+STRAIGHT = 1e-10  # midside offset below which a side is straight, relative to its chord
+INSIDE = 1e-9  # tolerance for negative barycentric coordinates of a point inside
+MOST_STEPS = 20  # maximum iterations of Newton's method, which needs four to six
+SETTLED = 1e-8  # step after which the next step is rounding error
+NEAR = 4  # number of nearest boundary sides tried for a point beyond the chords
+WALK = 12  # maximum steps from element to element
 
 
 class CurvedElements:
-    """Elements, each the image of a triangle under the quadratic map through its corners and the middles of its sides.
+    """Triangles with curved sides, images of a quadratic map.
 
-    ``x = sum lambda_k corner_k + 4 sum lambda_a lambda_b bent_k``, with a and b the corners that side k joins, the one
-    opposite to corner k. Elements are numbers (n,), barycentric coordinates `share` (3, n), points (2, n).
+    For the side k between corners a and b, opposite to corner k, with midside offset ``bent_k``, ``x = sum lambda_k
+    corner_k + 4 sum lambda_a lambda_b bent_k``. Methods take element indices (n,), barycentric coordinates `share`
+    (3, n) and points (2, n).
     """
 
     def __init__(self, p: Floats, t: Ints, bent: Floats, beyond: Ints) -> None:
         self.p, self.t = p, t  # (2, nnodes), (3, nelements)
-        self.bent = bent  # (2, 3, nelements): what the middles of sides are off those of their chords
-        self.beyond = beyond  # (3, nelements): the elements across the sides, -1 for none
+        self.bent = bent  # (2, 3, nelements): midside offsets
+        self.beyond = beyond  # (3, nelements): neighbours across the sides, -1 for none
 
     @cached_property
     def curved(self) -> Mask:
-        """Which elements have a curved side, (nelements,)."""
+        """Mask of the elements with a curved side, (nelements,)."""
         return np.any(self.bent, axis=(0, 1), keepdims=True)[0, 0]
 
     def points(self, element: Ints, share: Floats) -> Floats:
-        """The points at these barycentric coordinates."""
         x = np.einsum("in,cin->cn", share, self.p[:, self.t[:, element]])
         rows = np.flatnonzero(self.curved[element])
         if rows.size:
@@ -47,14 +47,15 @@ class CurvedElements:
         return x
 
     def shares(self, element: Ints, x: Floats) -> Floats:
-        """The barycentric coordinates of points, of curved elements by Newton's method from those of straight ones.
+        """Return the barycentric coordinates of points.
 
-        Where that does not settle, as for points outside, they are those of straight ones.
+        Newton's method starts from the coordinates in the straight triangle. If the iteration does not converge, for
+        instance outside the element, the coordinates in the straight triangle are returned.
         """
         return self._settled(element, x)[0]
 
     def _settled(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
-        """The same, and where Newton's method has settled, (n,)."""
+        """Return the same coordinates and a mask of converged points, (n,)."""
         corner = self.p[:, self.t[:, element]]
         (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         x0, y0 = x - corner[:, 0]
@@ -63,7 +64,7 @@ class CurvedElements:
         rows = np.flatnonzero(self.curved[element])
         now, settled = share[:, rows], ~self.curved[element]
         done = settled[rows]
-        with np.errstate(all="ignore"):  # of points far away it may go anywhere
+        with np.errstate(all="ignore"):  # the iteration may diverge for points far away
             for _ in range(MOST_STEPS):
                 if done.all():
                     break
@@ -75,16 +76,17 @@ class CurvedElements:
         return share, settled
 
     def hats(self, element: Ints, share: Floats) -> Floats:
-        """Gradients of the barycentric coordinates there, (2, 3, n)."""
+        """Return the gradients of the barycentric coordinates, (2, 3, n)."""
         corner, bent = self.p[:, self.t[:, element]], self.bent[:, :, element]
         rate = corner + 4.0 * (bent[:, BEFORE] * share[AFTER] + bent[:, AFTER] * share[BEFORE])
         (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
         return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
 
     def walked(self, element: Ints, x: Floats) -> Ints:
-        """The elements that hold points near these, found by steps across the sides that the points lie beyond.
+        """Return the elements that contain points, by a walk from nearby elements.
 
-        Where there is nothing beyond, it is the last element before that.
+        Each step crosses the side with the smallest barycentric coordinate. At the boundary, the last element is
+        returned.
         """
         element, going = element.copy(), np.arange(element.size)
         for _ in range(WALK):
@@ -101,7 +103,7 @@ class CurvedElements:
 
 
 class Isoparametric(CurvedElements):
-    """The elements of a mesh: of a `MeshTri` straight, of a `MeshTri2` with curved sides."""
+    """Elements of a mesh with straight (`MeshTri`) or curved (`MeshTri2`) sides."""
 
     def __init__(self, mesh: MeshTri) -> None:
         self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
@@ -113,9 +115,10 @@ class Isoparametric(CurvedElements):
         super().__init__(corners.p, corners.t, self.off[:, sides], beyond)
 
     def located(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
-        """The element of every point, -1 outside the mesh, and the barycentric coordinates there, nan outside.
+        """Return the element of every point, and the barycentric coordinates.
 
-        Given are the straight elements between the corners that hold the points, -1 for none.
+        `straight` contains the straight triangles that hold the points, -1 for none. The element is -1 outside the
+        mesh, and the coordinates are nan there.
         """
         element = straight.astype(np.int64)
         if self.curved.any():
@@ -133,7 +136,10 @@ class Isoparametric(CurvedElements):
         return settled & (share.min(axis=0) >= -INSIDE)
 
     def _behind_arcs(self, x: Floats) -> Ints:
-        """The elements that hold points beyond the chords of the outer boundary, -1 for those that none does."""
+        """Return the elements of points between boundary sides and their chords.
+
+        The element is -1 if no element contains the point.
+        """
         element = np.full(x.shape[1], -1)
         side, own = np.nonzero(self.bent.any(axis=0) & (self.beyond < 0))
         if own.size and element.size:
@@ -147,14 +153,17 @@ class Isoparametric(CurvedElements):
 
 
 def refined(mesh: MeshTri) -> MeshTri:
-    """The mesh with every element cut in four, with every name, and of a `MeshTri2` with the curves that it has."""
+    """Return the mesh with every element divided into four, with every name.
+
+    The curves of a `MeshTri2` are kept.
+    """
     shape = Isoparametric(mesh)
     straight, nodes = shape.corners.refined(), shape.corners.nvertices
     if not is_second_order(mesh):
         return straight
     number_facets(straight)
-    parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem has the first parts of all elements, then the second
-    corner = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # and the middles of sides, by their opposite
+    parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem lists the first child of all elements, then the second
+    corner = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # and midpoints by opposite corner
     own = np.vstack([shape.t, nodes + shape.corners.t2f[OPPOSITE]])[:, parent]  # nodes of an element, refined
     share = np.stack([corner[:, np.argmax(own == node, axis=0)] for node in straight.t])  # (3 nodes, 3, nelements)
     places = np.empty((2, straight.nvertices + straight.facets.shape[1]))
