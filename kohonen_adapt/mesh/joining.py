@@ -1,4 +1,4 @@
-"""Join two meshes along an outline that they share, node by node, with the names of both."""
+"""Merging of two meshes along a shared boundary, with the names of both."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -18,43 +18,47 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Sides", "joined", "merge", "outline_of", "sides_of"]
 
-BESIDE = 0.2  # of its length: how far from a facet a curve may be that it is a chord of
-OPPOSITE = -0.5  # cosine of the angle between outlines that run along one another, each counter-clockwise
+BESIDE = 0.2  # maximum distance of a curve from its chord, relative to the chord
+OPPOSITE = -0.5  # maximum cosine of the angle between boundaries along each other, each counter-clockwise
 
 
 class Sides(NamedTuple):
-    """Facets of a boundary as sides of elements, which stay what they are where nodes and facets get other numbers."""
+    """Facets of a boundary as sides of elements.
 
-    element: Ints  # (k,): those on both sides, where there are two
+    This form stays valid if nodes and facets are renumbered.
+    """
+
+    element: Ints  # (k,); a facet between two elements appears with both
     corner: Ints  # (k,): row of mesh.t with the node opposite to the facet
-    oriented: bool  # whether the side that comes first is meant, where there are two
+    oriented: bool  # True if the first of both sides gives the orientation
 
 
 def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
-    """Join two meshes along the outline that they share, as a rotor and a stator meshed apart.
+    """Join two meshes along the boundary that they share.
 
-    Nodes of both outlines that are in one place become one, where the first mesh has it.
+    For instance a rotor and a stator that were meshed separately. Coinciding boundary nodes are merged, at their
+    position in the first mesh.
 
     Parameters
     ----------
     one, other
-        Triangular meshes that share an outline, or pieces of it, with the same nodes, and do not overlap. Of a side
-        that they share and `skfem.MeshTri2` bend, it is the other one's bend that stays.
+        Triangular meshes that share a boundary, or parts of a boundary, with the same nodes, and do not overlap. On
+        shared sides of `skfem.MeshTri2` the midside nodes of `other` are kept.
     rtol
-        How far apart nodes may be that are to be one, as a share of the larger extent of the larger mesh.
+        Tolerance for coinciding nodes, relative to the largest extent of both meshes.
 
     Returns
     -------
     MeshTri
-        The elements of the first mesh, then those of the other; its nodes likewise, but for those that are one with
-        nodes of the first. Subdomains and boundaries have the elements and facets that carry that name in either mesh.
-        Oriented boundaries stay so unless the other mesh has one of that name that is not.
+        The elements and nodes of `one`, followed by those of `other` except merged nodes. A subdomain or boundary
+        contains the elements or facets with its name in both meshes. Boundaries that are oriented in every mesh with
+        their name stay oriented.
 
     Raises
     ------
     ValueError
-        If the nodes of the shared outline differ, with the largest distance; if nothing is shared; if the meshes
-        overlap, or one is not valid.
+        If the nodes of the shared boundary differ (with the largest distance), if no facet is shared, if the meshes
+        overlap, or if a mesh is invalid.
 
     Examples
     --------
@@ -97,9 +101,10 @@ def joined(
     sides: Mapping[str, Sides],
     bend: Floats,
 ) -> MeshTri:
-    """A mesh of nodes (2, n) and elements (3, m), every node replaced by its `image` (n,), with these names.
+    """Return a mesh in which every node is replaced by its `image` (n,).
 
-    Sides opposite to the corners of elements are bent by so much, (m, 3, 2); of two at one facet the later counts.
+    `p` has shape (2, n), `t` (3, m). `bend` (m, 3, 2) contains the midside offsets of the sides opposite to the corners
+    of `t`; where two elements share a facet, the later element counts.
     """
     kept, number = np.unique(image, return_inverse=True)
     corners, position = number[t], np.ascontiguousarray(p[:, kept])
@@ -109,12 +114,15 @@ def joined(
     if sides:
         set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
     ranked = np.take_along_axis(bend, np.argsort(corners, axis=0).T[:, :, None], axis=1)
-    rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have put corners in another order
+    rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have reordered the corners
     return with_sides(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
 
 
 def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
-    """The facets of a mesh whose elements have these corners, (3, m)."""
+    """Return the facets of a boundary in `mesh`, from its sides.
+
+    `corners` (3, m) are the corners of elements in the order to which ``sides.corner`` refers.
+    """
     ends = [corners[(sides.corner + step) % 3, sides.element] for step in (1, 2)]
     count, (first, second) = mesh.p.shape[1], np.sort(mesh.facets, axis=0).astype(np.int64)
     key = first * count + second
@@ -127,7 +135,10 @@ def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
 
 
 def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
-    """The sides of the facets of a boundary, those that are meant first; elements are numbered from `first` on."""
+    """Return the facets of a boundary as sides of elements.
+
+    For an oriented boundary, the elements on the oriented side are listed first. Element indices start at `first`.
+    """
     number_facets(mesh)
     oriented, facet = isinstance(rows, OrientedBoundary), np.asarray(rows, dtype=np.int64)
     meant = rows.ori if isinstance(rows, OrientedBoundary) else np.zeros(facet.size, dtype=np.int64)
@@ -138,19 +149,21 @@ def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
 
 
 def together(parts: list[Sides]) -> Sides:
-    """The sides of several boundaries as those of one."""
+    """Return the union of several boundaries."""
     element, corner = (np.concatenate([getattr(part, name) for part in parts]) for name in ("element", "corner"))
     return Sides(element, corner, all(part.oriented for part in parts))
 
 
 def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
-    """Sets by name, of equal names as one."""
     names = dict.fromkeys(name for part in parts for name in part)
     return {name: np.concatenate([part[name] for part in parts if name in part]) for name in names}
 
 
 def outline_of(mesh: MeshTri) -> Ints:
-    """The nodes of the facets of the outer boundary, (2, k), counter-clockwise round their elements."""
+    """Return the end nodes of the boundary facets, (2, k).
+
+    The nodes run counter-clockwise around their element.
+    """
     number_facets(mesh)
     facet = np.flatnonzero(mesh.f2t[1] < 0)
     (a, b), element = mesh.facets[:, facet], mesh.f2t[0, facet]
@@ -160,7 +173,7 @@ def outline_of(mesh: MeshTri) -> Ints:
 
 
 def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
-    """The nodes of the outlines of two meshes that are in one place, (k,) each."""
+    """Return the coinciding boundary nodes of both meshes, (k,) each."""
     nodes, others = (np.unique(outline_of(mesh)) for mesh in (one, other))
     off, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
     shared = off <= near
@@ -174,7 +187,10 @@ def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
 
 
 def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    """Refuse meshes whose outlines run along one another with other nodes than these, that are in one place."""
+    """Raise ValueError if boundaries that run along each other have different nodes.
+
+    `nodes` and `others` are the coinciding nodes.
+    """
     off, place = -1.0, ""
     for mesh, known, beyond in ((one, nodes, other), (other, others, one)):
         alone = np.setdiff1d(outline_of(mesh), known)
@@ -192,12 +208,12 @@ def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, ne
 
 
 def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    """Refuse meshes whose outlines have no facet between these nodes in common."""
+    """Raise ValueError if no boundary facet is shared."""
     partner = np.full(other.p.shape[1], -1)
     partner[others] = nodes
     facets, images, count = outline_of(one), partner[outline_of(other)], one.p.shape[1]
     start, end = images[:, (images >= 0).all(axis=0)]
-    if not np.isin(end * count + start, facets[0] * count + facets[1]).any():  # they run against one another
+    if not np.isin(end * count + start, facets[0] * count + facets[1]).any():  # in opposite directions
         nearest = KDTree(one.p[:, np.unique(facets)].T).query(other.p[:, np.unique(outline_of(other))].T)[0].min()
         raise ValueError(
             f"the meshes must share an outline, facet by facet; they share none, and the nearest of their nodes are "
@@ -206,9 +222,11 @@ def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: 
 
 
 def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
-    """Which nodes of an outline, (k,), lie on facets of another mesh's outline, whose middle they may be off a curve's.
+    """Return a mask of `nodes` that lie along the boundary of `other`, (k,).
 
-    Both outlines run along one another there; a node where they only meet lies on none.
+    A node lies along a facet if it is within half the length of the facet from its midpoint and near the line through
+    the facet, which may be the chord of a curve. The boundaries, both counter-clockwise, must run in opposite
+    directions there, which excludes nodes at which they only touch.
     """
     start, end = outline_of(mesh)
     way = np.zeros_like(mesh.p)
@@ -229,7 +247,7 @@ def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
 
 
 def check_apart(one: MeshTri, other: MeshTri) -> None:
-    """Refuse meshes one of which holds the middle of an element of the other."""
+    """Raise ValueError if the meshes overlap, by the centroids of their elements."""
     for mesh, beyond, words in ((one, other, "second"), (other, one, "first")):
         middles = beyond.p[:, beyond.t].mean(axis=1)
         inside = np.flatnonzero(find_elements(mesh, middles) >= 0)

@@ -1,4 +1,4 @@
-"""Which element holds a point, and values of a solution at points."""
+"""Search for the elements that contain points, and interpolation at points."""
 
 from typing import Any, NamedTuple, TypeAlias
 
@@ -20,19 +20,19 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Locator", "find_elements", "holding", "interpolate"]
 
-FEW = 5_000  # points that are not worth another thread
-CHUNK = 500_000  # points per compiled call, so that Ctrl-C is heard within half a second
+FEW = 5_000  # minimum number of points per thread
+CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
 
 Tessellation: TypeAlias = Triangulation | Tetrahedralization
 
 
 class Room(NamedTuple):
-    """How meshes of one kind of elements are searched."""
+    """Functions and settings to search meshes of one kind of elements."""
 
-    taken_apart: Any  # of a mesh
+    taken_apart: Any  # makes the arrays of a mesh
     kernels: Any
-    chapters: tuple[str, ...]  # of these in `kernels/entries.py`
-    crowd: int  # elements per cell of the grid: the more, the fewer cells does an element meet
+    chapters: tuple[str, ...]  # groups of kernels in `kernels/entries.py`
+    crowd: int  # elements per cell of the grid; with more of them, an element meets fewer cells
 
 
 ROOMS = {
@@ -42,10 +42,11 @@ ROOMS = {
 
 
 class Locator:
-    """Finds the element of any number of points in a mesh that is taken apart, as it is now.
+    """Search for the elements that contain points.
 
-    A regular grid knows a nearby element for every point; from there it is a walk of a few steps. Where a hole or an
-    outline blocks the walk, all elements of the cell are tried, so the answer is exact on any domain.
+    A regular grid gives a nearby element for every point, and a walk of a few steps finds the element from there. If a
+    hole or a boundary blocks the walk, all elements that meet the grid cell are tested. The result is therefore exact
+    on any domain. Later changes of the tessellation have no effect.
     """
 
     def __init__(self, tessellation: Tessellation) -> None:
@@ -58,7 +59,7 @@ class Locator:
         self.grid = self._laid_grid()
 
     def _laid_grid(self) -> Grid:
-        """List the elements that meet each cell."""
+        """Return a grid with the elements that meet each cell."""
         node = self.elements.node
         grid = Grid.over(self.position, len(node) / self.room.crowd)
         self.room.kernels.count_in_cells(self.position, node, grid)
@@ -67,16 +68,19 @@ class Locator:
         return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
-        """Element of every point of an (n, d) array, -1 for points outside the mesh or not finite."""
+        """Return the element of every point, shape (n,).
+
+        Points have shape (n, d). The element is -1 if a point is outside the mesh or not finite.
+        """
         found = np.empty(len(points), dtype=np.int32)
         for first in range(0, len(points), CHUNK):
             part = slice(first, first + CHUNK)
-            order = np.argsort(self._cells(points[part]), kind="stable")  # points in turn meet elements at hand
+            order = np.argsort(self._cells(points[part]), kind="stable")  # for locality in memory
             found[part][order] = self._search(points[part][order])
         return found
 
     def _cells(self, points: Floats) -> Ints:
-        """Number of the cell that holds each point, or of the nearest one."""
+        """Return the index of the cell that contains each point, or of the nearest cell."""
         place = np.nan_to_num((points - self.grid.origin) / self.grid.size)
         inside = np.clip(place, 0, self.grid.shape - 1).astype(np.int64)
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
@@ -92,9 +96,10 @@ class Locator:
         return found
 
     def shares(self, points: Floats, found: Ints) -> Floats:
-        """Barycentric coordinates of points (n, d) in the elements found for them, (n, d + 1); nan where there is none.
+        """Return the barycentric coordinates of points in their elements, (n, d + 1).
 
-        They belong to the corners of the elements as they were taken apart.
+        Points have shape (n, d). Coordinates are nan for element -1. They refer to the corners of elements at
+        construction.
         """
         out = np.empty((len(points), points.shape[1] + 1))
         self.room.kernels.barycentric(self.position, self.elements.node, points, found, out)
@@ -102,10 +107,11 @@ class Locator:
 
 
 def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:
-    """The element that holds each point (n, d), found by a walk from an element near it; where none does, one nearby.
+    """Return the element that contains each point, by a walk.
 
-    The walk stays in the region in which it starts, unless it goes `across_outlines`. Where it is blocked, or too long,
-    it goes on across them; where that is of no use either, all elements are searched.
+    The search walks from the elements `start` and stays in the region of the start, unless `across_outlines` is true.
+    If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
+    outside the mesh, an element near the point is returned. Points have shape (n, d).
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
     elements, kernels = tessellation.elements, ROOMS[points.shape[1]].kernels
@@ -127,7 +133,7 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
 
 
 def locator_of(mesh: Mesh) -> Locator:
-    """The locator of a mesh, which is refused unless it is valid, with no two elements on one another."""
+    """Return the locator of a valid mesh without overlapping elements."""
     check_kind(mesh, bent=True, space=True)
     room = ROOMS[cell_of(mesh).dim]
     expect(*room.chapters)
@@ -135,25 +141,25 @@ def locator_of(mesh: Mesh) -> Locator:
 
 
 def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
-    """Element that holds each point.
+    """Return the element that contains each point.
 
     Parameters
     ----------
     mesh
-        A mesh of triangles, straight or with bent sides, or of tetrahedra.
+        A mesh of triangles with straight or curved sides, or of tetrahedra.
     x
-        Points, (2, n), in space (3, n), in mesh units.
+        Points (2, n), or (3, n) in space, in mesh units.
 
     Returns
     -------
     ndarray (n,)
-        Element numbers; -1 outside the mesh. A point on an edge or a face gets one of its elements, one between a bent
-        side and its chord the element that the bent side is of.
+        Element indices, -1 outside the mesh. A point on an edge or a face has one of the adjacent elements. A point
+        between a curved side and its chord has the element inside the curved side.
 
     Raises
     ------
     ValueError
-        If `x` is not of shape (2, n), in space (3, n), or the mesh is not valid.
+        If `x` has the wrong shape, or if the mesh is invalid.
 
     Examples
     --------
@@ -175,27 +181,27 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
 
 
 def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
-    """Values of a piecewise linear function at points, found by walking.
+    """Return the values of a P1 function at points.
 
     Parameters
     ----------
     mesh
-        A mesh of triangles, straight or with bent sides, or of tetrahedra.
+        A mesh of triangles with straight or curved sides, or of tetrahedra.
     values
-        (n_nodes,): values at the nodes, of a `skfem.MeshTri2` at its corners.
+        Values at the nodes (nnodes,), for a `skfem.MeshTri2` at its corners.
     x
-        Points, (2, n), in space (3, n), in mesh units.
+        Points (2, n), or (3, n) in space, in mesh units.
 
     Returns
     -------
     ndarray (n,)
-        ``sum_k lambda_k(x) values[k]`` with the barycentric coordinates lambda of the element that holds x, with bent
-        sides those of the reference element; nan outside the mesh.
+        ``sum_k lambda_k(x) values[k]`` with the barycentric coordinates lambda of the element that contains x, for
+        curved sides the coordinates in the reference element; nan outside the mesh.
 
     Raises
     ------
     ValueError
-        If a shape does not fit, or the mesh is not valid.
+        If a shape is wrong, or if the mesh is invalid.
 
     Examples
     --------
@@ -224,7 +230,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
 
 
 def as_rows(x: ArrayLike, name: str = "x", dim: int = 2) -> Floats:
-    """Points of shape (dim, n) as an (n, dim) array of the kernels."""
+    """Return points of shape (dim, n) as an array (n, dim) for kernels."""
     if np.iscomplexobj(x):
         raise ValueError(f"{name} must be real numbers; got complex ones.")
     points = np.asarray(x, dtype=np.float64)

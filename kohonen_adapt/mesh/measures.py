@@ -1,4 +1,4 @@
-"""Measure the elements of a mesh: area or volume, orientation, quality, and gradients of P1 functions."""
+"""Size, orientation and quality of elements, and gradients of P1 functions."""
 
 from math import factorial
 
@@ -31,28 +31,31 @@ __all__ = [
 
 
 def signed_area(mesh: Mesh) -> Floats:
-    """Signed area of every element, (nelements,) in mesh units squared, positive where its nodes run counter-clockwise.
+    """Return the signed area of triangles, or the volume of tetrahedra, (nelements,).
 
-    Of tetrahedra it is the volume, in mesh units cubed, positive where three run so seen from the fourth's far side.
-    scikit-fem sorts the nodes of an element, so about half of a good mesh's signed areas are negative. An element is
-    overturned when its sign differs from the one it had before its nodes moved. Of a `MeshTri2` it is the corners'.
+    The sign is positive if the nodes run counter-clockwise. In space it is positive if corners 1, 2, 3 run clockwise as
+    seen from corner 0. scikit-fem sorts the nodes of elements, so that about half of the signs in a valid mesh are
+    negative. An element is inverted if its sign differs from the sign before its nodes moved. For a `MeshTri2` the
+    corners count.
     """
     cell = cell_of(mesh)
     return cell.determinant(mesh.p[:, mesh.t]) / factorial(cell.dim)
 
 
 def edges_of(mesh: Mesh) -> Floats:
-    """The edges of every element as vectors, (d, nedges, nelements), in the order of `Cell.edges`."""
+    """Return the edge vectors of every element, (d, nedges, nelements).
+
+    Edges are in the order of `Cell.edges`.
+    """
     corners, (one, other) = mesh.p[:, mesh.t], np.transpose(cell_of(mesh).edges)
     return corners[:, one] - corners[:, other]
 
 
 def area(mesh: Mesh) -> Floats:
-    """Area |K| of every element, (nelements,), in mesh units squared; of a `MeshTri2` between its bent sides.
+    """Return the area or volume |K| of every element, (nelements,), in mesh units.
 
-    Of tetrahedra it is the volume, in mesh units cubed.
-
-    The mean of the Bernstein coefficients of a determinant is twice the area.
+    The sides of a `MeshTri2` count as curved. The mean of the Bernstein coefficients of the determinant is twice the
+    area.
     """
     if not is_second_order(mesh):
         return np.abs(signed_area(mesh))
@@ -60,19 +63,20 @@ def area(mesh: Mesh) -> Floats:
 
 
 def is_in_front(corners: Floats, point: Floats) -> Mask:
-    """Whether points (d, n) are in front of facets with these corners, (d, d, n).
+    """Return True for points in front of facets.
 
-    That is on the left of a line, and where a triangle is seen to run clockwise from: so it is for an element around
-    which lines run counter-clockwise, or whose triangles do so as seen from outside.
+    `corners` has shape (d, d, n), `point` (d, n). In front means to the left of a line, or on the side of a triangle
+    from which its corners run clockwise. An element is in front of its facets if these run counter-clockwise around the
+    element, or counter-clockwise as seen from outside.
     """
     cell = CELLS[len(point)]
     return (-1) ** cell.dim * cell.determinant(np.concatenate([corners, point[:, None]], axis=1)) > 0.0
 
 
 def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
-    """The corners of facets (m,), (m, d), so that the first or second of their elements is in front, as `which` says.
+    """Return the corners of facets, (m, d), with a chosen element in front.
 
-    On the rim it is the first in any case.
+    `which` (m,) is 0 or 1, for the first or second element of each facet. On the boundary the first is always chosen.
     """
     corners = mesh.facets[:, facets]
     element = np.where(mesh.f2t[which, facets] < 0, mesh.f2t[0, facets], mesh.f2t[which, facets])
@@ -81,12 +85,12 @@ def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
 
 
 def quality(mesh: Mesh) -> Floats:
-    """Quality of every element: 1 for a regular one, 0 for a flat one.
+    """Return the quality of every element, 1 if regular and 0 if flat.
 
-    ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` of a triangle with the edge lengths a, b, c (Bank's measure; Bank and Smith,
-    SIAM J. Numer. Anal. 34, 1997), ``12 (3 |K|)^(2/3) / (sum of the six squared edge lengths)`` of a tetrahedron (the
-    mean ratio; Liu and Joe, BIT 34, 1994). Of a `skfem.MeshTri2` it is that of the straight triangles between its
-    corners.
+    For a triangle with edge lengths a, b, c the quality is ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` (Bank's measure; Bank
+    and Smith, SIAM J. Numer. Anal. 34, 1997). For a tetrahedron it is ``12 (3 |K|)^(2/3) / (sum of the six squared edge
+    lengths)`` (the mean ratio; Liu and Joe, BIT 34, 1994). For a `skfem.MeshTri2` the straight triangles between the
+    corners count.
 
     Parameters
     ----------
@@ -101,8 +105,8 @@ def quality(mesh: Mesh) -> Floats:
     Raises
     ------
     ValueError
-        If the mesh is neither a `skfem.MeshTri`, `skfem.MeshTri2` nor `skfem.MeshTet`, and if the bent sides of a
-        `skfem.MeshTri2` fold an element over: no quality of its corners makes up for that.
+        If the mesh is not a `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, or if curved sides invert an element
+        of a `skfem.MeshTri2`, which its quality would not show.
 
     Examples
     --------
@@ -121,27 +125,30 @@ def quality(mesh: Mesh) -> Floats:
 
 
 def hat_gradients(mesh: Mesh) -> Floats:
-    """Gradients of the hat functions of every element, constant on it, (d, d + 1, nelements), per mesh unit.
+    """Return the gradients of the hat functions, (d, d + 1, nelements).
 
-    They are in the order of ``mesh.t``, and the orientation of an element does not matter.
+    Hat functions are in the order of ``mesh.t``. The orientation of elements does not matter. The unit is the inverse
+    of the mesh unit.
     """
     return cell_of(mesh).hat_gradients(mesh.p[:, mesh.t])
 
 
 def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    """Gradient of the P1 function with these nodal values (nnodes,), (d, nelements), in their units per mesh unit.
+    """Return the gradient of a P1 function in every element, (d, nelements).
 
-    `hats` is what `hat_gradients` returns for this mesh, where it is at hand.
+    `values` are nodal values (nnodes,). `hats` are the gradients from `hat_gradients` for this mesh, if already
+    computed.
     """
     hats = hat_gradients(mesh) if hats is None else hats
     return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)
 
 
 def inner_points(corners: Floats) -> Floats:
-    """Points on the way from the middle of every element to its corners, (d, d + 1, m), for corners (d, d + 1, m).
+    """Return the points of a quadrature of degree 2, (d, d + 1, m).
 
-    Half-way in the plane, at 1 / sqrt(5) of it in space: the mean over them is that over the element for polynomials of
-    degree 2 (Strang and Fix, 1973; Hammer, Marlowe and Stroud, 1956).
+    `corners` has the same shape. Each point lies on the line from the centroid to a corner, at a fraction of 1/2 in the
+    plane and of 1 / sqrt(5) in space. The mean over the points is exact for polynomials of degree 2 (Strang and Fix,
+    1973; Hammer, Marlowe and Stroud, 1956).
     """
     share = (len(corners) + 2.0) ** -0.5
     return share * corners + (1.0 - share) * corners.mean(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""State the motions of the plane that carry one boundary onto another: rotations, translations and reflections."""
+"""Rigid motions of the plane, which map a boundary onto a periodic one."""
 
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
@@ -12,25 +12,27 @@ from kohonen_adapt.checks import finite_point, is_number
 
 __all__ = ["Motion", "Pair", "Reflection", "Rotation", "Translation", "inverse", "is_proper", "motion_of", "moved"]
 
-ROUNDING = 1e-12  # radians, and of the size of the mesh: what a motion that was worked out owes to rounding
-GLIDE = 1e-8  # of the size of the mesh: how far along its line a reflection may carry
+ROUNDING = 1e-12  # rounding error of a computed motion, in radians and relative to the size of the mesh
+GLIDE = 1e-8  # maximum glide of a reflection along its line, relative to the size of the mesh
 
 
 @dataclass(frozen=True)
 class Rotation:
-    """The rotation by an angle about a point, ``x -> c + R (x - c)``.
+    """Rotation by an angle about a point.
+
+    A point x is mapped to ``c + R (x - c)``.
 
     Attributes
     ----------
     angle
         In radians, counter-clockwise positive.
     centre
-        (x, y), in the unit of the mesh.
+        Point (x, y), in mesh units.
 
     Raises
     ------
     ValueError
-        If the angle is no finite number, or the centre no two of them.
+        If the angle is not a finite number, or the centre not two finite numbers.
 
     Examples
     --------
@@ -50,7 +52,7 @@ class Rotation:
 
     @property
     def matrix(self) -> Floats:
-        """``x -> A x + b`` as rows [A | b], (2, 3)."""
+        """Matrix [A | b] of ``x -> A x + b``, (2, 3)."""
         cosine, sine = cos(self.angle), sin(self.angle)
         turn = np.array([[cosine, -sine], [sine, cosine]])
         return np.column_stack([turn, self.centre - turn @ self.centre])
@@ -58,17 +60,19 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Translation:
-    """The translation by a vector, ``x -> x + v``.
+    """Translation by a vector.
+
+    A point x is mapped to ``x + v``.
 
     Attributes
     ----------
     vector
-        (x, y), in the unit of the mesh.
+        Vector (x, y), in mesh units.
 
     Raises
     ------
     ValueError
-        If it is not two finite numbers.
+        If the vector is not two finite numbers.
 
     Examples
     --------
@@ -84,25 +88,27 @@ class Translation:
 
     @property
     def matrix(self) -> Floats:
-        """``x -> A x + b`` as rows [A | b], (2, 3)."""
+        """Matrix [A | b] of ``x -> A x + b``, (2, 3)."""
         return np.column_stack([np.eye(2), self.vector])
 
 
 @dataclass(frozen=True)
 class Reflection:
-    """The reflection in the line through a point, ``x -> x - 2 n n . (x - p)`` with the unit normal n.
+    """Reflection in the line through a point.
+
+    A point x is mapped to ``x - 2 n n . (x - p)`` with the unit normal n.
 
     Attributes
     ----------
     point
-        (x, y) on the line, in the unit of the mesh.
+        Point (x, y) on the line, in mesh units.
     normal
-        (x, y) across the line, of any length above zero.
+        Vector (x, y) normal to the line, of any length above zero.
 
     Raises
     ------
     ValueError
-        If one of them is not two finite numbers, or the normal zero.
+        If an attribute is not two finite numbers, or if the normal is zero.
 
     Examples
     --------
@@ -122,35 +128,38 @@ class Reflection:
 
     @property
     def matrix(self) -> Floats:
-        """``x -> A x + b`` as rows [A | b], (2, 3)."""
+        """Matrix [A | b] of ``x -> A x + b``, (2, 3)."""
         normal = np.array(self.normal) / hypot(*self.normal)
         return np.column_stack([np.eye(2) - 2.0 * np.outer(normal, normal), 2.0 * normal * (normal @ self.point)])
 
 
 Motion = Rotation | Translation | Reflection
 
+# Names of two boundaries, with the motion that maps the first onto the second if several motions would.
 Pair = tuple[str, str] | tuple[str, str, Motion]
-"""Names of two boundaries, and where more than one would do the motion that carries the first onto the second."""
 
 
 def moved(matrix: Floats, points: ArrayLike) -> Floats:
-    """Points (2, n) where a motion [A | b] carries them."""
+    """Return the images of points (2, n) under a motion [A | b]."""
     return matrix[:, :2] @ np.asarray(points, dtype=np.float64) + matrix[:, 2:]
 
 
 def inverse(matrix: Floats) -> Floats:
-    """The motion back."""
+    """Return the inverse of a motion [A | b]."""
     back = matrix[:, :2].T
     return np.column_stack([back, -back @ matrix[:, 2]])
 
 
 def is_proper(matrix: Floats) -> bool:
-    """Whether a motion [A | b] is a rotation or translation, and no mirror image."""
+    """Return True if a motion [A | b] is a rotation or translation."""
     return bool(matrix[0, 0] * matrix[1, 1] > matrix[0, 1] * matrix[1, 0])
 
 
 def motion_of(matrix: Floats, size: float) -> Motion | None:
-    """The motion [A | b] by name, to 12 digits; None for a glide reflection, which has none. The mesh has that size."""
+    """Return the object for a motion [A | b], rounded to 12 digits.
+
+    `size` is the size of the mesh. The result is None for a glide reflection, which has no class here.
+    """
     turn, shift, angle = matrix[:, :2], matrix[:, 2], float(np.arctan2(matrix[1, 0], matrix[0, 0]))
     if not is_proper(matrix):
         along = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle)])
@@ -162,6 +171,6 @@ def motion_of(matrix: Floats, size: float) -> Motion | None:
 
 
 def _plain(point: NDArray[np.floating[Any]], size: float) -> tuple[float, float]:
-    """A point without what is rounding."""
+    """Return a point rounded to 12 digits, without rounding errors near zero."""
     x, y = (float(f"{value:.12g}") if abs(value) > ROUNDING * size else 0.0 for value in point.tolist())
     return x, y

@@ -1,4 +1,4 @@
-"""Look up the names of a mesh; number sets of names, regions with one set each, and how facets carry them."""
+"""Named subdomains and boundaries, and regions of elements with equal names."""
 
 from collections.abc import Mapping, Sequence
 
@@ -32,24 +32,30 @@ __all__ = [
     "turned",
 ]
 
-UNORIENTED, LEFT, RIGHT = 1, 2, 3  # how a facet or chain carries a name: without a side, or with that of its direction
-SAME = 1e-9  # of the size of the mesh: nodes nearer than that to a point are there
+UNORIENTED, LEFT, RIGHT = 1, 2, 3  # orientation of a name on a facet or curve segment: none, or its left or right side
+SAME = 1e-9  # maximum distance of a node from a named point, relative to the size of the mesh
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
-    """Name to elements or facets, for the names of the user."""
+    """Return the sets with names given by the user."""
     return {name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if is_own_name(name)}
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
-    """The set of that name; refused with the names there are, called by `kind`: "subdomain" or "boundary"."""
+    """Return the set with a name.
+
+    Raise ValueError with the available names if the name is missing. `kind` is "subdomain" or "boundary".
+    """
     if sets is None or name not in sets:
         raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(named_sets(sets))}.")
     return sets[name]
 
 
 def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, Ints]:
-    """The nodes of a mesh at named places (2, n); refused where it has none, or a boundary has the name of a point."""
+    """Return the nodes of a mesh at named points (2, n).
+
+    Raise ValueError if the mesh has no node at a point, or if a boundary has the name of a point.
+    """
     if not points:
         return {}
     corners = mesh.p[:, : mesh.nvertices]
@@ -70,11 +76,11 @@ def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, In
 
 
 def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDArray[np.uint64]:
-    """One number for the set of names that each of `count` things carries, 0 for none.
+    """Return an integer for the set of names of each of `count` items, 0 for none.
 
-    `members` has per name the things that carry it, and how (a small number for each or for all). A random number is
-    drawn per name and manner; their sum identifies the set: two sets would have to share a sum of 64-bit numbers to be
-    confused.
+    `members` contains for each name its items and the manner in which they have the name, a small integer for each item
+    or for all. A random number is drawn per name and manner, and their sum identifies the set. Different sets would be
+    confused only if their 64-bit sums were equal.
     """
     codes = np.zeros(count, dtype=np.uint64)
     rng = np.random.default_rng(20260101)
@@ -86,10 +92,11 @@ def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDA
 
 
 def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
-    """Number the distinct combinations of sets that `count` items are in; a set has no item twice.
+    """Return the combination of sets that each of `count` items belongs to.
 
-    Returns the number of the combination of every item, (count,), from 0, in the order of the sets, where no set at all
-    comes first; and which sets make every combination.
+    The first result contains the index of the combination of every item, (count,). Combinations are sorted by their
+    sets, and the empty combination is the first. The second result contains the sets of every combination. No set may
+    contain an item twice.
     """
     codes = codes_of_names([(items, 0) for items in sets], count)
     _, example, combination = np.unique(codes, return_index=True, return_inverse=True)
@@ -100,9 +107,10 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
 
 
 def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the region of every element: a connected set of elements that carry the same subdomain names.
+    """Return the region index of every element, (m,).
 
-    They are numbered in the order of their first elements. `neighbour` (m, d + 1) is -1 outside.
+    A region is a connected set of elements with the same subdomain names. Regions are numbered in the order of their
+    first elements. `neighbour` (m, d + 1) is -1 outside.
     """
     m = len(neighbour)
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
@@ -113,25 +121,26 @@ def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def joined(count: int, pairs: Ints) -> Ints:
-    """Number of the connected set of every one of `count` things that pairs (k, 2) link, (count,).
+    """Return the index of the connected component of each of `count` items, (count,).
 
-    The sets are numbered in the order of their first members.
+    Pairs (k, 2) are the edges of the graph. Components are numbered in the order of their first items.
     """
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(count, count))
     return in_order(connected_components(graph, directed=False)[1])
 
 
 def in_order(label: Ints) -> Ints:
-    """Labels as numbers in the order in which they come first."""
+    """Return labels as indices in the order of their first occurrence."""
     _, first, number = np.unique(label, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[number]
 
 
 def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, Ints] | None:
-    """The elements of every name of a mesh when its elements are of these regions; one carries the names of its region.
+    """Return the named subdomains of a mesh whose elements are replaced.
 
-    `region_of_input` are those of the elements that the mesh has itself. What is no name of the user's is kept only
-    while there are as many elements as that.
+    `region` contains the regions of the new elements, `region_of_input` those of the elements of `mesh`. An element has
+    the names of its region. Sets with names that are not the user's are kept only if the number of elements is
+    unchanged.
     """
     if mesh.subdomains is None:
         return None
@@ -148,7 +157,11 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
 
 
 def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
-    """How the given facets, seen from the given elements, carry a boundary of these rows."""
+    """Return the orientation of a named boundary at facets, seen from elements.
+
+    The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
+    oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
+    """
     manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
     manner[np.asarray(rows)] = UNORIENTED
     if isinstance(rows, OrientedBoundary):
@@ -159,12 +172,19 @@ def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np
 
 
 def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
-    """Sides seen along another direction: LEFT and RIGHT change places where it is not the same."""
+    """Return orientations, reversed where `same_direction` is False.
+
+    LEFT and RIGHT are exchanged, 0 and UNORIENTED are kept.
+    """
     return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
 
 
 def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
-    """Number the combinations of regions to the left and right and of carried names, along and against, (f, 2)."""
+    """Return label indices of facets, equal for equal regions and names, (f, 2).
+
+    A label is a combination of the regions to the left and right and of the named boundaries. The columns are for the
+    direction of the facet and for the opposite direction.
+    """
     rows = []
     for pair, along in (((left, right), True), ((right, left), False)):
         seen = [turned(side, along) for side in sides]

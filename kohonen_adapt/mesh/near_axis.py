@@ -1,6 +1,7 @@
-"""Tell elements at an axis x = 0 by their corners there, how functions fall off to it, and where 1 / x is taken.
+"""Basis functions and quadrature of elements at an axis x = 0.
 
-The functions are those of `Reference`; what they are multiplied by is in `Ritz`.
+The functions are those of `Reference`. Some of them have an additional factor s, so that they decay towards the axis as
+the solution does (`falling`). `Ritz` describes the weight 1 / x.
 """
 
 from functools import cache
@@ -15,36 +16,46 @@ from kohonen_adapt.kernels.arrays import NEAR_AXIS
 
 __all__ = ["ON_AXIS", "factor_at", "falling", "kinds_at_axis", "on_axis", "points_near_axis"]
 
-# The corners on the axis of every kind of element: none; one, which; two, those of the side opposite to which.
+# Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
-DEGREE = {1: 6, 2: 8, 3: 10}  # of rules that are alike for all corners, of 12, 16 and 25 points
-LAYERS = {1: 2, 2: 2, 3: 5}  # of points around the only corner on the axis
+DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points
+LAYERS = {1: 2, 2: 2, 3: 5}  # by order, layers of points around a single corner on the axis
 
 
 def kinds_at_axis(x: Floats) -> Ints:
-    """The place in `ON_AXIS` of elements whose corners have these distances from the axis, (m, 3): (m,)."""
+    """Return the index into `ON_AXIS` of each element, (m,).
+
+    `x` contains the distances of the corners from the axis, (m, 3).
+    """
     on = on_axis(x)
     count = on.sum(axis=1)
     return np.where(count == 1, 1 + np.argmax(on, axis=1), np.where(count == 2, 4 + np.argmin(on, axis=1), 0))
 
 
 def on_axis(x: Floats) -> Mask:
-    """Which corners of elements, or ends of facets, are on the axis, by their distances from it, (m, k)."""
+    """Return a mask of corners of elements, or ends of facets, on the axis.
+
+    `x` contains their distances from the axis, (m, k).
+    """
     return x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
 
 
 def factor_at(kind: Ints, share: Floats) -> Floats:
-    """``s = 1 - sum of the shares of the corners on the axis`` at barycentric coordinates (n, 3) of such elements."""
+    """Return the factor s at barycentric coordinates (n, 3).
+
+    The factor is one minus the sum of the barycentric coordinates of corners on the axis.
+    """
     return 1.0 - np.sum(ON_AXIS[kind] * share, axis=-1)
 
 
 @cache
 def falling(order: int) -> Mask:
-    """Which functions of `Reference` have the factor s in elements of every kind, (7, functions).
+    """Return a mask of the functions with the factor s, (7, functions).
 
-    Where a side is on the axis all, for they are to fall like x^2 and not only like x. Where one corner is, those that
-    are not 0 on the sides that end there, as they have it in the element beyond; the others fall like x^2 as they are,
-    and with the factor no function of order 2 would have a uniform field.
+    The rows are kinds of elements, as in `ON_AXIS`. If a side is on the axis, all functions have the factor, because
+    they must decay like x^2 and not only like x. If one corner is on the axis, only the functions that do not vanish on
+    the sides at this corner have the factor, to be continuous with the adjacent element. The remaining functions decay
+    like x^2 without the factor, and with the factor functions of order 2 would not contain a uniform field.
     """
     one = [np.ones((3, 3)), *[1.0 - np.eye(3)] * (order - 1), np.zeros((3, 1))]
     rows = np.hstack(one)[:, : (3, 6, 10)[order - 1]]
@@ -53,10 +64,12 @@ def falling(order: int) -> Mask:
 
 @cache
 def points_near_axis(order: int) -> tuple[Floats, Floats]:
-    """Barycentric coordinates (7, points, 3) and weights (7, points), 1 in sum, for ``|grad u|^2 / x`` by kind.
+    """Return quadrature points and weights for ``|grad u|^2 / x``.
 
-    Where a side is on the axis that is a polynomial, where one corner is a polynomial along every ray from there, and
-    between rays it is smooth: so the points lie on some layers around that corner.
+    The rows are kinds of elements, as in `ON_AXIS`. Barycentric coordinates have shape (7, points, 3), weights
+    (7, points) with sum 1. In an element with a side on the axis the integrand is a polynomial. In an element with one
+    corner on the axis the integrand is a polynomial along every ray from this corner and smooth between rays, so that
+    the points lie on layers around the corner.
     """
     points, weight = get_quadrature(ElementTriP1, DEGREE[order])
     share, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[order]
