@@ -1,4 +1,8 @@
-"""Write functions of order 1 to 3 by values at nodes and coefficients of sides and elements; evaluate them."""
+"""Functions of order 1 to 3 on triangles, by hierarchical coefficients.
+
+A function is stored by its values at the nodes and by coefficients of side and bubble functions (`Modes`). The basis is
+described in `Reference`. scikit-fem uses values at points (Lagrange elements), and `modes_of` converts these.
+"""
 
 from functools import cache
 from math import comb
@@ -44,14 +48,14 @@ __all__ = [
     "traces_at",
 ]
 
-EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # times products of the linear functions; see `Reference`
-SIDES = slice(3, None)  # of the functions of order 2
-KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # of scikit-fem, by order
+EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # factors of products of the linear functions, see `Reference`
+SIDES = slice(3, None)  # side functions of order 2
+KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # scikit-fem elements by order
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class AxisReference(NamedTuple):
-    """What `Reference` has, of functions that fall off towards an axis, by kind of element: see `near_axis`."""
+    """`Reference` functions around an axis x = 0, by kind of element (`near_axis`)."""
 
     slope: Floats  # (7, points, functions, 2): gradients
     weight: Floats  # (7, points): 1 in sum
@@ -59,39 +63,40 @@ class AxisReference(NamedTuple):
     mean: Floats  # (7, functions): integrals
 
     def of(self, kind: int) -> Reference:
-        """That of elements of one kind."""
         return Reference(self.slope[kind], self.weight[kind], self.mean[kind], np.empty((0, 0, 0)))
 
 
 class TrialFunction(NamedTuple):
-    """A function on a mesh: values at the nodes, which of them are given, and of order 2 and 3 its other unknowns."""
+    """Function on a mesh with the Dirichlet mask of its unknowns.
 
-    values: Floats  # (n,)
-    fixed: Mask  # (n,)
+    At order 2 and 3, `modes` contains the coefficients of sides and bubbles.
+    """
+
+    values: Floats  # (nnodes,)
+    fixed: Mask  # (nnodes,)
     modes: Modes | None
-    dual: "TrialFunction | None" = None  # that of a goal
+    dual: "TrialFunction | None" = None  # dual function of a goal
 
     def copy(self) -> "TrialFunction":
-        """The function, for sweeps to change."""
         modes = self.modes and Modes(*(array.copy() for array in self.modes))
         return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy())
 
     @property
     def all_modes(self) -> tuple[Modes, ...]:
-        """Its modes, and those of its dual; none of order 1."""
+        """Coefficients of the function and of its dual, none at order 1."""
         return tuple(one.modes for one in (self, self.dual) if one is not None and one.modes is not None)
 
     def restore(self, values: "TrialFunction") -> None:
-        """Take back the values at the nodes that a copy has."""
+        """Restore the nodal values from a copy, also of the dual."""
         self.values[:] = values.values
         if self.dual is not None and values.dual is not None:
             self.dual.restore(values.dual)
 
 
 def count_unknowns(mesh: Mesh, order: int) -> int:
-    """Number of unknowns of scikit-fem's `ElementTriP1`, `P2`, `P3` or `P4`: of nodes, then facets, then elements.
+    """Return the number of unknowns of a scikit-fem element, P1 to P4.
 
-    Of tetrahedra those of nodes, edges, faces and elements, as of `ElementTetP1` and `P2`.
+    Unknowns on triangles belong to nodes, facets and elements; on tetrahedra to nodes, edges, faces and elements.
     """
     nodes = int(mesh.nvertices)
     if order == 1:
@@ -102,14 +107,20 @@ def count_unknowns(mesh: Mesh, order: int) -> int:
 
 
 def functions_at(share: Floats, order: int) -> Floats:
-    """Values of the functions of `Reference`, (n, functions), at barycentric coordinates (n, 3)."""
+    """Return the values of the `Reference` functions, (n, functions).
+
+    `share` (n, 3) are barycentric coordinates.
+    """
     product, rise = share[:, AFTER] * share[:, BEFORE], share[:, BEFORE] - share[:, AFTER]
     parts = [share, EVEN * product, ODD * product * rise, BUBBLE * np.prod(share, axis=1, keepdims=True)]
     return np.hstack(parts[: (1, 2, 4)[order - 1]])
 
 
 def slopes_at(share: Floats, order: int) -> Floats:
-    """Gradients of the same on the reference triangle, (n, functions, 2)."""
+    """Return the gradients of the `Reference` functions.
+
+    Gradients have shape (n, functions, 2) and refer to the reference triangle.
+    """
     left, right, rise = share[:, AFTER, None], share[:, BEFORE, None], (share[:, BEFORE] - share[:, AFTER])[..., None]
     product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
     odd = rise * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
@@ -120,7 +131,7 @@ def slopes_at(share: Floats, order: int) -> Floats:
 
 @cache
 def reference(order: int, degree: int) -> Reference:
-    """The functions of that order, and points at which polynomials of that degree are integrated exactly."""
+    """Return the functions of an order, with a quadrature of a degree."""
     points, weights = get_quadrature(ElementTriP1, degree)
     share = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
     mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
@@ -129,12 +140,18 @@ def reference(order: int, degree: int) -> Reference:
 
 
 def functions_near_axis(kind: Ints, share: Floats, order: int) -> Floats:
-    """Values of the functions of elements of these kinds (n,), (n, functions), at barycentric coordinates (n, 3)."""
+    """Return the values of the functions of elements at an axis, (n, functions).
+
+    `kind` (n,) is the kind of element as in `ON_AXIS`, `share` (n, 3) are barycentric coordinates.
+    """
     return np.where(falling(order)[kind], factor_at(kind, share)[:, None], 1.0) * functions_at(share, order)
 
 
 def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
-    """Gradients on the reference triangle of the functions of elements of one kind, (n, functions, 2)."""
+    """Return the gradients of the functions of one kind of element.
+
+    Gradients have shape (n, functions, 2) and refer to the reference triangle.
+    """
     falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), share)[:, None, None]
     fall = functions_at(share, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
     plain = slopes_at(share, order)
@@ -143,7 +160,7 @@ def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
 
 @cache
 def axis_reference(order: int) -> AxisReference:
-    """The functions of that order around an axis x = 0, and points at which ``|grad u|^2 / x`` is integrated."""
+    """Return the functions around an axis, with a quadrature for ``|grad u|^2 / x``."""
     (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
     points, weights = get_quadrature(ElementTriP1, order + 1)
     exact = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
@@ -153,7 +170,11 @@ def axis_reference(order: int) -> AxisReference:
 
 
 def halves(order: int) -> Floats:
-    """What the coefficients of a function are on the triangles (p, 0, 1) and (p, 2, 0), p in the middle of 1 and 2."""
+    """Return the matrices that express a function on both halves of a triangle.
+
+    With the midpoint p of the side between corners 1 and 2, the halves are (p, 0, 1) and (p, 2, 0). Matrices have shape
+    (2, functions, functions).
+    """
     steps = np.array([(i, j, order - i - j) for i in range(order + 1) for j in range(order + 1 - i)]) / order
     corner = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     here = functions_at(steps, order)
@@ -162,7 +183,10 @@ def halves(order: int) -> Floats:
 
 
 def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
-    """The facet opposite to every corner of the elements (m, 3) of a mesh, whose corners may stand in another order."""
+    """Return the facet opposite to every corner of elements, (m, 3).
+
+    The corners `node` (m, 3) may be in another order than in ``mesh.t``.
+    """
     number_facets(mesh)
     opposite = mesh.t2f[AFTER].T  # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
     same = np.asarray(node)[:, :, None] == mesh.t.T[:, None, :]
@@ -172,13 +196,13 @@ def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
 def modes_of(
     mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask | None = None, kind: Ints | None = None
 ) -> Modes:
-    """The coefficients of a function that scikit-fem has by its values (nunknowns,) at the unknowns of that order.
+    """Return the coefficients of a function of a scikit-fem element.
 
-    `fixed` (nunknowns,) says which of these are given: a side is where all of its own are. Around an axis there is the
-    `kind` of every element, (m,).
+    `values` (nunknowns,) are its values at the unknowns of the order. A side is a Dirichlet side if all of its own
+    unknowns are `fixed` (nunknowns,). `kind` (m,) is the kind of each element around an axis, as in `ON_AXIS`.
     """
     facet, nodes, facets = facets_of_sides(mesh, node), mesh.nvertices, mesh.facets.shape[1]
-    own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node
+    own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
     given = np.zeros(node.shape, dtype=np.bool_)
     if fixed is not None:
         given = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
@@ -191,19 +215,23 @@ def modes_of(
 
 
 def places_on_sides(corners: Floats, order: int) -> Floats:
-    """Where sides have values of their own, counter-clockwise, (m, 3, order - 1, 2), for corners (m, 3, 2)."""
+    """Return the points of the unknowns on sides, (m, 3, order - 1, 2).
+
+    `corners` has shape (m, 3, 2). Points run counter-clockwise.
+    """
     start, end = corners[:, AFTER, None], corners[:, BEFORE, None]
     return start + (np.arange(1, order) / order)[:, None] * (end - start)
 
 
 def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = None) -> None:
-    """Set the coefficients of sides from values at the corners (m, 3) and inside the sides, counter-clockwise.
+    """Set the coefficients of sides from values at the corners and on the sides.
 
-    These are (m, 3, order - 1): at the middle, or at a third and two thirds. Around an axis there is the `kind`, (m,).
+    `corners` (m, 3) are values at the corners. `own` (m, 3, order - 1) are values at the midside, or at one and two
+    thirds of each side, counter-clockwise. `kind` (m,) is the kind of each element around an axis, as in `ON_AXIS`.
     """
     if kind is not None:
         factor = factors_on_sides(own.shape[2] + 1)[kind]
-        own = own / np.where(factor > 0.0, factor, 1.0)  # values on the axis are 0
+        own = own / np.where(factor > 0.0, factor, 1.0)  # values on the axis are zero
     start, end = corners[:, AFTER], corners[:, BEFORE]
     if own.shape[2] == 1:
         modes.side[..., 0] = own[..., 0] - 0.5 * (start + end)
@@ -214,16 +242,20 @@ def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = No
 
 @cache
 def factors_on_sides(order: int) -> Floats:
-    """The factor towards the axis where sides have values of their own, by kind of element, (7, 3, order - 1)."""
+    """Return the factor s at the unknowns on sides, (7, 3, order - 1).
+
+    The rows are kinds of elements, as in `ON_AXIS`.
+    """
     at = np.arange(1, order)[:, None] / order
     share = np.eye(3)[AFTER][:, None] * (1.0 - at) + np.eye(3)[BEFORE][:, None] * at
     return np.stack([factor_at(np.array(kind), share) for kind in range(len(ON_AXIS))])
 
 
 def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None = None) -> None:
-    """Set the bubbles from values at the corners (m, 3), at the centroids (m,), and what the sides are.
+    """Set the coefficients of bubbles from values at the centroids (m,).
 
-    Around an axis there is the `kind`, (m,).
+    `corners` (m, 3) are values at the corners. The coefficients of sides must be set. `kind` (m,) is the kind of each
+    element around an axis, as in `ON_AXIS`.
     """
     if kind is None:
         modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
@@ -233,7 +265,10 @@ def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None
 
 
 def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
-    """The coefficients of every element in the order of `Reference`, (m, functions), from values at corners (m, 3)."""
+    """Return all coefficients of every element, (m, functions).
+
+    Coefficients are in the order of `Reference`. `corners` (m, 3) are values at the corners.
+    """
     if modes is None:
         return corners
     sides = [modes.side[..., d] for d in range(modes.side.shape[2])]
@@ -241,9 +276,10 @@ def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
 
 
 def traces_at(share: Floats, order: int) -> Floats:
-    """Values on a side, at shares (n,) of the way along it, of the functions that do not vanish there, (n, order + 1).
+    """Return the values on a side of the functions that do not vanish there.
 
-    In the order of `trace_columns`.
+    `share` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape (n,
+    order + 1), in the order of `trace_columns`.
     """
     product = share * (1.0 - share)
     functions = 1.0 - share, share, EVEN * product, ODD * product * (2.0 * share - 1.0)
@@ -251,28 +287,38 @@ def traces_at(share: Floats, order: int) -> Floats:
 
 
 def trace_columns(k: Ints, order: int) -> Ints:
-    """Which functions do not vanish on the sides opposite to corners k (n,), (n, order + 1).
+    """Return the functions that do not vanish on the sides opposite to corners k.
 
-    Those of the corners after and before come first, then the side's own.
+    Indices have shape (n, order + 1). The functions of the next and the previous corner are followed by those of the
+    side.
     """
     return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)
 
 
 def facet_products(order: int) -> Floats:
-    """Integrals of products of the functions of a facet of length 1: of both ends, then of those between."""
+    """Return the mass matrix of the Lagrange functions on a facet of length 1.
+
+    The functions of both ends are followed by those of the inner points.
+    """
     powers, functions = np.arange(order + 1), facet_functions(order)
     moments = 1.0 / (powers[:, None] + powers + 1.0)
     return functions.T @ moments @ functions
 
 
 def facet_functions(order: int) -> Floats:
-    """Coefficients of powers of these functions, (order + 1, order + 1), a column for each."""
+    """Return the Lagrange functions on a facet of length 1 as polynomials.
+
+    Column j contains the coefficients of function j by powers, shape (order + 1, order + 1).
+    """
     at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
     return np.linalg.inv(at[:, None] ** np.arange(order + 1))
 
 
 def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:
-    """Doubled signed area (m,), and gradients (2, points, m), for corners (m, 3, 2) and coefficients (m, functions)."""
+    """Return twice the signed area (m,) and the gradients (2, points, m).
+
+    `corners` has shape (m, 3, 2), `coefficients` (m, functions); gradients are at the points of `at`.
+    """
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     doubled = ax * by - bx * ay
     along, aside = np.einsum("qic,mi->cqm", at.slope, coefficients)
@@ -280,9 +326,10 @@ def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Flo
 
 
 def evaluated(coefficients: Floats, share: Floats, kind: Ints | None = None) -> Floats:
-    """Values (n,) at barycentric coordinates (n, 3) of functions with coefficients (n, functions) of their elements.
+    """Return the values (n,) of functions at barycentric coordinates (n, 3).
 
-    Around an axis there is the `kind` of these, (n,).
+    `coefficients` (n, functions) belong to the element of each point. `kind` (n,) is its kind around an axis, as in
+    `ON_AXIS`.
     """
     order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
     at = functions_at(share, order) if kind is None else functions_near_axis(kind, share, order)
@@ -294,7 +341,7 @@ LINEAR_FUNCTIONS = reference(1, 0)
 
 @cache
 def by_points(order: int) -> Points:
-    """The points, and the functions of that order there, of elements of every kind."""
+    """Return quadrature points near an axis, and the functions there, by kind."""
     (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
     value = [functions_near_axis(np.full(len(share[kind]), kind), share[kind], order) for kind in kinds]
     slope = [slopes_near_axis(kind, share[kind], order) for kind in kinds]
@@ -306,9 +353,11 @@ def by_points(order: int) -> Points:
 def fields_at(
     points: Points, kind: int, corners: Floats, bend: Floats, coefficients: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Elements of one kind at their points: doubled area, x and values (points, m), gradients (2, points, m).
+    """Return the fields of elements of one kind at the quadrature points.
 
-    For corners (m, 3, 2), bends of their sides (m, 3, 2) and coefficients (m, functions).
+    `corners` (m, 3, 2) and `bend` (m, 3, 2) are the corners and midside offsets of elements with curved sides,
+    `coefficients` has shape (m, functions). The results are the Jacobian determinant, x and the values, each
+    (points, m), and the gradients, (2, points, m).
     """
     side = points.side[kind]
     way = np.einsum("id,mic->mcd", HAT_SLOPES, corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], bend)

@@ -1,4 +1,4 @@
-"""Cut tetrahedra by a plane: a mesh of triangles, and what the values on nodes and elements are there."""
+"""Cuts of tetrahedral meshes by a plane, with the values on the cut."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -14,11 +14,11 @@ from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["CutBy", "Flat", "flat"]
 
-SNAP = 1e-12  # of the size of the mesh: nodes nearer to the plane than that are on it
-ALONG = 1e-12  # of a unit normal: with less in other directions it is along an axis
+SNAP = 1e-12  # distance below which a node is on the plane, relative to the size of the mesh
+ALONG = 1e-12  # size of the other components below which a unit vector is along an axis
 
-# Triangles of a cut by the number of corners below the plane: each node is on the edge from one below to one above,
-# where corners are sorted by side.
+# Triangles of a cut by the number of corners below the plane. Each node lies on an edge between two corners, numbered
+# with the corners below first.
 PIECES = {
     1: (((0, 1), (0, 2), (0, 3)),),
     2: (((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))),
@@ -27,31 +27,30 @@ PIECES = {
 
 
 class CutBy(Protocol):
-    """What tells where to cut: `kohonen_adapt.Plane` does."""
+    """Plane of a cut, for instance a `kohonen_adapt.Plane`."""
 
     @property
-    def point(self) -> tuple[float, float, float]:
-        """Any point of the plane."""
+    def point(self) -> tuple[float, float, float]: ...
 
     @property
-    def normal(self) -> tuple[float, float, float]:
-        """A vector across it."""
+    def normal(self) -> tuple[float, float, float]: ...
 
 
 @dataclass(frozen=True)
 class Flat:
-    """A mesh of triangles that stands for a mesh in a view: a cut through tetrahedra, or a plane mesh itself.
+    """Mesh of triangles to draw, a cut through tetrahedra or a plane mesh itself.
 
     Attributes
     ----------
     mesh
-        The triangles; of a cut in coordinates of the plane, with the subdomains of what is cut.
+        The triangles. A cut has coordinates in its plane, and the subdomains of the tetrahedra.
     axes
-        What the coordinates are called.
+        Names of the coordinates.
     element
-        (ntriangles,): of a cut, the element that each triangle is a piece of.
+        For a cut, the element that each triangle is a part of, (ntriangles,).
     ends, share
-        (2, nnodes) and (nnodes,): of a cut, the nodes of the edge that a node is on, and how far from the first it is.
+        For a cut, the ends of the edge that contains each node, (2, nnodes), and the position on this edge from 0 to 1,
+        (nnodes,).
     """
 
     mesh: MeshTri
@@ -61,11 +60,11 @@ class Flat:
     share: Floats | None = None
 
     def of_elements(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values on the triangles, of values on the elements, (..., nelements)."""
+        """Return the values of triangles from values of elements, (..., nelements)."""
         return values if self.element is None else values[..., self.element]
 
     def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values on the nodes, (nnodes,), of values on the nodes of what is shown, linear between them."""
+        """Return the values at nodes, interpolated from nodal values of the whole mesh."""
         if self.ends is None or self.share is None:
             return values
         one, other = values[self.ends]
@@ -73,7 +72,7 @@ class Flat:
 
     @property
     def sides(self) -> Ints:
-        """Facets of the triangles that are sides of elements, and not between two pieces of one."""
+        """Sides of elements, without the facets inside an element."""
         if self.element is None:
             return np.arange(self.mesh.facets.shape[1])
         number_facets(self.mesh)
@@ -82,12 +81,12 @@ class Flat:
 
 
 def flat(mesh: Mesh, plane: CutBy | None) -> Flat:
-    """What is shown of a mesh: of tetrahedra the cut by a plane, else the mesh itself.
+    """Return the triangles to draw, a cut through tetrahedra or the mesh itself.
 
     Raises
     ------
     ValueError
-        If tetrahedra come without a plane or it does not meet them, or a plane mesh comes with one.
+        If no plane that cuts the mesh is given for tetrahedra, or if a plane is given for triangles.
     """
     if cell_of(mesh) is not TETRAHEDRON:
         if plane is not None:
@@ -98,9 +97,9 @@ def flat(mesh: Mesh, plane: CutBy | None) -> Flat:
     normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
     below, above, element, height = _cut(mesh, np.asarray(plane.point, dtype=float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0
-    below, above = np.where(on, above, below), np.where(under, below, above)  # nodes in the plane are their own
+    below, above = np.where(on, above, below), np.where(under, below, above)  # equal in the plane
     key = keys_of(np.sort(np.stack([below.ravel(), above.ravel()]), axis=0), mesh.p.shape[1]).reshape(below.shape)
-    whole = (key[0] != key[1]) & (key[1] != key[2]) & (key[2] != key[0])  # others are pieces without area
+    whole = (key[0] != key[1]) & (key[1] != key[2]) & (key[2] != key[0])  # not degenerate
     _, first, node = np.unique(key[:, whole], return_index=True, return_inverse=True)
     ends = np.stack([below[:, whole].ravel()[first], above[:, whole].ravel()[first]])
     low, high = height[ends]
@@ -113,10 +112,14 @@ def flat(mesh: Mesh, plane: CutBy | None) -> Flat:
 
 
 def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, Floats]:
-    """The edges on which the corners of all pieces are, (3, k) from below and above, their elements, all heights."""
+    """Return the cut edges of all triangles, the elements, and the heights of nodes.
+
+    The corners of triangle i lie on the edges between the nodes ``below[:, i]`` and ``above[:, i]``, both of shape
+    (3, k). Heights are distances from the plane along the normal.
+    """
     height = normal @ (mesh.p - point[:, None])
     height[np.abs(height) < SNAP * np.ptp(mesh.p, axis=1).max()] = 0.0
-    for is_above in (height >= 0.0, height > 0.0):  # a plane along the rim has the mesh on one of its sides
+    for is_above in (height >= 0.0, height > 0.0):  # the second for a plane along the boundary
         count = np.sum(~is_above[mesh.t], axis=0)
         if np.any((count > 0) & (count < len(mesh.t))):
             break
@@ -139,7 +142,7 @@ def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, F
 
 
 def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:
-    """Two unit vectors along a plane, (2, 3), and what the coordinates along them are called."""
+    """Return two unit vectors along a plane, (2, 3), and their names."""
     across = int(np.argmax(np.abs(normal)))
     if np.linalg.norm(np.delete(normal, across)) < ALONG:
         axes = np.delete(np.eye(3), across, axis=0)
@@ -157,7 +160,7 @@ def _called(axis: Floats) -> str:
 
 
 def _pieces(mesh: Mesh, element: Ints) -> dict[str, Ints]:
-    """The triangles in every subdomain."""
+    """Return the triangles in every subdomain."""
     found: dict[str, Ints] = {}
     for name, rows in named_sets(mesh.subdomains).items():
         inside = np.zeros(mesh.t.shape[1], dtype=bool)

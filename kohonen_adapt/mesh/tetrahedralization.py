@@ -1,4 +1,4 @@
-"""A scikit-fem mesh of tetrahedra as arrays (elements by region, neighbours, names), and back with every name."""
+"""Tetrahedral mesh as arrays that kernels change, and back with every name."""
 
 from dataclasses import dataclass, replace
 
@@ -18,23 +18,23 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FACES", "Tetrahedralization", "facet_of_face"]
 
-FACES = np.array(TETRAHEDRON.outward)  # opposite to each, counter-clockwise from outside
+FACES = np.array(TETRAHEDRON.outward)  # corners of the face opposite to each corner, counter-clockwise from outside
 
 
 @dataclass
 class Tetrahedralization:
-    """A working copy of a mesh that kernels may change; everything in it is its own.
+    """Working copy of a tetrahedral mesh as arrays, which kernels may change.
 
     Attributes
     ----------
     position
-        (n, 3): the one truth of where a node is.
+        Nodes (n, 3).
     elements
-        As `kernels/tetrahedron/arrays.py` describes them; those of rows that begin with -1 are no part of the mesh.
+        Arrays of `kernels/tetrahedron/arrays.py`. Rows of ``node`` that begin with -1 are unused.
     mesh
-        The mesh it came from: names, and facets that are numbered.
+        The input mesh, for its names and numbered facets.
     region_of_input
-        Region of every element of that mesh.
+        Region of every element of the input mesh.
     """
 
     position: Floats
@@ -45,9 +45,9 @@ class Tetrahedralization:
 
     @classmethod
     def of(cls, mesh: MeshTet) -> "Tetrahedralization":
-        """Take a mesh apart; refused unless it is a valid `skfem.MeshTet` with no two elements on one another.
+        """Create the arrays of a mesh, without patches on its faces.
 
-        No face has a patch yet.
+        Raise ValueError unless the mesh is a valid `skfem.MeshTet` without overlapping elements.
         """
         if type(mesh) is not MeshTet1:
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.")
@@ -60,12 +60,11 @@ class Tetrahedralization:
 
     @property
     def nnodes(self) -> int:
-        """Number of nodes."""
         return len(self.position)
 
     @property
     def star(self) -> Star:
-        """The elements around every node, worked out when first asked for."""
+        """Elements around every node, computed on first use."""
         if self._star is None:
             self._star = Star.of(self.nnodes, len(self.elements.node))
             fill_star(self.elements.node, self._star)
@@ -73,29 +72,34 @@ class Tetrahedralization:
 
     @property
     def used(self) -> Ints:
-        """The rows of the elements that the mesh has, in order."""
+        """Rows of the elements that are part of the mesh."""
         return np.flatnonzero(self.elements.node[:, 0] >= 0)
 
     def copy(self) -> "Tetrahedralization":
-        """The tetrahedralization as it is now."""
         elements = Tetrahedra(*(array.copy() for array in self.elements))
         return replace(self, position=self.position.copy(), elements=elements, _star=None)
 
     def become(self, position: Floats, elements: Tetrahedra) -> None:
-        """Take other nodes and elements, of the same regions, which are not copied."""
+        """Replace nodes and elements, without a copy.
+
+        Region indices must be those of the input mesh.
+        """
         self.position, self.elements, self._star = position, elements, None
 
     def volumes(self) -> Floats:
-        """Volume of every element that the mesh has, (m,)."""
+        """Return the signed volume of every element of the mesh, (m,)."""
         a, b, c, d = self.position[self.elements.node[self.used]].transpose(1, 0, 2)
         return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
 
     def centroids(self) -> Floats:
-        """Centroid of every element that the mesh has, (m, 3)."""
+        """Return the centroid of every element of the mesh, (m, 3)."""
         return self.position[self.elements.node[self.used]].mean(axis=1)
 
     def to_mesh(self) -> MeshTet:
-        """The mesh as it is now, with its subdomains and without its boundaries (see `MovableSolid.mesh`)."""
+        """Return the mesh with its subdomains.
+
+        `MovableSolid.mesh` adds the boundaries.
+        """
         used, mesh = self.used, self.mesh
         t = np.ascontiguousarray(self.elements.node[used].T).astype(mesh.t.dtype)
         if np.array_equal(t, positive(mesh.p.T, mesh.t).T):
@@ -106,10 +110,13 @@ class Tetrahedralization:
 
 
 def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number of the facet opposite to each corner of the elements, whose corners may stand in another order, (m, 4)."""
+    """Return the facet opposite to each corner of the elements, (m, 4).
+
+    The corners `node` (m, 4) may be in another order than in ``mesh.t``.
+    """
     number_facets(mesh)
     facet = np.empty_like(node)
-    for row in range(4):  # scikit-fem's facets of an element: corners 012, 013, 023, 123
+    for row in range(4):  # scikit-fem orders the facets of an element as corners 012, 013, 023, 123
         corner = np.argmax(node == mesh.t[3 - row][:, None], axis=1)
         facet[np.arange(len(node)), corner] = mesh.t2f[row]
     return facet

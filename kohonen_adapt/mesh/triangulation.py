@@ -1,4 +1,4 @@
-"""A scikit-fem mesh as arrays (elements by region, neighbours, names), and back with every name."""
+"""Triangular mesh as arrays that kernels change, and back with every name."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,18 +22,18 @@ __all__ = ["Triangulation"]
 
 @dataclass
 class Triangulation:
-    """A working copy of a mesh that kernels may change; everything in it is its own.
+    """Working copy of a triangular mesh as arrays, which kernels may change.
 
     Attributes
     ----------
     position
-        (n, 2): the one truth of where a node is.
+        Nodes (n, 2).
     elements
-        As `kernels/arrays.py` describes them.
+        Arrays of `kernels/arrays.py`.
     mesh
-        The mesh it came from, of a `MeshTri2` its corners: names, and connectivity that scikit-fem has worked out.
+        The input mesh, of a `MeshTri2` its straight triangles, for its names and cached connectivity.
     region_of_input
-        Region of every element of that mesh.
+        Region of every element of the input mesh.
     """
 
     position: Floats
@@ -44,9 +44,10 @@ class Triangulation:
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
-        """Take a mesh apart; refused unless valid, as `check_mesh` has it, and with no two elements on one another.
+        """Create the arrays of a mesh.
 
-        Of a `MeshTri2` these are the straight triangles between its corners.
+        A `MeshTri2` is represented by the straight triangles between its corners. Raise ValueError unless the mesh is
+        valid (`check_mesh`) and has no overlapping elements.
         """
         check_mesh(mesh, bent=True, folded=True)
         mesh = corners_of(mesh)
@@ -60,48 +61,52 @@ class Triangulation:
 
     @property
     def nnodes(self) -> int:
-        """Number of nodes."""
         return len(self.position)
 
     @property
     def star(self) -> Star:
-        """The elements around every node, worked out when first asked for."""
+        """Elements around every node, computed on first use."""
         if self._star is None:
-            self._star = star_of(self.elements.node, self.nnodes, [0, self.nnodes])  # by whichever thread asks
+            self._star = star_of(self.elements.node, self.nnodes, [0, self.nnodes])  # in the calling thread
         return self._star
 
     def copy(self) -> "Triangulation":
-        """The triangulation as it is now."""
         elements = Elements(*(array.copy() for array in self.elements))
         star = self._star and Star(*(array.copy() for array in self._star))
         return replace(self, position=self.position.copy(), elements=elements, _star=star)
 
     def become(self, position: Floats, elements: Elements) -> None:
-        """Take other nodes and elements, of the same regions, which are not copied."""
+        """Replace nodes and elements, without a copy.
+
+        Region indices must be those of the input mesh.
+        """
         self.position, self.elements = position, elements
         if self._star is not None:
             self._star = star_of(elements.node, len(position), even_cuts(len(position), LIGHT))
 
     def refill_star(self) -> None:
-        """Work the stars out anew after edges were flipped."""
+        """Compute the elements around every node again, after flips of edges."""
         fill(self.star, self.elements.node, even_cuts(self.nnodes, LIGHT))
 
     def areas(self) -> Floats:
-        """Area of every element, (m,)."""
+        """Return the signed area of every element, (m,)."""
         a, b, c = self._corners()
         return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
 
     def centroids(self) -> Floats:
-        """Centroid of every element, (m, 2)."""
+        """Return the centroid of every element, (m, 2)."""
         a, b, c = self._corners()
         return (a + b + c) / 3.0
 
     def _corners(self) -> list[Floats]:
-        """Where the corners of every element are, three times (m, 2)."""
-        return [np.take(self.position, corner, axis=0) for corner in self.elements.node.T]  # sooner than by brackets
+        """Return the positions of the three corners of every element, (m, 2) each."""
+        return [np.take(self.position, corner, axis=0) for corner in self.elements.node.T]  # faster than indexing
 
     def to_mesh(self) -> MeshTri:
-        """The mesh as it is now, with its subdomains and without its boundaries (see `Outline.with_boundaries`)."""
+        """Return the mesh with its subdomains.
+
+        `Outline.with_boundaries` adds the boundaries.
+        """
         t, node = self.mesh.t, ascending(*self.elements.node.T)
         t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
         position = np.ascontiguousarray(self.position.T)
@@ -110,7 +115,7 @@ class Triangulation:
 
 
 def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:
-    """The elements around every node, of elements (m, 3)."""
+    """Return the elements around every node, of elements (m, 3)."""
     rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
     star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
     fill(star, node, cuts)
@@ -118,7 +123,10 @@ def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:
 
 
 def fill(star: Star, node: Ints, cuts: Sequence[int]) -> None:
-    """List the elements around every node, of elements (m, 3); each thread those around the nodes between two cuts."""
+    """Compute the elements around every node, of elements (m, 3).
+
+    Each thread fills the nodes between two `cuts`.
+    """
     cursor = np.empty(len(star.start) - 1, dtype=np.int32)
     find_starts(node, star.start)
     shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), cuts)

@@ -1,4 +1,4 @@
-"""Turn a part of a mesh by whole steps of the evenly spaced nodes on the circle between it and the rest."""
+"""Rotation of a part of a mesh by whole steps of the nodes around the part."""
 
 from collections.abc import Sequence
 from math import ceil, floor
@@ -17,43 +17,45 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["turned"]
 
-ROUND = 1e-6  # of its radius: nodes of a circle lie this near to it
-EVEN = 1e-6  # radians: steps differ by no more, and an angle differs from whole steps by no more
-SAME = 1e-5  # of the radius: nodes on the circle that are so near to one another are one
+ROUND = 1e-6  # maximum distance of nodes from a circle, relative to the radius
+EVEN = 1e-6  # maximum difference of steps, and of an angle from whole steps, in radians
+SAME = 1e-5  # maximum distance of coinciding nodes on the circle, relative to the radius
 
 
 def turned(
     mesh: MeshTri, name: str | Sequence[str], angle: float, *, centre: tuple[float, float] = (0.0, 0.0)
 ) -> MeshTri:
-    """Turn subdomains, as a rotor and all that is fixed to it, about a point; the rest stays where it is.
+    """Rotate subdomains about a point, for instance a rotor.
 
-    What turns must be all that is inside, or outside, of a circle of evenly spaced nodes, as a ring in the middle of
-    an air gap, and the angle whole steps of these: then the nodes of both sides meet again. What is turned out of a
-    sector stays there, and the circle becomes part of the outer boundary at both ends; oriented facets look to the side
-    that they have there. Remanences, currents and curves are not of the mesh: turn them yourself.
+    The rotating part must be everything inside, or outside, a circle of evenly spaced nodes, for instance a ring in the
+    middle of an air gap. The angle must be a whole number of node spacings, so that the nodes of both sides meet again.
+    If the part rotates out of a sector, the arcs without a counterpart at both ends are boundary. An oriented facet
+    there is oriented towards its only element. Remanences, currents and curves are not stored in the mesh and must be
+    rotated separately.
 
     Parameters
     ----------
     mesh
-        A triangular mesh, a `skfem.MeshTri` or `MeshTri2`.
+        A `skfem.MeshTri` or `MeshTri2`.
     name
-        The subdomains that turn: a name or several.
+        Name or names of the subdomains to rotate.
     angle
         In radians, counter-clockwise positive.
     centre
-        The point (x, y) to turn about, in mesh units.
+        Centre of the rotation (x, y), in mesh units.
 
     Returns
     -------
     MeshTri
-        With the same elements in the same order, their sides bent as they were, and all names. Nodes keep their numbers
-        where the circle is whole; of a sector some are taken apart, and nodes that meet become one.
+        Mesh with the same elements in the same order, the same midside offsets, and all names. If the circle is
+        complete, nodes keep their indices. In a sector some nodes are duplicated, and nodes that meet are merged.
 
     Raises
     ------
     ValueError
-        If the angle is no whole number of steps, with the nearest two that are; if subdomain and rest do not meet on
-        circles of evenly spaced nodes about the centre, nor after the turn; and for what is no valid mesh or name.
+        If the angle is not a whole number of node spacings (with the two nearest angles), if the part and the rest do
+        not meet on circles of evenly spaced nodes about the centre, before and after the rotation, or if the mesh or a
+        name is invalid.
 
     Examples
     --------
@@ -61,7 +63,7 @@ def turned(
     >>> mesh = skfem.MeshTri.init_symmetric().refined(1).translated((-0.5, -0.5))
     >>> mesh = mesh.with_subdomains({"rotor": lambda x: np.abs(x).max(axis=0) < 0.25})  # four nodes on a circle
     >>> quarter = ka.turned(mesh, "rotor", np.pi / 2)
-    >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # the elements are others
+    >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # other elements between the same nodes
     (True, False)
     """
     check_mesh(mesh, bent=True)
@@ -89,7 +91,10 @@ def turned(
 
 
 def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
-    """Which elements turn, (nelements,)."""
+    """Return a mask of the elements in the named subdomains, (nelements,).
+
+    Raise ValueError if these are all elements or none.
+    """
     part, names = np.zeros(mesh.t.shape[1], dtype=bool), [name] if isinstance(name, str) else list(name)
     for each in names:
         part[named(mesh.subdomains, each, "subdomain")] = True
@@ -101,12 +106,15 @@ def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
 
 
 def on_circle(x: Floats, radius: float) -> Mask:
-    """Which points (2, n) lie on the circle of that radius about the origin."""
+    """Return a mask of points (2, n) on a circle about the origin."""
     return np.abs(np.hypot(*x) - radius) <= ROUND * radius
 
 
 def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> list[float]:
-    """The radii of the circles on which the part meets the rest, facet by facet, in the `shared` nodes."""
+    """Return the radii of the circles on which the part meets the rest.
+
+    `shared` are the nodes of both. Raise ValueError if both also meet elsewhere.
+    """
     number_facets(mesh)
     inside = mesh.f2t[1] >= 0
     between = np.flatnonzero(inside)[part[mesh.f2t[0, inside]] != part[mesh.f2t[1, inside]]]
@@ -126,10 +134,13 @@ def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> 
 
 
 def step_of(x: Floats, radius: float) -> float:
-    """The angle between neighbours of those points (2, n) that are on a circle about the origin."""
+    """Return the angle between neighbouring points (2, n) on a circle or arc.
+
+    Raise ValueError if the angles differ.
+    """
     angle = np.sort(np.arctan2(*x[::-1, on_circle(x, radius)]))
     gaps = np.diff(angle, append=angle[0] + 2.0 * np.pi)
-    steps = np.delete(gaps, np.argmax(gaps)) if gaps.max() > 1.5 * np.median(gaps) else gaps  # an arc, or all round
+    steps = np.delete(gaps, np.argmax(gaps)) if gaps.max() > 1.5 * np.median(gaps) else gaps  # arc or circle
     if not steps.size or np.ptp(steps) > 2.0 * EVEN:
         least, most = np.degrees([gaps.min(), steps.max(initial=gaps.min())])
         raise ValueError(
@@ -140,7 +151,10 @@ def step_of(x: Floats, radius: float) -> float:
 
 
 def whole_steps(angle: float, steps: Sequence[float]) -> float:
-    """The angle, made whole steps of each circle exactly; refused where it is not nearly."""
+    """Return the angle, rounded to whole steps of each circle.
+
+    Raise ValueError if the rounding changes the angle by more than `EVEN`.
+    """
     for step in steps:
         count = round(angle / step)
         if abs(angle - count * step) > EVEN:
