@@ -127,7 +127,7 @@ def residual(
     flux : (d, nelements), optional
         Prescribed flux in d dimensions, for magnets in the plane ``nu (-Br_y, Br_x)``; None is zero. A flux that varies
         inside elements has shape (d, d + 1, nelements), with values at the corners in the order of ``mesh.t`` and
-        linear between them. Its mean alone would jump from element to element and make the estimate wrong by half.
+        linear between them. Its mean alone would jump from element to element and change the estimate by 50 %.
     joined : (k,), (k,), (k,), optional
         Facets on one side of periodic boundaries, the matching facets on the opposite side, and the factor between the
         values of u there, 1 (periodic) or -1 (antiperiodic). These pairs count as interior facets.

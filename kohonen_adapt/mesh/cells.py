@@ -167,7 +167,6 @@ def check_kind(mesh: object, bent: bool = False, space: bool = False) -> None:
 
 
 def remedy_for(mesh: object, space: bool) -> str:
-    """Return the advice for a mesh of another class."""
     name = type(mesh).__name__
     if "Quad" in name:
         return "Split the quadrilaterals: mesh.to_meshtri()."

@@ -136,7 +136,7 @@ class Isoparametric(CurvedElements):
         return settled & (share.min(axis=0) >= -INSIDE)
 
     def _behind_arcs(self, x: Floats) -> Ints:
-        """Return the elements of points between boundary sides and their chords.
+        """Return the elements of points between curved boundary sides and their chords.
 
         The element is -1 if no element contains the point.
         """

@@ -149,7 +149,6 @@ def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
 
 
 def together(parts: list[Sides]) -> Sides:
-    """Return the union of several boundaries."""
     element, corner = (np.concatenate([getattr(part, name) for part in parts]) for name in ("element", "corner"))
     return Sides(element, corner, all(part.oriented for part in parts))
 
@@ -208,7 +207,6 @@ def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, ne
 
 
 def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    """Raise ValueError if no boundary facet is shared."""
     partner = np.full(other.p.shape[1], -1)
     partner[others] = nodes
     facets, images, count = outline_of(one), partner[outline_of(other)], one.p.shape[1]

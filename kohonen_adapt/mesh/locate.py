@@ -59,7 +59,6 @@ class Locator:
         self.grid = self._laid_grid()
 
     def _laid_grid(self) -> Grid:
-        """Return a grid with the elements that meet each cell."""
         node = self.elements.node
         grid = Grid.over(self.position, len(node) / self.room.crowd)
         self.room.kernels.count_in_cells(self.position, node, grid)
@@ -133,7 +132,6 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
 
 
 def locator_of(mesh: Mesh) -> Locator:
-    """Return the locator of a valid mesh without overlapping elements."""
     check_kind(mesh, bent=True, space=True)
     room = ROOMS[cell_of(mesh).dim]
     expect(*room.chapters)

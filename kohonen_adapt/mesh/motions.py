@@ -1,4 +1,4 @@
-"""Rigid motions of the plane, which map a boundary onto a periodic one."""
+"""Rigid motions of the plane, for pairs of periodic boundaries."""
 
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
@@ -145,7 +145,6 @@ def moved(matrix: Floats, points: ArrayLike) -> Floats:
 
 
 def inverse(matrix: Floats) -> Floats:
-    """Return the inverse of a motion [A | b]."""
     back = matrix[:, :2].T
     return np.column_stack([back, -back @ matrix[:, 2]])
 

@@ -160,7 +160,6 @@ def _called(axis: Floats) -> str:
 
 
 def _pieces(mesh: Mesh, element: Ints) -> dict[str, Ints]:
-    """Return the triangles in every subdomain."""
     found: dict[str, Ints] = {}
     for name, rows in named_sets(mesh.subdomains).items():
         inside = np.zeros(mesh.t.shape[1], dtype=bool)

@@ -115,7 +115,6 @@ class Triangulation:
 
 
 def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:
-    """Return the elements around every node, of elements (m, 3)."""
     rows = [np.empty(node.size, dtype=np.int32) for _ in range(3)]
     star = Star(np.empty(nnodes + 1, dtype=np.int32), *rows)
     fill(star, node, cuts)

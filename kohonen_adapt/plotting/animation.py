@@ -146,7 +146,6 @@ def _write(path: Path, frames: Sequence[Frame], plane: CutBy | None, unit: str, 
 
 
 def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> bytes:
-    """Return the frames as the bytes of a GIF."""
     figure = Figure(figsize=_page(np.ptp(flat(frames[0][0], plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained")
     axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
     for mesh, title in frames:

@@ -66,9 +66,9 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
 def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = -0.5, ax: Axes | None = None) -> Axes:
     """Plot the estimate of every pass over the number of nodes, on logarithmic axes.
 
-    Grey lines of the slope ``N ** slope`` run through the first and the best pass of the first history. If both have
-    the same number of nodes, a circle marks the number of nodes at which the first line reaches the error of the best
-    pass.
+    Grey lines of the slope ``N ** slope`` run through the first and the best pass of the first history. The best pass
+    has the smallest estimate times ``N ** -slope``. If both passes have the same number of nodes, a circle marks the
+    number of nodes at which the first line reaches the error of the best pass.
 
     Parameters
     ----------
@@ -108,7 +108,6 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
 
 
 def _number_axes(axes: Axes) -> None:
-    """Put plain numbers at 1, 2 and 5 of every decade."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
@@ -148,7 +147,7 @@ def _span_of(nodes: Floats) -> tuple[float, float]:
 def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:
     """Draw reference lines through the first and the best pass.
 
-    The best pass is the one farthest below a line of the slope. Return the number of nodes at which the first line
+    The best pass has the smallest estimate times ``N ** -slope``. Return the number of nodes at which the first line
     reaches the error of the best pass, if both have the same number of nodes, or else an empty array.
     """
     known = np.flatnonzero(errors > 0.0)

@@ -1,4 +1,4 @@
-"""Meshes, element values and field lines drawn on axes."""
+"""Drawings of meshes, element values and field lines on matplotlib axes."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -237,7 +237,6 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 
 
 def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:
-    """Set limits, equal scales and labels with a unit."""
     low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
     room = 0.02 * np.max(high - low)
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")

@@ -173,7 +173,6 @@ def _in_words(radii: Floats, unit: str) -> str:
 
 
 def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int, str]:
-    """Return the labels of curve segments, with names and recognised radii."""
     named = [(c, name) for name, manner in outline.names.items() for c in np.flatnonzero(manner).tolist()]
     found: dict[int, list[str]] = defaultdict(list)
     for c, text in [*named, *((c, f"r = {radius:.4g} {unit}".rstrip()) for c, radius in radii.items())]:
@@ -191,7 +190,6 @@ def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
 
 
 def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> None:
-    """Write a label beside a line, on the side of `normal`."""
     places = [("right", "center", "left"), ("top", "center", "bottom")]
     ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
     offset = (6.0 * normal[0], 6.0 * normal[1])

@@ -227,7 +227,6 @@ def _numbered(colours: Floats) -> Normalize:
 
 
 def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
-    """Add a legend of colours, unless no colour has a label."""
     if any(labels):
         handles = [Patch(color=colour, label=text or "no name") for colour, text in zip(colours, labels, strict=True)]
         axes.legend(
@@ -252,7 +251,6 @@ def _camera(around: float, above: float) -> NDArray[np.float64]:
 
 
 def _draw_arrows(axes: Axes, right: Floats, up: Floats) -> None:
-    """Draw the directions of x, y and z in the lower left corner."""
     for name, tip in zip("xyz", ARROW * np.stack([right, up], axis=1), strict=True):
         look = {"arrowstyle": "<|-", "color": "0.35", "shrinkA": 0.0, "shrinkB": 0.0}
         axes.annotate(

@@ -80,5 +80,4 @@ def _curves(result: SweepResult) -> dict[str, list[int]]:
 
 
 def _order(values: NDArray[Any]) -> list[int]:
-    """Return the order of numbers by size, or of text as given."""
     return np.argsort(values, kind="stable").tolist() if values.dtype.kind in "bif" else list(range(values.size))

@@ -53,7 +53,6 @@ def check_pickled(function: Callable[..., Any]) -> None:
 
 
 def cannot_be_pickled(error: Exception) -> CannotBeginError:
-    """Return the exception for a function whose pickling raised `error`."""
     return CannotBeginError(f"function must be one that can be pickled: {error}. {REMEDY}")
 
 
@@ -88,7 +87,6 @@ class LocalPool(Executor):
             thread.start()
 
     def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> "Future[Result]":
-        """Queue a call for the next free process."""
         future: Future[Result] = Future()
         self._tasks.put((future, partial(fn, *args, **kwargs)))
         return future
@@ -125,8 +123,6 @@ class LocalPool(Executor):
 
 
 class _Worker:
-    """A process, and its pipe."""
-
     def __init__(self, threads: int) -> None:
         self._line, there = SPAWN.Pipe()
         self.process = SPAWN.Process(target=_work, args=(there,), daemon=True)
@@ -136,7 +132,6 @@ class _Worker:
         self._begun = False
 
     def answer(self, call: Callable[[], Any]) -> Any:
-        """Return the result of a call made in the process."""
         task = pickle.dumps(call)
         try:
             self._begun = self._begun or self._line.recv()
