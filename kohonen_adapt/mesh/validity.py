@@ -1,4 +1,4 @@
-"""Refuse what is not a valid mesh of triangles, straight or with bent sides, or of tetrahedra."""
+"""Checks of a mesh of triangles, with straight or curved sides, or of tetrahedra."""
 
 import numpy as np
 from skfem import Mesh
@@ -11,15 +11,14 @@ __all__ = ["check_mesh"]
 
 
 def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
-    """Refuse what is not a mesh of connected, non-degenerate triangles, straight ones unless `bent` ones will do.
+    """Raise ValueError unless a mesh is valid and of an accepted kind.
 
-    In `space` a mesh of tetrahedra will do as well. With `folded`, bent sides may fold elements over, as they do in
-    coarse meshes of second order by Gmsh: whoever moves nodes takes only the curves from such sides, and bends them
-    anew.
+    Kinds are those of `check_kind`, with curved sides if `bent` and tetrahedra if `space`. A valid mesh has elements,
+    finite coordinates, no isolated nodes, no elements without area or volume, no elements inverted by curved sides, and
+    names for existing elements and facets only.
 
-    It must be of a kind that `check_kind` lets pass, not empty, without isolated nodes, coordinates that are not
-    finite, elements without area or volume or folded over by their bent sides, or names for elements or facets that do
-    not exist.
+    With `folded`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. This is for callers that
+    move nodes, because these use the sides only to recognise curves and set new midside offsets.
     """
     check_kind(mesh, bent, space)
     if is_second_order(mesh):
@@ -42,7 +41,7 @@ def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool
 
 
 def check_nodes_used(mesh: Mesh) -> None:
-    """Refuse nodes that belong to no element, and elements whose nodes do not exist."""
+    """Raise ValueError for unused nodes, and for elements with missing nodes."""
     count = mesh.p.shape[1]
     if mesh.t.min() < 0 or mesh.t.max() >= count:
         raise ValueError(f"mesh.t must hold node numbers from 0 to {count - 1}; got {mesh.t.min()} to {mesh.t.max()}.")
@@ -55,15 +54,15 @@ def check_nodes_used(mesh: Mesh) -> None:
 
 
 def check_sizes(mesh: Mesh) -> None:
-    """Refuse elements without area or volume.
+    """Raise ValueError for elements without area or volume.
 
-    In d dimensions that is one below ``1e-14 / d!`` of their longest edge's d-th power.
+    The limit in d dimensions is ``1e-14 / d!`` times the d-th power of the longest edge.
     """
     cell = cell_of(mesh)
     corners = mesh.p[:, mesh.t]
     longest = np.zeros(mesh.t.shape[1])
     for one, other in cell.edges:
-        # short columns are added many times sooner row by row than by np.sum
+        # for short columns many times faster than np.sum
         longest = np.maximum(longest, sum((corners[:, one] - corners[:, other]) ** 2))
     flat = np.flatnonzero(~(np.abs(cell.determinant(corners)) > 1e-14 * longest ** (cell.dim / 2)))
     if len(flat):
@@ -74,7 +73,7 @@ def check_sizes(mesh: Mesh) -> None:
 
 
 def check_names(mesh: Mesh) -> None:
-    """Refuse named sets that do not hold numbers of elements or facets."""
+    """Raise ValueError for named sets with invalid indices or names."""
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
     if boundaries:
         number_facets(mesh)
