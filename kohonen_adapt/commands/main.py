@@ -93,7 +93,7 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Adapt a case that comes along; its files are there even if there can be no picture."""
     folder, name = writable_folder(arguments.out), arguments.name
     mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
-    remove_drafts(folder, *(path.name for path in (mesh_file, fields, picture, report)))
+    remove_drafts(folder)
     case = read_case(_example(f"{name}.toml"))
     mesh, passes = fitting_mesh(case), _Passes(terminal, case.adapt.get("passes", PASSES))
     after = adapt(

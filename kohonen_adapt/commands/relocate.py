@@ -38,7 +38,7 @@ SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)"
 def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     """Read a mesh and a field on it, relocate, write the mesh with the same groups, and return the exit status."""
     out = arguments.out
-    remove_drafts(writable_folder(out.parent), out.name)
+    remove_drafts(writable_folder(out.parent))
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
     file, name = _source(text, f"--{meaning}")
     if out.suffix.lower() not in (*WRITTEN, ""):

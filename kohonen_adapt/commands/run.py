@@ -75,8 +75,7 @@ class CaseRun:
                 f"--out {self.folder}."
             )
         self.passes.mkdir(exist_ok=True)
-        for folder in (self.folder, self.passes):
-            remove_drafts(folder)  # of a process that was killed
+        remove_drafts(self.folder)  # `adapt` does it in that of the passes
         return len(self._files())
 
     def _files(self) -> list[Path]:

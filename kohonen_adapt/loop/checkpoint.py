@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.files import whole_file
+from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
 from kohonen_adapt.outline.movable import MovableMesh
@@ -62,6 +62,7 @@ class Checkpoint:
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"checkpoint must be the path of a folder, or None; got {folder!r}.")
         Path(folder).mkdir(parents=True, exist_ok=True)
+        remove_drafts(Path(folder))
         checkpoint = cls(Path(folder), fingerprint(mesh, problem, settings))
         for file in checkpoint._files()[:1]:  # the others are read when the loop goes through them
             checkpoint._read(file)

@@ -35,3 +35,20 @@ def alive(process):
     """Whether a process is there and has not ended; on Linux, which shows them as files."""
     stat = Path(f"/proc/{process}/stat")
     return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+KILLED = """
+import os, pathlib
+from kohonen_adapt.files import whole_file, whole_files
+path = pathlib.Path({path!r})
+with whole_file(path) as one, whole_files(path.parent) as many:
+    one.write_text("half")
+    (many / path.name).write_text("half")
+    os._exit(0)
+"""
+
+
+def leave_drafts(path):
+    """Leave two drafts of a file as a process does that is killed while it writes, alone and with others."""
+    output_with(KILLED.format(path=str(path)))
+    assert len(list(path.parent.glob(".*.draft"))) == 2

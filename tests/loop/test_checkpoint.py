@@ -12,6 +12,7 @@ import pytest
 from helpers.examples import examples
 from helpers.meshes import inset, ring
 from helpers.poisson_solids import Minimised, Poisson
+from helpers.processes import leave_drafts
 from helpers.solids import two_regions
 from hypothesis import given
 from hypothesis import strategies as st
@@ -511,6 +512,12 @@ def test_a_disk_that_is_full_ends_the_loop_with_what_there_is(tmp_path, monkeypa
     assert "checkpoint of pass 1: OSError: [Errno 28] No space left on device" in result.message
     assert [file.name for file in tmp_path.iterdir()] == ["pass-0000.npz"]  # no draft
     assert_same(ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path), uninterrupted())
+
+
+def test_a_draft_of_a_killed_loop_goes_with_the_next(tmp_path):
+    leave_drafts(tmp_path / "pass-0000.npz")
+    ka.adapt(MESH, PROBLEM, passes=0, checkpoint=tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["pass-0000.npz"]
 
 
 def test_what_fails_before_a_mesh_is_solved_again_is_raised(tmp_path):
