@@ -26,6 +26,7 @@ __all__ = [
     "is_number",
     "listed",
     "nearest_name",
+    "point_text",
     "with_nearest_names",
 ]
 
@@ -147,6 +148,11 @@ def with_nearest_names(
         return called
 
     return decorated
+
+
+def point_text(point: Floats) -> str:
+    """Return the coordinates of a point for a message, as (0.1, 0.25)."""
+    return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 
 def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:

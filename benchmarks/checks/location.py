@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
-    """Seconds until a mesh with nodes shaken is ready to be asked, and for points at random, a tenth of them outside.
+    """Return seconds until a mesh with nodes shaken is ready, and for random points, a tenth of them outside.
+
+    A mesh is ready when it is taken apart, known not to lie on itself, and its grid is laid.
 
     The last column is what barycentric coordinates are below zero at most in the elements that were found.
     """

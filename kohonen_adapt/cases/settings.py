@@ -37,6 +37,7 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.overlap import check_overlap
 
 __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 
@@ -198,6 +199,8 @@ def fitting_mesh(case: Case) -> MeshTri:
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
+    with about("mesh"):
+        check_overlap(mesh)  # before the problem is asked, which would blame its potential
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # bent sides may fold elements over: `adapt` bends them anew
     blank = _blank(case.problem, mesh)

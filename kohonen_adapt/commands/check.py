@@ -7,6 +7,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import point_text
 from kohonen_adapt.commands.seams import seams
 from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
 from kohonen_adapt.display import counted, plural
@@ -57,7 +58,8 @@ def described(mesh: Mesh) -> list[str]:
 
 def points_described(groups: Groups) -> list[str]:
     """A line about every group of points, where a case may give A by name."""
-    return [f"point '{name}': {', '.join(map(_place, places.T))} m" for name, places in sorted(groups.places.items())]
+    places = {name: ", ".join(map(point_text, points.T)) for name, points in sorted(groups.places.items())}
+    return [f"point '{name}': {shown} m" for name, shown in places.items()]
 
 
 def _memberships(mesh: Mesh) -> Ints:
@@ -69,11 +71,7 @@ def _memberships(mesh: Mesh) -> Ints:
 
 
 def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
-    return _place(mesh.p[:, mesh.t[:, element]].mean(axis=1))
-
-
-def _place(point: Floats) -> str:
-    return f"({', '.join(f'{x:.6g}' for x in point)})"
+    return point_text(mesh.p[:, mesh.t[:, element]].mean(axis=1))
 
 
 def _size(mesh: Mesh) -> str:
@@ -133,7 +131,7 @@ def faults(mesh: Mesh) -> Iterator[str]:
     yield from _names(mesh)
     for nodes, called, remedy in seams(mesh):
         if len(nodes):
-            places = ", ".join(map(_place, mesh.p[:, nodes[:SHOWN]].T))
+            places = ", ".join(map(point_text, mesh.p[:, nodes[:SHOWN]].T))
             yield f"{counted(len(nodes), called)}, at {places}{', ...' if len(nodes) > SHOWN else ''}{remedy}"
     value, cell = quality(mesh), cell_of(mesh)
     least = floor_of(Rules(), cell.dim)

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import point_text
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.host import ascending, keys_of
 
@@ -27,10 +28,11 @@ def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
     return node
 
 
-def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
+def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32]:
     """Return the element across the facet opposite to every corner, -1 outside.
 
     `node` has shape (m, d + 1) and positive elements, as returned by `positive`; the result has the same shape.
+    `position` (n, d) is for messages.
 
     Raises
     ------
@@ -47,10 +49,12 @@ def neighbours_of(node: NDArray[np.int32]) -> NDArray[np.int32]:
     # Two elements have the nodes of a facet in opposite orientation, and no third element has the same nodes.
     bad = (even[one] == even[other]) | np.append(same[1:] & same[:-1], False)[same]
     if bad.any():
-        fold = min(one[bad].min(), other[bad].min()) // corners
+        side = min(one[bad].min(), other[bad].min())
+        ends = facet.reshape(cell.dim, -1, order="F")[:, side]
+        shown = " and ".join(f"node {end} at {point_text(position[end])}" for end in ends)
         raise ValueError(
-            f"the mesh is tangled: element {fold} shares {cell.facet} with an element on the same side of it "
-            "(overturned or doubled); repair the mesh before adapting it."
+            f"the mesh is tangled: element {side // corners} shares {cell.facet} with an element on the same side of "
+            f"it (overturned or doubled), of {shown}; repair the mesh before adapting it."
         )
     neighbour = np.full(corners * m, -1, dtype=np.int32)
     neighbour[one], neighbour[other] = other // corners, one // corners

@@ -14,6 +14,7 @@ from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import number_facets, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
+from kohonen_adapt.mesh.overlap import refuse_overlap
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["FACES", "Tetrahedralization", "facet_of_face"]
@@ -54,7 +55,8 @@ class Tetrahedralization:
         check_mesh(mesh, space=True)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = positive(position, mesh.t)
-        neighbour = neighbours_of(node)
+        neighbour = neighbours_of(node, position)
+        refuse_overlap(mesh, position, node, neighbour)
         region = regions_of(mesh, neighbour)
         return cls(position, Tetrahedra(node, neighbour, region.copy(), np.full_like(node, -1)), mesh, region)
 

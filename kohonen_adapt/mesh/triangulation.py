@@ -15,6 +15,7 @@ from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import ascending, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
+from kohonen_adapt.mesh.overlap import refuse_overlap
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]
@@ -50,10 +51,11 @@ class Triangulation:
         valid (`check_mesh`) and has no overlapping elements.
         """
         check_mesh(mesh, bent=True, folded=True)
-        mesh = corners_of(mesh)
+        drawn, mesh = mesh, corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = positive(position, mesh.t)
-        neighbour = neighbours_of(node)
+        neighbour = neighbours_of(node, position)
+        refuse_overlap(drawn, position, node, neighbour)
         chain = np.full_like(node, -1)
         region = regions_of(mesh, neighbour)
         level, layered = np.zeros(len(position), dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)

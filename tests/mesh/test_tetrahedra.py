@@ -107,7 +107,7 @@ def test_neighbours_share_the_face_opposite_to_a_corner(name, seed):
     node = positive(np.ascontiguousarray(mesh.p.T), mesh.t)
     assert sixfold(mesh.p, node.T).min() > 0
     np.testing.assert_array_equal(np.sort(node.T, axis=0), np.sort(mesh.t, axis=0))
-    neighbour = neighbours_of(node)
+    neighbour = neighbours_of(node, mesh.p.T)
     for e, k in np.ndindex(neighbour.shape):
         (facet,) = [f for f in mesh.t2f[:, e] if not np.any(mesh.facets[:, f] == node[e, k])]
         (other,) = set(mesh.f2t[:, facet]) - {e}

@@ -60,4 +60,4 @@ def test_the_star_follows_the_elements():
 )
 def test_elements_on_one_another_are_refused(node, fold):
     with pytest.raises(ValueError, match=f"tangled: element {fold} shares an edge"):
-        neighbours_of(np.array(node, dtype=np.int32))
+        neighbours_of(np.array(node, dtype=np.int32), np.zeros((7, 2)))
