@@ -8,6 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import point_text
+from kohonen_adapt.commands.doubts import size_text, unit_doubts
 from kohonen_adapt.commands.seams import seams
 from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
 from kohonen_adapt.display import counted, plural
@@ -23,9 +24,8 @@ from kohonen_adapt.outline.rules import Rules, floor_of
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.suspects import suspects
 
-__all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described", "unit_doubts"]
+__all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described"]
 
-LARGE = 2.0  # m: devices drawn in metres are smaller, in millimetres larger
 SHOWN = 3  # places of a kind
 GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # whose groups become subdomains and boundaries
 LONG = 25.0  # a part is narrow whose squared outline is so many times its area, as of a rectangle of 1 by 4
@@ -39,7 +39,7 @@ def described(mesh: Mesh) -> list[str]:
     areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
     worst = int(np.argmin(value))
     return [
-        f"size: {_size(mesh)}, {mesh.p.shape[1]} nodes, {counted(mesh.t.shape[1], cell.name)}",
+        f"size: {size_text(mesh)}, {mesh.p.shape[1]} nodes, {counted(mesh.t.shape[1], cell.name)}",
         *(
             f"subdomain '{name}': {counted(len(rows), cell.name)}, {areas[rows].sum():.4g} m^{cell.dim}"
             for name, rows in sorted(named_sets(mesh.subdomains).items())
@@ -72,10 +72,6 @@ def _memberships(mesh: Mesh) -> Ints:
 
 def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
     return point_text(mesh.p[:, mesh.t[:, element]].mean(axis=1))
-
-
-def _size(mesh: Mesh) -> str:
-    return f"{' x '.join(f'{size:.4g}' for size in np.ptp(mesh.p, axis=1))} m"
 
 
 def _smallest_angle(mesh: Mesh) -> str:
@@ -125,9 +121,9 @@ def _radii(radii: Floats) -> str:
     return f" (radius {said} m)"
 
 
-def faults(mesh: Mesh) -> Iterator[str]:
-    """Sentences about a valid mesh, one for each kind of fault: what it is, where, and what to do."""
-    yield from unit_doubts(mesh)
+def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
+    """Yield a sentence for each kind of fault of a valid mesh in metres, read with that scale."""
+    yield from unit_doubts(mesh, scale)
     yield from _names(mesh)
     for nodes, called, remedy in seams(mesh):
         if len(nodes):
@@ -191,12 +187,6 @@ def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
             f'is round, {first}adapt with curves={{"{key}": ka.Arc({at}, {radius:.9g})}}, in a case '
             f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {radius:.9g}}}.'
         )
-
-
-def unit_doubts(mesh: Mesh) -> Iterator[str]:
-    """A sentence about a mesh that is too large for a device in metres."""
-    if np.ptp(mesh.p, axis=1).max() > LARGE:
-        yield (f"the mesh is {_size(mesh)}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case).")
 
 
 def _names(mesh: Mesh) -> Iterator[str]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
 
 from kohonen_adapt import __doc__ as description
 from kohonen_adapt import __version__
@@ -19,12 +18,14 @@ from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
-from kohonen_adapt.commands.check import described, faults, moving, points_described, unit_doubts
+from kohonen_adapt.commands.check import described, faults, moving, points_described
+from kohonen_adapt.commands.doubts import case_doubts, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
 from kohonen_adapt.commands.terminal import Terminal, drawn, let_signals_end_the_process
+from kohonen_adapt.display import counted
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_groups, read_mesh
 from kohonen_adapt.loop.adapt import adapt
@@ -115,9 +116,11 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.show("read")
     with about(arguments.case):
         mesh = fitting_mesh(case)
-    _doubt(mesh, terminal)
+    for doubt in case_doubts(case, mesh):
+        terminal.warn(doubt)
     if arguments.dry_run:
-        terminal.say(f"{arguments.case}: nothing is wrong; '{case.mesh}' has {mesh.nvertices} nodes.")
+        found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "nothing is wrong"
+        terminal.say(f"{arguments.case}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))
@@ -139,8 +142,8 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         )
     if result.status is Status.FAILED:
         terminal.complain(result.message)
-        return FAILED
-    return DONE
+    terminal.repeat_warnings()
+    return FAILED if result.status is Status.FAILED else DONE
 
 
 @dataclass
@@ -172,7 +175,8 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
     check_kind(mesh, bent=True, space=True)
-    _doubt(mesh, terminal)
+    for doubt in unit_doubts(mesh, arguments.scale):
+        terminal.warn(doubt)
     with whole_file(path) as draft:
         file = Path(os.path.relpath(arguments.mesh.resolve(), path.parent.resolve())).as_posix()
         draft.write_text(case_text(mesh, file, arguments.scale, points=groups.places), encoding="utf-8")
@@ -187,17 +191,13 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))
-    found = list(faults(corners))
+    found = list(faults(corners, arguments.scale))
     lines, hinted = moving(mesh, dict(ChainMap(*arguments.surfaces)))
     terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
-    terminal.say("\n".join(f"- {fault}" for fault in found) or "Nothing is wrong.")
+    for fault in found:
+        terminal.say(f"- {fault}")
+    terminal.say(f"{counted(len(found), 'warning')}." if found else "Nothing is wrong.")
     return FAILED if found else DONE
-
-
-def _doubt(mesh: MeshTri, terminal: Terminal) -> None:
-    """A mesh in millimetres that is taken for metres runs well and gives nonsense."""
-    for doubt in unit_doubts(mesh):
-        terminal.complain(f"warning: {doubt}")
 
 
 def _example(name: str) -> Path:

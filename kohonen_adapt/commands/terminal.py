@@ -33,6 +33,7 @@ class Terminal(logging.Handler):
         super().__init__()
         self._quiet = quiet
         self._shown = 0  # columns that the step takes
+        self.warnings = list[str]()
 
     def say(self, said: object) -> None:
         """A line on standard output, unless the command is to be quiet."""
@@ -45,7 +46,14 @@ class Terminal(logging.Handler):
 
     def warn(self, message: Warning | str, *where: Any, **stream: Any) -> None:
         """A warning in one line, in place of `warnings.showwarning`: where in the code it arose helps nobody here."""
+        if str(message) not in self.warnings:
+            self.warnings.append(str(message))
         self.complain(f"warning: {message}")
+
+    def repeat_warnings(self) -> None:
+        """Write every warning again, where the last lines of a long run are read."""
+        for message in self.warnings:
+            self.complain(f"warning: {message}")
 
     def emit(self, record: logging.LogRecord) -> None:
         """A remark of the package, on standard error; how far the compilation is, in place of the step."""
