@@ -1,4 +1,4 @@
-"""Warnings about numbers that look like another unit: extents, permeability, remanence, current density, depth."""
+"""Warnings about lengths and materials that look like another unit."""
 
 from collections.abc import Iterator
 
@@ -14,10 +14,10 @@ from kohonen_adapt.mesh.curved import corners_of
 __all__ = ["case_doubts", "size_text", "unit_doubts"]
 
 LARGE, SMALL = 2.0, 2e-5  # m: devices drawn in millimetres are larger, with a scale for another unit smaller
-LEAST_PERMEABILITY = 0.999  # of diamagnetic metals it is above that
-MOST_REMANENCE = 3.0  # T: of magnets it is below 1.5
+LEAST_PERMEABILITY = 0.999  # diamagnetic metals have more
+MOST_REMANENCE = 3.0  # T: magnets have at most 1.5
 MOST_MILLITESLA = 3000.0  # beyond that a remanence is in gauss
-LEAST_CURRENT_DENSITY = 100.0  # A/m^2: of windings it is some 10^6, in A/mm^2 some 1
+LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have some 10^6, in A/mm^2 some 1
 LONG = 20.0  # m
 
 
@@ -27,7 +27,7 @@ def size_text(mesh: Mesh) -> str:
 
 
 def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    """Yield a warning if the extents of a mesh in metres are not those of a device."""
+    """Yield a warning if the extents of a mesh in metres suit no device."""
     extent, size = np.ptp(mesh.p, axis=1).max(), size_text(mesh)
     if extent > LARGE and scale == 1.0:
         yield f"the mesh is {size}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)."
@@ -66,9 +66,9 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
 
 
 def permeability_doubt(name: str, permeability: float) -> str:
-    """Return the warning about a relative permeability below that of vacuum."""
-    said = f"permeability of '{name}' is relative, 1 for air; {permeability:.5g} "
+    """Return the warning about a relative permeability below 1."""
+    start = f"permeability of '{name}' is relative, 1 for air; {permeability:.5g} "
     if permeability < 0.1:
         relative = permeability / VACUUM_PERMEABILITY
-        return f"{said}looks like H/m. If so, write {relative:.4g} (divide by 4 pi 1e-7)."
-    return f"{said}is below that, as of superconductors only."
+        return f"{start}looks like H/m. If so, write {relative:.4g} (divide by 4 pi 1e-7)."
+    return f"{start}is below that, as of superconductors only."

@@ -22,7 +22,7 @@ __all__ = ["check_overlap", "refuse_overlap"]
 BRANCHES = 4  # boxes in each box of the tree
 FIRST, GROWTH, MOST = 16, 16, 2**16  # points at a time: few at first, since of stacked elements each has many pairs
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # of coordinates of the order of 1
-WHAT = {2: ("areas", "surfaces"), 3: ("volumes", "volumes")}  # what is drawn, in words and in Gmsh's
+WHAT = {2: ("areas", "surfaces"), 3: ("volumes", "volumes")}  # words for elements and for the drawing
 
 
 def check_overlap(mesh: Mesh) -> None:
@@ -109,7 +109,7 @@ def packed(x: Floats) -> Ints:
 
 
 def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
-    """Return True for elements that hold a point farther than `margin` from their sides.
+    """Return True for points farther than `margin` inside their elements.
 
     Elements have corners (d, d + 1, q), points are (d, q), and coordinates are of the order of 1.
     """
