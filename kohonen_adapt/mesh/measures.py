@@ -1,5 +1,6 @@
 """Size, orientation and quality of elements, and gradients of P1 functions."""
 
+from dataclasses import replace
 from math import factorial
 
 import numpy as np
@@ -16,6 +17,7 @@ from kohonen_adapt.mesh.curved import (
     is_second_order,
     jacobian_coefficients,
 )
+from kohonen_adapt.mesh.validity import LARGEST_EXTENT, LEAST_EXTENT
 
 __all__ = [
     "area",
@@ -117,6 +119,10 @@ def quality(mesh: Mesh) -> Floats:
     [0.84, 0.84, 0.84, 1.0, 0.84]
     """
     check_kind(mesh, bent=True, space=True)
+    largest = np.abs(mesh.doflocs).max(initial=0.0)
+    if largest < LEAST_EXTENT or largest > LARGEST_EXTENT:
+        # areas and volumes would underflow or overflow, and 0 is the quality of a flat element
+        mesh = replace(mesh, doflocs=np.ldexp(mesh.doflocs, -np.frexp(largest)[1]))
     if is_second_order(mesh):
         check_middles(mesh)
         check_bent(mesh)

@@ -7,7 +7,11 @@ from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_bent, check_middles, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
-__all__ = ["check_mesh"]
+__all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
+
+# The kernels take third powers of volumes: those of elements with a hundred-millionth of the extent neither underflow
+# nor overflow.
+LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 
 
 def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
@@ -35,9 +39,21 @@ def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool
     if not np.all(np.isfinite(mesh.p)):
         bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
         raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
+    check_extent(mesh)
     check_nodes_used(mesh)
     check_sizes(mesh)
     check_names(mesh)
+
+
+def check_extent(mesh: Mesh) -> None:
+    """Raise ValueError if areas or volumes of elements would underflow or overflow."""
+    with np.errstate(over="ignore"):
+        extent = float(np.ptp(mesh.p, axis=1).max())
+    if extent > LARGEST_EXTENT or 0.0 < extent < LEAST_EXTENT:
+        raise ValueError(
+            f"mesh must be from {LEAST_EXTENT:g} to {LARGEST_EXTENT:g} wide, in its own units; it is {extent:.3g} "
+            "wide. Choose another unit: mesh.scaled(factor), or read_mesh(path, scale=factor)."
+        )
 
 
 def check_nodes_used(mesh: Mesh) -> None:

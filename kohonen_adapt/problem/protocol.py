@@ -247,6 +247,8 @@ def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
     values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
     _check_values(values, np.isfinite(values), "finite; check the solution")
     _check_values(values, values >= 0.0, ">= 0; take their absolute values")
+    largest = np.finfo(float).max / np.sqrt(len(values))
+    _check_values(values, values <= largest, "small enough for the sum of their squares; check units")
     return values
 
 

@@ -94,6 +94,7 @@ def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Float
     sizes = area(mesh)
     if not values.any():
         return np.full(len(values), mesh.nvertices / sizes.sum())
+    values = np.ldexp(values, -np.frexp(values.max())[1])  # or the median of huge values overflows
     median = np.median(values) or np.median(values[values > 0])
     eta = np.maximum(values, QUIET * median) / values.max()
     d, q = cell_of(mesh).dim, 2 * order if norm == "energy" else 2 * order + 2
@@ -121,7 +122,7 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     Raises
     ------
     ValueError
-        If the sizes have another shape or are not positive and finite.
+        If the sizes have another shape, are not positive and finite, or give a density that is not.
 
     Examples
     --------
@@ -137,7 +138,15 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
     cell = cell_of(mesh)
-    return 1.0 / (cell.share * lengths**cell.dim)
+    with np.errstate(all="ignore"):
+        density = 1.0 / (cell.share * lengths**cell.dim)
+    bad = np.flatnonzero(~(np.isfinite(density) & (density > 0)))
+    if len(bad):
+        raise ValueError(
+            f"sizes must be edge lengths in mesh units; element {bad[0]} has {lengths[bad[0]]}, whose density is "
+            f"{density[bad[0]]}."
+        )
+    return density
 
 
 def per_element(count: int, values: ArrayLike, name: str) -> Floats:
