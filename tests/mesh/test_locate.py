@@ -123,7 +123,7 @@ def test_a_nan_in_the_values_stays_where_it_is():
     np.testing.assert_array_equal(np.isnan(result), (mesh.t == 0).any(axis=0))
 
 
-@pytest.mark.parametrize("exponent", [-66, -30, 30, 66])
+@pytest.mark.parametrize("exponent", [-60, -30, 30, 60])
 def test_location_does_not_depend_on_the_size_of_the_mesh(exponent):
     mesh = perturbed(l_shape(3), 1)
     x = points_around(mesh)

@@ -117,7 +117,7 @@ def test_points_at_infinity_and_without_a_place_are_outside():
     assert np.isnan(ka.interpolate(box(3), np.ones(64), x)).tolist() == [True] * 5 + [False]
 
 
-@pytest.mark.parametrize("exponent", [-66, -30, 30, 66])
+@pytest.mark.parametrize("exponent", [-60, -30, 30, 60])
 def test_location_does_not_depend_on_the_size_of_the_mesh(exponent):
     mesh = thrown(fichera(2), 1)
     x = points_around(mesh)
