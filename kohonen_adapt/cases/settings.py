@@ -26,7 +26,7 @@ from kohonen_adapt.cases.kinds import (
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
-from kohonen_adapt.io import HEADER, MSH_VERSION
+from kohonen_adapt.io import HEADER, MSH_VERSION, check_names_written
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
@@ -195,6 +195,7 @@ def fitting_mesh(case: Case) -> MeshTri:
         raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{case.mesh}'.")
     with about("mesh"):
         drawn = case.drawn
+        check_names_written(drawn)  # the results are written with the names of the mesh
         _ = case.groups  # now, and not when hours later the results are written
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):

@@ -12,7 +12,7 @@ from kohonen_adapt.commands.doubts import size_text, unit_doubts
 from kohonen_adapt.commands.seams import seams
 from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
 from kohonen_adapt.display import counted, plural
-from kohonen_adapt.io import Groups
+from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
@@ -198,5 +198,9 @@ def _names(mesh: Mesh) -> Iterator[str]:
                 f"exactly one material for each. Give every {inside} one physical group, or name the materials so that "
                 "they do not overlap."
             )
+    try:
+        check_names_written(mesh)
+    except ValueError as error:
+        yield str(error)
     if not named_sets(mesh.boundaries):
         yield f"no boundary has a name, so a case can fix no potential: give the rim a physical group of {around}."

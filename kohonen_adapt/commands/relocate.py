@@ -13,7 +13,15 @@ from skfem import MeshTri
 from kohonen_adapt.commands.arguments import writable_folder
 from kohonen_adapt.commands.terminal import Terminal
 from kohonen_adapt.files import remove_drafts
-from kohonen_adapt.io import FIELD_SUFFIXES, WRITTEN, read_field, read_groups, read_mesh, write_mesh
+from kohonen_adapt.io import (
+    FIELD_SUFFIXES,
+    WRITTEN,
+    check_names_written,
+    read_field,
+    read_groups,
+    read_mesh,
+    write_mesh,
+)
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.relocate import relocate
@@ -45,6 +53,7 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
         raise ValueError(f"--out expected a file that ends in {', '.join(WRITTEN)}; got '{out.name}'.")
     terminal.show("read")
     mesh, groups = read_mesh(arguments.mesh), read_groups(arguments.mesh)
+    check_names_written(mesh)
     density = MEANINGS[meaning](mesh, read_field(file, mesh, name, scale=arguments.scale))
     terminal.show("relocate")
     after = relocate(

@@ -13,6 +13,7 @@ from kohonen_adapt.display import plural
 from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
+from kohonen_adapt.io.read import read_mesh
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
@@ -73,7 +74,10 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
     content = (read_arrays if suffix in WITH_FIELDS else read_views)(path, shape)
     points = content.points[:, : len(mesh.p)]
     _check_unit(mesh, points[np.unique(content.cells)], path, scale)
-    place = _places(mesh, points / scale, content.cells, path, shape)
+    try:
+        place = _places(mesh, points / scale, content.cells, path, shape)
+    except ValueError as error:
+        raise ValueError(f"{error}{_owner(path, points / scale, content.cells, shape)}") from None
     field = _field(content, name, path)
     values = _scalar(field.values, name, path)
     return np.mean(values[content.cells[place]], axis=1) if field.nodal else values[place]
@@ -94,6 +98,16 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
     if len(np.unique(place)) < len(place):
         raise ValueError(f"read_field expected a field on the mesh; '{path}' has other {plural(shape)}.")
     return place
+
+
+def _owner(path: Path, points: Floats, cells: Ints, shape: str) -> str:
+    """Return a sentence that names the mesh beside the file if the field is on that, or an empty string."""
+    beside = path.with_suffix(".msh")
+    try:
+        _places(corners_of(read_mesh(beside)), points, cells, path, shape)
+    except (ValueError, OSError):
+        return ""
+    return f" The field belongs to '{beside}'."
 
 
 def _check_unit(mesh: Mesh, points: Floats, path: Path, scale: float) -> None:

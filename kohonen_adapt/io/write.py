@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTet, MeshTri
+from skfem import Mesh, MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -22,7 +22,7 @@ from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["WRITTEN", "write_mesh"]
+__all__ = ["WRITTEN", "check_names_written", "write_mesh"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -112,6 +112,13 @@ def write_mesh(
         else:
             version = groups.version if suffix == ".msh" and groups.version else MSH_VERSION[suffix]
             write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups)
+
+
+def check_names_written(mesh: Mesh) -> None:
+    """Raise ValueError if a subdomain or boundary has a name that `write_mesh` refuses."""
+    for kind, sets in (("subdomain", mesh.subdomains), ("boundary", mesh.boundaries)):
+        for name in named_sets(sets):
+            _check_name(name, kind)
 
 
 def with_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:

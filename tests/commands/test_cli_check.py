@@ -147,3 +147,22 @@ def test_the_status_is_in_the_help(capsys):
 def test_no_mesh(tmp_path, capsys):
     assert cli.main(["check", str(tmp_path / "none.msh")]) == 2
     assert "read_mesh expected a mesh file; there is none at" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["check", "run", "dry run", "relocate"])
+def test_a_name_that_no_file_can_carry_is_refused_before_the_solve(command, tmp_path, capsys):
+    file, case, out, name = tmp_path / "it.msh", tmp_path / "it.toml", tmp_path / "out", "r" * 128
+    ka.write_mesh(file, whole(square(4)), cell_data={"rho": np.ones(32)})
+    file.write_text(file.read_text().replace('"rim"', f'"{name}"'))
+    case.write_text(f'mesh = "it.msh"\n[materials.all]\ncurrent_density = 1e6\n[potential]\n{name} = 0.0\n')
+    arguments = {
+        "check": ["check", str(file)],
+        "run": ["run", str(case), "--out", str(out)],
+        "dry run": ["run", str(case), "--dry-run"],
+        "relocate": ["relocate", str(file), "--density", f"{file}:rho", "--out", f"{out}.msh"],
+    }[command]
+    assert cli.main(arguments) == (1 if command == "check" else 2)
+    said = "".join(capsys.readouterr())
+    assert f"the name of a boundary may have 127 bytes, more Gmsh cuts off; got '{name}'." in said
+    assert "pass 0" not in said
+    assert not out.exists() and not out.with_suffix(".msh").exists()

@@ -57,6 +57,20 @@ def move(source, field, *options):
     return cli.main(["relocate", str(source), "--density", f"{field}:rho", "--out", str(out), *options]), out
 
 
+@pytest.mark.parametrize("moved", ["some nodes", "as many elements"])
+def test_a_field_of_another_mesh_names_its_own(moved, source, capsys):
+    mesh = ka.read_mesh(source)
+    other = mesh.refined([0]) if moved == "some nodes" else ka.relocate(mesh, lambda x: 1.0 / (0.1 + np.hypot(*x)))
+    field, own = source.with_name("adapted.vtu"), source.with_name("adapted.msh")
+    write_field(field, other, cell_data={"rho": [np.ones(other.nelements)]})
+    for belongs in ("", f" The field belongs to '{own}'."):
+        assert move(source, field)[0] == 2
+        said = capsys.readouterr().err
+        assert "read_field expected a field on the mesh" in said and f"'{field}'" in said
+        assert said.count("The field belongs to") == bool(belongs) and belongs in said
+        ka.write_mesh(own, other)
+
+
 @pytest.mark.parametrize("kind", ["cell_data", "point_data"])
 def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, capsys):
     first, u, error = solved(source)
