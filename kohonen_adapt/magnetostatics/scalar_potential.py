@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Force, Goal, Torque, check_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import estimated_in_space, primal_and_dual
 from kohonen_adapt.mesh.validity import check_mesh
@@ -194,7 +194,10 @@ class MagneticScalarPotential:
         drive = drive_on(mesh, given, function, closed)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional(drive.elements, given, conditions, drive.inside, drive.load)
-        return energy, SolidField(mesh, conditions.values, given, drive, planes)
+        field = SolidField(mesh, conditions.values, given, drive, planes)
+        if isinstance(self.goal, Force | Torque):
+            self.goal.check_body(field)  # now, and not after the solve
+        return energy, field
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         """Error indicators of a solution in the energy norm, with a goal those of its error.

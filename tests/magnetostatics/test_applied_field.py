@@ -6,7 +6,16 @@ from scipy.spatial.transform import Rotation
 
 import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import MU0, LoopAndBall, blocks, nested_balls
-from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import (
+    Force,
+    Froehlich,
+    MagneticScalarPotential,
+    Material,
+    Torque,
+    arkkio_torque,
+    lorentz_force,
+    lorentz_torque,
+)
 
 magpylib = pytest.importorskip("magpylib", reason="magpylib knows the field of a loop; it is in the test extra")
 
@@ -66,11 +75,37 @@ def test_force_beside_a_wire(solved):
     force = field.force("ball")
     assert force[2] == pytest.approx(exact.force(), rel=0.05)
     assert np.abs(force[:2]).max() < 0.02 * force[2]
-    near = MagneticScalarPotential(
-        {"ball": AIR, "air": AIR}, {"outer": 0.0}, applied_field=loop((0.0, 0.0, 0.03), 1.05)
-    )
-    with pytest.raises(ValueError, match=r"subdomain 'ball' touches 'air', which is not air .*no\s+current"):
-        near.solve(field.mesh).force("ball")
+
+
+TOUCHES = (
+    r"^subdomain 'ball' touches 'air' where the current of the applied_field runs, and the force is computed from the "
+    r"field in air without current: mesh the coil as a volume of air of its own, with air between it and the body\.$"
+)
+NEAR = {"applied_field": loop((0.0, 0.0, 0.03), 1.05)}
+
+
+def test_force_where_a_coil_reaches_into_the_air_at_the_body(solved):
+    near = MagneticScalarPotential({"ball": AIR, "air": AIR}, {"outer": 0.0}, **NEAR)
+    with pytest.raises(ValueError, match=TOUCHES):
+        near.solve(solved[2][1].mesh).force("ball")
+
+
+@pytest.mark.parametrize("goal", [Force("ball", (0.0, 0.0, 1.0)), Torque("ball", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))])
+def test_a_goal_where_a_coil_reaches_into_the_air_at_the_body_is_refused_before_the_solve(goal, solved):
+    near = MagneticScalarPotential({"ball": AIR, "air": AIR}, {"outer": 0.0}, **NEAR, goal=goal)
+    mesh, steps = solved[2][1].mesh, []
+    with pytest.raises(ValueError, match=TOUCHES):
+        near.check(mesh)
+    with pytest.raises(ValueError, match=TOUCHES):
+        ka.adapt(mesh, near, progress=lambda number, step: steps.append(step))
+    assert steps == ["solve"]  # the first thing that `solve` does is to look
+
+
+def test_forces_on_currents_are_for_the_plane(solved):
+    field = solved[2][0]
+    for ask in (lorentz_force, lorentz_torque, lambda field, body: arkkio_torque(field, body, (0.0, 0.0))):
+        with pytest.raises(ValueError, match=r"are for meshes of triangles, whose materials carry the currents\. In s"):
+            ask(field, "air")
 
 
 def test_without_iron_the_applied_field_is_the_field(solved):

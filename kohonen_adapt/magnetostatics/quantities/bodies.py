@@ -74,6 +74,13 @@ def isolated_body(field: Surroundings, names: Names) -> Mask:
     if not around.any():
         raise ValueError(f"subdomain {_said(names)} has nothing around it; a force needs air between it and the rest.")
     solid = np.flatnonzero(around & ~air_elements(field))
+    if solid.size and len(mesh.p) == 3 and field.current_density[solid].any():
+        driven = solid[np.argmax(field.current_density[solid] != 0.0)]
+        raise ValueError(
+            f"subdomain {_said(names)} touches {_names_at(mesh, driven)} where the current of the applied_field runs, "
+            "and the force is computed from the field in air without current: mesh the coil as a volume of air of its "
+            "own, with air between it and the body."
+        )
     if solid.size:
         raise ValueError(
             f"subdomain {_said(names)} touches {_names_at(mesh, solid[0])}, which is not air (permeability 1, no "

@@ -182,13 +182,23 @@ def _along_axis(field: LocalField, force: Floats) -> Floats:
     return force * (0.0, 1.0) if field.axisymmetric else force
 
 
+def _check_plane(field: LocalField) -> None:
+    if len(field.mesh.p) != 2:
+        raise ValueError(
+            "lorentz_force, lorentz_torque and arkkio_torque are for meshes of triangles, whose materials carry the "
+            "currents. In space mesh the coil as a volume of air and take field.force or field.torque of it."
+        )
+
+
 def _check_planar(field: LocalField) -> None:
+    _check_plane(field)
     if field.axisymmetric:
         raise ValueError("an axisymmetric field has no torque: it is the same at every angle.")
 
 
 def _current_force(field: LocalField, coil: Names) -> Floats:
     """``J x B`` times the volume of every quadrature point, (2, npoints)."""
+    _check_plane(field)
     inside = elements_in(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
     if not current.any():

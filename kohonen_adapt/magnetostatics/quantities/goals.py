@@ -76,6 +76,11 @@ class _ComponentGoal:
         self.check_dimension(len(field.mesh.p))
         return _of_flux_density(field, component_change(field, self._component(field)))
 
+    def check_body(self, field: Any) -> None:
+        """Raise ValueError if the field has no air around the body, whatever the solution."""
+        self.check_dimension(len(field.mesh.p))
+        self._component(field)
+
     @property
     def dimension(self) -> int:
         """Of the fields that it is a goal of."""
