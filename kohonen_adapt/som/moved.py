@@ -5,12 +5,15 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["Moved", "why_still"]
+
+QUALITY_RULE = "every move would have broken the quality rule"
 
 Movable = TypeVar("Movable", MovableMesh, MovableSolid)
 
@@ -50,7 +53,7 @@ class Moved(Generic[Movable]):
             quantization_errors=self.quantization_errors,
             max_displacement=float(way.max()),
             moved=moved,
-            why_still="" if moved else self.why_still,
+            why_still="" if moved else with_remedy(self.why_still, now),
             splits=self.recycled.splits,
             collapses=self.recycled.collapses,
             polish_gain=polish_gain,
@@ -62,4 +65,15 @@ def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) ->
         return "the schedule has no rounds, no epochs and no sweeps"
     if not movable.can_move():
         return "every node is a corner or pinned" if isinstance(movable, MovableMesh) else "every node is held"
-    return "every move would have broken the quality rule"
+    return QUALITY_RULE
+
+
+def with_remedy(why: str, movable: MovableMesh | MovableSolid) -> str:
+    """Return a reason that no node moved, with the `min_quality` that helps against the quality rule."""
+    worst = float(quality(movable.came_from).min())
+    if why != QUALITY_RULE or worst >= movable.floor:
+        return why
+    return (
+        f"{why}: the worst element has a quality of {worst:.2g}, min_quality is {movable.floor:g}, and nothing below "
+        f"that may get worse. Give min_quality={0.5 * worst:.2g}"
+    )

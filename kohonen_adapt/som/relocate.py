@@ -131,8 +131,9 @@ def relocated_in_space(
     expect(*loops_in_space(rules.topology, schedule))
     moved = move_in_space(movable, density, schedule, rules.topology, rng)
     report_surfaces(moved.before, movable)
-    if not moved.work(movable).moved and schedule != Schedule(()):
-        logger.warning("relocate moved no node: %s.", moved.why_still)
+    work = moved.work(movable)
+    if not work.moved and schedule != Schedule(()):
+        logger.warning("relocate moved no node: %s.", work.why_still)
     return movable.mesh()
 
 

@@ -474,7 +474,12 @@ def test_one_pass_without_gain_is_no_stall(script):
             {"schedule": ka.Schedule(()), "topology": "fixed"},
             "the schedule has no rounds, no epochs and no sweeps",
         ),
-        (MESH, {"min_quality": 0.99, "topology": "fixed"}, "every move would have broken the quality rule"),
+        (
+            MESH,
+            {"min_quality": 0.99, "topology": "fixed"},
+            "every move would have broken the quality rule: the worst element has a quality of 0.87, min_quality is "
+            "0.99, and nothing below that may get worse. Give min_quality=0.43",
+        ),
     ],
 )
 def test_nothing_could_move(mesh, options, why):

@@ -22,6 +22,7 @@ from helpers.meshes import (
     slit,
     square,
 )
+from helpers.stand_ins import Script
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -317,6 +318,20 @@ def test_an_account_of_what_it_took():
     assert still.why_still == "the schedule has no rounds, no epochs and no sweeps"
     _, pinned = work_of(mesh, pull(mesh), SHORT, pinned=range(49))
     assert (pinned.moved, pinned.why_still) == (0, "every node is a corner or pinned")
+
+
+def test_a_mesh_stretched_as_a_whole_names_the_min_quality_that_helps(caplog):
+    mesh = MeshTri().refined(4).scaled((100.0, 1.0))
+    density = lambda x: 1.0 / (0.1 + x[0] / 100.0)  # noqa: E731
+    assert np.array_equal(ka.relocate(mesh, density).p, mesh.p)
+    assert caplog.messages[-1] == (
+        "relocate moved no node: every move would have broken the quality rule: the worst element has a quality of "
+        "0.017, min_quality is 0.3, and nothing below that may get worse. Give min_quality=0.0087."
+    )
+    assert np.abs(ka.relocate(mesh, density, min_quality=0.0087).p - mesh.p).max() > 10.0
+    result = ka.adapt(mesh, Script([1.0, 1.0]), polish=False, topology="flip")
+    assert result.status is ka.Status.NOT_MOVED
+    assert "Give min_quality=0.0087; the result is the input (estimate 1), change that to go on" in result.message
 
 
 def work_of(mesh, density, schedule, pinned=()):
