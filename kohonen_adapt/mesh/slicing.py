@@ -80,8 +80,10 @@ class Flat:
         return np.flatnonzero((other < 0) | (self.element[one] != self.element[other]))
 
 
-def flat(mesh: Mesh, plane: CutBy | None) -> Flat:
+def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
     """Return the triangles to draw, a cut through tetrahedra or the mesh itself.
+
+    The coordinates of an axisymmetric mesh are called r and z.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def flat(mesh: Mesh, plane: CutBy | None) -> Flat:
     if cell_of(mesh) is not TETRAHEDRON:
         if plane is not None:
             raise ValueError("plane cuts tetrahedra only; got a plane mesh.")
-        return Flat(mesh)
+        return Flat(mesh, ("r", "z")) if axisymmetric else Flat(mesh)
     if plane is None:
         raise ValueError("a mesh of tetrahedra is shown in a cut: plane=ka.Plane(point, normal). Or plot_surface.")
     normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)

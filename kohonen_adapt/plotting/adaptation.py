@@ -1,6 +1,7 @@
 """A figure of an adaptation, with meshes, indicators, field lines and estimates."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -26,6 +27,7 @@ def adaptation_figure(
     unit: str = "m",
     errors: Sequence[float] | None = None,
     plane: CutBy | None = None,
+    axisymmetric: bool = False,
 ) -> Figure:
     """Draw an adaptation on one page.
 
@@ -53,6 +55,8 @@ def adaptation_figure(
         The exact error of every pass, if known.
     plane
         Cutting plane for a mesh of tetrahedra, a `kohonen_adapt.Plane`.
+    axisymmetric
+        As in `draw_mesh`.
 
     Returns
     -------
@@ -67,14 +71,15 @@ def adaptation_figure(
     """
     figure = Figure(figsize=(13.0, 7.6), dpi=160, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     panels = figure.subplots(2, 3)
+    view: Any = {"plane": plane, "unit": unit, "axisymmetric": axisymmetric}
     norm = indicator_scale(before.indicators, after.indicators)
     for column, (word, result) in enumerate([("before", before), ("after", after)]):
-        draw_mesh(panels[0, column], result.mesh, plane=plane, unit=unit)
+        draw_mesh(panels[0, column], result.mesh, **view)
         panels[0, column].set_title(f"Mesh {word}: {result.mesh.nvertices} nodes")
-        shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, plane=plane, unit=unit)
+        shades = draw_indicators(panels[1, column], result.mesh, result.indicators, norm=norm, **view)
         panels[1, column].set_title(f"Error indicators {word}")
     figure.colorbar(shades, ax=panels[1, 1], label=indicator_label, extend="min")
-    colours = draw_field_lines(panels[0, 2], after.mesh, potential, magnitude, plane=plane, unit=unit)
+    colours = draw_field_lines(panels[0, 2], after.mesh, potential, magnitude, **view)
     figure.colorbar(colours, ax=panels[0, 2], label=magnitude_label, extend="max")
     panels[0, 2].set_title(f"{lines_title} after")
     draw_passes(panels[1, 2], after.history, errors=errors)

@@ -1,7 +1,7 @@
 """Animations of the meshes of an adaptation, and of a map in training."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import ceil
 from os import PathLike
@@ -17,7 +17,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.loop.table import energy_norm_error, estimate_word
 from kohonen_adapt.mesh.slicing import CutBy, flat
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -34,6 +34,15 @@ DOTS = 110  # per inch
 INCHES = 5.0  # longer side of the mesh
 
 
+@dataclass(frozen=True)
+class View:
+    """The arguments of `draw_mesh` that all frames share."""
+
+    plane: CutBy | None
+    unit: str
+    axisymmetric: bool = False
+
+
 def animate_passes(
     path: str | PathLike[str],
     history: Sequence[Pass],
@@ -41,6 +50,7 @@ def animate_passes(
     plane: CutBy | None = None,
     unit: str = "m",
     seconds: float = 0.8,
+    axisymmetric: bool = False,
 ) -> None:
     """Write a GIF with one frame for the mesh of every pass.
 
@@ -56,6 +66,8 @@ def animate_passes(
         Unit of the axes, "m", "mm" or "".
     seconds
         Duration of each frame.
+    axisymmetric
+        As in `draw_mesh`.
 
     Raises
     ------
@@ -64,7 +76,7 @@ def animate_passes(
     OSError
         If the file cannot be written.
     """
-    _write(Path(path), [(step.mesh, _title(step)) for step in history], plane, unit, seconds)
+    _write(Path(path), [(step.mesh, _title(step)) for step in history], View(plane, unit, axisymmetric), seconds)
 
 
 def animate_map(
@@ -117,7 +129,7 @@ def animate_map(
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
         if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
             break
-    _write(Path(path), frames, None, unit, seconds)
+    _write(Path(path), frames, View(None, unit), seconds)
     return tuple(errors)
 
 
@@ -130,27 +142,29 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 
 
 def _title(step: Pass) -> str:
-    error = energy_error(step)
-    said = f"{word_for_estimate([step])} {step.estimate:.4g}" if error is None else f"error {error:.3g} %"
+    error = energy_norm_error(step)
+    said = f"{estimate_word([step])} {step.estimate_text}" if error is None else f"error {error:.3g} %"
     return f"pass {step.number}: {step.mesh.nvertices} nodes, {said}"
 
 
-def _write(path: Path, frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> None:
+def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:
     if not frames:
         raise ValueError("an animation needs a mesh at least; got none.")
     if not seconds > 0.0:
         raise ValueError(f"seconds must be above zero; got {seconds!r}.")
     with whole_file(path) as draft:
         chosen = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
-        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], plane, unit, seconds))
+        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], view, seconds))
 
 
-def _film(frames: Sequence[Frame], plane: CutBy | None, unit: str, seconds: float) -> bytes:
-    figure = Figure(figsize=_page(np.ptp(flat(frames[0][0], plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained")
+def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
+    figure = Figure(
+        figsize=_page(np.ptp(flat(frames[0][0], view.plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained"
+    )
     axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
     for mesh, title in frames:
         axes.clear()
-        draw_mesh(axes, mesh, plane=plane, unit=unit)
+        draw_mesh(axes, mesh, plane=view.plane, unit=view.unit, axisymmetric=view.axisymmetric)
         axes.set_title(title, fontsize="medium")
         canvas.draw()
         pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))

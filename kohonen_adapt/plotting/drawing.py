@@ -48,7 +48,9 @@ OUTLINE = 0.9  # width of the lines around regions, in points
 LONGEST = 50_000  # maximum number of facets in one line
 
 
-def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str = "m") -> None:
+def draw_mesh(
+    axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str = "m", axisymmetric: bool = False
+) -> None:
     """Draw the edges of a mesh, with thicker lines around its regions.
 
     A mesh of tetrahedra is drawn as a cut, with lines where the plane meets the faces.
@@ -64,6 +66,8 @@ def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str =
         those of the mesh.
     unit
         Unit of the axes, "m", "mm" or "".
+    axisymmetric
+        True to name the axes r and z, for a mesh around an axis.
 
     Raises
     ------
@@ -81,7 +85,7 @@ def draw_mesh(axes: Axes, mesh: Mesh, *, plane: CutBy | None = None, unit: str =
     >>> figure.savefig("mesh.png")
     """
     # Thinner lines on finer meshes, down to where they would vanish.
-    shown = flat(mesh, plane)
+    shown = flat(mesh, plane, axisymmetric)
     width = float(np.clip(20.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5))
     draw_edges(axes, shown, unit, "0.4", width)
     draw_outline(axes, shown, unit, "black")
@@ -101,12 +105,13 @@ def draw_indicators(
     norm: Normalize | None = None,
     plane: CutBy | None = None,
     unit: str = "m",
+    axisymmetric: bool = False,
 ) -> Collection:
     """Colour every element by its error indicator, on a logarithmic scale.
 
     Parameters
     ----------
-    axes, mesh, plane, unit
+    axes, mesh, plane, unit, axisymmetric
         As in `draw_mesh`.
     indicators
         Unsquared indicators, (nelements,).
@@ -131,7 +136,7 @@ def draw_indicators(
     values = as_reals("indicators", indicators, {"nelements": mesh.t.shape[1]})
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
-    shown = flat(mesh, plane)
+    shown = flat(mesh, plane, axisymmetric)
     shades = draw_elements(axes, shown.mesh, shown.of_elements(values), unit, norm or indicator_scale(values), colours)
     draw_outline(axes, shown, unit, "white")
     return shades
@@ -146,6 +151,7 @@ def draw_field_lines(
     lines: int = 20,
     plane: CutBy | None = None,
     unit: str = "m",
+    axisymmetric: bool = False,
 ) -> Collection:
     """Draw contours of a potential over the magnitude of a field.
 
@@ -153,7 +159,7 @@ def draw_field_lines(
 
     Parameters
     ----------
-    axes, mesh, plane, unit
+    axes, mesh, plane, unit, axisymmetric
         As in `draw_mesh`.
     potential
         Values at the corners of elements, (nnodes,), linear in every element. The levels of the contours are equally
@@ -181,7 +187,7 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    shown = flat(mesh, plane)
+    shown = flat(mesh, plane, axisymmetric)
     magnitude = shown.of_elements(_values("magnitude", magnitude, mesh, {"nelements": mesh.t.shape[1]}))
     potential = shown.of_nodes(_values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)}))
     mesh = shown.mesh

@@ -39,6 +39,7 @@ def plot_outlines(
     periodic: Sequence[Pair] = (),
     ax: Axes | None = None,
     unit: str = "m",
+    axisymmetric: bool = False,
 ) -> Axes:
     """Draw the outlines of a mesh and the constraints on its nodes.
 
@@ -60,6 +61,8 @@ def plot_outlines(
         Axes to draw on; None creates a figure, ``plot_outlines(mesh).figure``.
     unit
         Unit of the axes and radii, "m", "mm" or "".
+    axisymmetric
+        As of `draw_mesh`.
 
     Returns
     -------
@@ -89,7 +92,7 @@ def plot_outlines(
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
         axes.plot([], [], color="0.8", linewidth=0.5, label=label)
-    set_axes(axes, mesh, unit)
+    set_axes(axes, mesh, unit, ("r", "z") if axisymmetric else ("x", "y"))
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
     return axes
 

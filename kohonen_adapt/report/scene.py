@@ -50,6 +50,7 @@ def view_data(
     indicator_label: str,
     plane: CutBy | None,
     unit: str,
+    axisymmetric: bool,
 ) -> dict[str, Any]:
     """Everything the view needs, ready for JSON; the words of `results` are what is left and right of the divider.
 
@@ -60,7 +61,7 @@ def view_data(
     ValueError
         If a function gives an array of the wrong shape, the unit is unknown, or the plane does not go with a mesh.
     """
-    each = [(result, flat(result.mesh, plane)) for result in results.values()]
+    each = [(result, flat(result.mesh, plane, axisymmetric)) for result in results.values()]
     shown = [
         *(_elementwise(label, each, function) for label, function in cell_data.items()),
         *(_nodal(label, each, function) for label, function in point_data.items()),

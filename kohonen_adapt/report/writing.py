@@ -28,6 +28,7 @@ def write_report(
     indicator_label: str = "error indicator of an element",
     plane: CutBy | None = None,
     unit: str = "m",
+    axisymmetric: bool = False,
     pictures: Mapping[str, Picture] | None = None,
     settings: Mapping[str, str] | None = None,
 ) -> None:
@@ -58,6 +59,8 @@ def write_report(
         Where meshes of tetrahedra are cut for the view, a `kohonen_adapt.Plane`.
     unit
         Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
+    axisymmetric
+        Whether x and y of the mesh are r and z around an axis.
     pictures
         Caption to a PNG or GIF file: its path, or its bytes. The first has a row of its own.
     settings
@@ -86,6 +89,7 @@ def write_report(
         indicator_label=indicator_label,
         plane=plane,
         unit=unit,
+        axisymmetric=axisymmetric,
     )
     content = filled_page(
         title=title,
