@@ -18,6 +18,7 @@ __all__ = [
     "level_of_share",
     "outlined_facets",
     "plural",
+    "significant",
     "straight_and_bent",
 ]
 
@@ -62,6 +63,17 @@ def counted(count: int, what: str) -> str:
 def plural(what: str) -> str:
     """Several of them."""
     return {"tetrahedron": "tetrahedra", "patch": "patches"}.get(what, f"{what}s")
+
+
+def significant(value: float, digits: int) -> str:
+    """Return a number with so many significant digits, trailing zeros kept.
+
+    Examples
+    --------
+    >>> significant(-132.9997, 5), significant(2.0, 3), significant(12345.6, 5)
+    ('-133.00', '2.00', '12346')
+    """
+    return f"{value:#.{digits}g}".removesuffix(".")
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:

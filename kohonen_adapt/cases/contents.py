@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.cases.tables import GOAL_UNITS, Quantity
+from kohonen_adapt.cases.tables import Quantity
 from kohonen_adapt.cases.turning import turned_materials
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
@@ -138,11 +138,6 @@ class Case:
     def energy_unit(self) -> str:
         """Of squared indicators, whatever the depth."""
         return "J/m" if isinstance(self.problem, Magnetostatics) and not self.problem.axisymmetric else "J"
-
-    @property
-    def goal_unit(self) -> str:
-        """The unit of the goal, as ``N/m``; empty where there is none."""
-        return "" if self.goal is None else self._as_total(GOAL_UNITS[type(self.goal)])
 
     def _as_total(self, unit: str) -> str:
         problem = self.problem

@@ -24,7 +24,6 @@ from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = [
     "GOALS",
-    "GOAL_UNITS",
     "LAWS",
     "MOTIONS",
     "PAIRS",
@@ -206,10 +205,6 @@ GOALS: dict[str, Callable[..., Goal]] = {
     "flux_linkage": FluxLinkage,
     "energy": StoredEnergy,
 }
-
-
-GOAL_UNITS: dict[type, str] = {Force: "N", Torque: "N m", FluxLinkage: "Wb", StoredEnergy: "J"}
-"""Of totals."""
 
 
 def goal(given: Any, place: str) -> Goal:

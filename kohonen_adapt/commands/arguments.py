@@ -157,6 +157,7 @@ def _add_run(commands: Any) -> None:
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
     _add_folder_or_resume(run, "folder of a run that was cut short: go on from its last pass")
+    run.add_argument("--force", action="store_true", help="write over the result of a run that is in the folder")
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
     run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
 

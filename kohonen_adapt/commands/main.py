@@ -22,7 +22,7 @@ from kohonen_adapt.commands.check import described, faults, moving, points_descr
 from kohonen_adapt.commands.doubts import case_doubts, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
-from kohonen_adapt.commands.run import CaseRun, results_of, write_fields
+from kohonen_adapt.commands.run import CaseRun, curve_sentence, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
 from kohonen_adapt.commands.terminal import Terminal, drawn, let_signals_end_the_process
 from kohonen_adapt.display import counted
@@ -32,7 +32,7 @@ from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
-from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sentence
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
@@ -125,7 +125,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))
     run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
-    if finished := run.begin(resume=arguments.resume is not None):
+    if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
         terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
     command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])
     terminal.say(f"The best pass so far is always in {folder}; if this is cut short, go on with: {command}")
@@ -134,12 +134,9 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
-    if case.goal is not None:
-        value, missing = case.goal(result.solution), case.problem.goal_error(result.solution)
-        exact, unit = value + missing, case.goal_unit
-        terminal.say(
-            f"The goal is {value:.6g} {unit}; by an estimate of its error the exact one is {exact:.6g} {unit}."
-        )
+    for sentence in (goal_sentence(result.best), curve_sentence(case, result)):
+        if sentence:
+            terminal.say(sentence)
     if result.status is Status.FAILED:
         terminal.complain(result.message)
     terminal.repeat_warnings()
@@ -162,9 +159,9 @@ class _Passes:
         step = result.history[-1]
         if step.number == 0:
             self.before = result
-        error = energy_error(step)
+        error = energy_norm_error(step)
         share = "" if error is None else f" ({error:.2f} %)"
-        self.known = f"{step.mesh.nvertices} nodes, {word_for_estimate([step])} {step.estimate:.4g}{share}"
+        self.known = f"{step.mesh.nvertices} nodes, {estimate_word([step])} {step.estimate_text}{share}"
         self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
 
 

@@ -73,25 +73,28 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
     from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
 
     unit, order = _length_unit(after), case.problem.order
-    plane = _plane_through(after)
+    plane, axis = _plane_through(after), _is_axisymmetric(case)
     names = [pin for pin in case.pinned if isinstance(pin, str)]  # nodes have other numbers now
+    slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # a goal's error is of twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
         PICTURE: _overview(case, before, after),
-        DENSITY: plotting.plot_density(before.mesh, density, plane=plane, unit=unit).figure,
+        DENSITY: plotting.plot_density(before.mesh, density, plane=plane, unit=unit, axisymmetric=axis).figure,
         QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
-        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=-order / len(after.mesh.p)).figure,
+        ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=slope).figure,
     }
     if plane is None:
         pairs = case.adapt.get("periodic", pairs_of(case.problem))
-        figures[OUTLINES] = plotting.plot_outlines(after.mesh, pinned=names, periodic=pairs, unit=unit).figure
+        figures[OUTLINES] = plotting.plot_outlines(
+            after.mesh, pinned=names, periodic=pairs, unit=unit, axisymmetric=axis
+        ).figure
     else:
         size, label = _magnitude(after.solution), "flux density |B| (T)"
         figures[SURFACE] = plotting.plot_surface(after.mesh, size, label=label, unit=unit).figure
         figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, label=label, unit=unit).figure
     for name, figure in figures.items():
         save_figure(folder / name, figure)
-    plotting.animate_passes(folder / ANIMATION, after.history, plane=plane, unit=unit)
+    plotting.animate_passes(folder / ANIMATION, after.history, plane=plane, unit=unit, axisymmetric=axis)
     return [*figures, ANIMATION]
 
 
@@ -99,16 +102,18 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
     from kohonen_adapt import plotting
 
     potential, magnitude = _lines_and_colours(after.solution)
+    unit = (case.problem.goal_unit or case.energy_unit).replace(" ", r"\ ")  # mathtext drops spaces
     return plotting.adaptation_figure(
         before,
         after,
         potential=potential,
         magnitude=magnitude,
         magnitude_label="flux density |B| (T)",
-        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{case.energy_unit}}}}}$",
+        indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{unit}}}}}$",
         lines_title="Flux lines" if len(after.mesh.p) == 2 else "Potential",
         plane=_plane_through(after),
         unit=_length_unit(after),
+        axisymmetric=_is_axisymmetric(case),
     )
 
 
@@ -123,9 +128,10 @@ def _write_report(
         asked=_asked(case, before),
         point_data=_potentials(case),
         cell_data={"flux density |B| (T)": _magnitude},
-        indicator_label=f"error indicator of an element (√({case.goal_unit or case.energy_unit}))",
+        indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
         plane=_plane_through(after),
         unit=_length_unit(after),
+        axisymmetric=_is_axisymmetric(case),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
     )
@@ -174,6 +180,10 @@ def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     if field.axisymmetric:
         lines = lines * at.x[0].reshape(lines.shape)
     return lines, np.hypot(*at.flux_density).reshape(lines.shape)
+
+
+def _is_axisymmetric(case: Case) -> bool:
+    return isinstance(case.problem, Magnetostatics) and case.problem.axisymmetric
 
 
 def _length_unit(result: AdaptResult) -> str:

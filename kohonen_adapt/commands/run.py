@@ -20,7 +20,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import pass_figures
 
-__all__ = ["CaseRun", "results_of", "write_fields"]
+__all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
 
 MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "history.csv"
 PASSES = "passes"  # folder of the finished passes, below that of the results
@@ -55,20 +55,20 @@ class CaseRun:
         """The folder of the finished passes."""
         return self.folder / PASSES
 
-    def begin(self, resume: bool) -> int:
-        """Make ready to begin anew, or to go on from the last finished pass; how many passes are finished.
+    def begin(self, resume: bool, force: bool) -> int:
+        """Prepare the folder for a new run, or to go on from the last finished pass; return the finished passes.
 
         Raises
         ------
         FileNotFoundError
             If there is no run to go on with.
         FileExistsError
-            If there are passes of a run that has not ended, and it is not to go on: they are worth keeping.
+            If the folder has the result or the passes of a run, and neither `resume` nor `force` is given.
         OSError
             If files cannot be removed.
         """
         if not resume:
-            self._remove_passes()
+            self._remove_run(force)
         elif not self.passes.is_dir():
             raise FileNotFoundError(
                 f"--resume expected the folder of a run that was begun; '{self.folder}' has no '{PASSES}'. Begin with "
@@ -81,12 +81,14 @@ class CaseRun:
     def _files(self) -> list[Path]:
         return sorted(self.passes.glob("pass-*.npz"))
 
-    def _remove_passes(self) -> None:
+    def _remove_run(self, force: bool) -> None:
         files, ended = self._files(), self.passes / ENDED
-        if files and not ended.exists():
+        there = [name for name in (MESH, FIELDS, INSIDE, HISTORY) if (self.folder / name).exists()]
+        if (files or there) and not force:
+            found = "the result of a run" if ended.exists() or not files else "passes of a run that has not ended"
             raise FileExistsError(
-                f"'{self.folder}' has passes of a run that has not ended: go on with --resume {self.folder}, or "
-                f"delete '{self.passes}' to start anew."
+                f"'{self.folder}' has {found}: go on with --resume {self.folder}, write over it with --force, or "
+                "choose another folder."
             )
         for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
             file.unlink()
@@ -112,8 +114,8 @@ class CaseRun:
             checkpoint=self.passes,
             **case.options(self.mesh),
         )
-        if self._written is not result.mesh:  # all its passes are of a run before
-            self._write(result)
+        if self._written is not result.mesh or result.best.goal_error is not None:
+            self._write(result)  # all passes may be of a run before; the error of a goal is known at the end
         if result.status is not Status.FAILED:
             with whole_file(self.passes / ENDED) as draft:
                 draft.write_text(f"{result.message}\n", encoding="utf-8")
@@ -152,6 +154,15 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
         point_data={"A (Wb per m)" if len(result.mesh.p) == 2 else "phi (A)": field.potential},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
+
+
+def curve_sentence(case: Case, result: AdaptResult) -> str:
+    """Return how far curves are from their facets, in the unit of the mesh file; an empty string for no distance."""
+    before, now = (step.sagitta / case.scale for step in (result.history[0], result.best))
+    if max(before, now) == 0.0:
+        return ""
+    sides = "facets" if len(result.mesh.p) == 2 else "faces"
+    return f"Curves are up to {now:.3g} away from their {sides}, before {before:.3g}, in the unit of {case.mesh.name}."
 
 
 def results_of(case: Case) -> list[str]:

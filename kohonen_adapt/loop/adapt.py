@@ -201,7 +201,6 @@ def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
         while history.goes_on:
             moved = adaptation.relocate(solved)
             moved, gain = adaptation.polish(solved, moved)
-            adaptation.room.report(moved.before, movable)
             if moved.changed(movable) or history.growing:
                 solved = history.add(adaptation.assess(solved, moved, gain))
             else:

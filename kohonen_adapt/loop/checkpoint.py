@@ -21,7 +21,7 @@ from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["Checkpoint"]
 
-FORMAT = 2  # of the files; another number is another format
+FORMAT = 3  # of the files; another number is another format
 
 STATE = "state "  # before the names of the arrays of a movable mesh
 

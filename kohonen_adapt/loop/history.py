@@ -185,12 +185,26 @@ class History:
             self._solve_best()
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        result = self._result(final(self._ending, self._kept.passes, self._adaptation.settings))
+        ending = final(self._ending, self._kept.passes, self._kept.best.record, self._adaptation.settings)
+        result = self._with_goal_error(self._result(ending))
         if result.status is not Status.STALLED:
             return result
         better = self._adaptation.better_outputs(result.mesh, result.solution)
         remark = worse_outputs(result.history[0], result.best, better)
         return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
+
+    def _with_goal_error(self, result: AdaptResult) -> AdaptResult:
+        """Estimate the error of the goal, of the best pass alone because that takes longer than a pass."""
+        best = result.best
+        if best.goal is None:
+            return result
+        self._steps.begin(best.number, "estimate the error of the goal")
+        error, trouble = self._adaptation.goal_error(result.solution)
+        if trouble:
+            remark = f"; the error of the goal could not be estimated ({trouble})"
+            return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
+        known = replace(best, goal_error=error)
+        return replace(result, history=tuple(known if step is best else step for step in result.history))
 
     def _solve_best(self) -> None:
         """Solve the best pass if another process solved it."""

@@ -68,6 +68,13 @@ class Pass(Work):
         Of the solution in a functional with a dual, that of the first pass, see `Ritz`; None without a dual.
     unpolished
         Why there is no polish, or empty.
+    goal, goal_error
+        Value of the problem's goal and its estimated error with its sign, of the best pass alone; None without them.
+        The square of the estimate is then the sum of the errors of the elements, in the unit of the goal.
+    goal_unit
+        Unit of the goal's value, or empty.
+    sagitta
+        Largest distance between curves and their facets, mesh units; 0 for sides that follow them.
     outputs
         Name to value of every output asked for.
     quantization_errors
@@ -101,8 +108,22 @@ class Pass(Work):
     comparable: bool = False
     share: float | None = None
     unpolished: str = ""
+    goal: float | None = None
+    goal_error: float | None = None
+    goal_unit: str = ""
+    sagitta: float = 0.0
     outputs: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def shown_estimate(self) -> float:
+        """The estimate as tables show it: with a goal its square, which is in the unit of the goal."""
+        return self.estimate if self.goal is None else self.estimate**2
+
+    @property
+    def estimate_text(self) -> str:
+        """The shown estimate with four digits and its unit."""
+        return f"{self.shown_estimate:.4g} {self.goal_unit}".rstrip()
 
     def __repr__(self) -> str:
         nodes, least = self.mesh.nvertices, self.min_quality
-        return f"<Pass {self.number}: estimate {self.estimate:.4g}, {nodes} nodes, min quality {least:.2f}>"
+        return f"<Pass {self.number}: estimate {self.estimate_text}, {nodes} nodes, min quality {least:.2f}>"

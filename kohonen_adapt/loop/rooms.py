@@ -23,8 +23,8 @@ from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved, why_still
-from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
-from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
+from kohonen_adapt.som.relocate import loops_in_plane, move
+from kohonen_adapt.som.space import loops_in_space, move_in_space
 
 __all__ = ["ROOMS"]
 
@@ -103,11 +103,11 @@ def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple
 ROOMS = {
     TRIANGLE.dim: Room(
         TRIANGLE.dim, MovableMesh.of, loops_for_triangles, moved_triangles, stated_on_triangles, carried,
-        descend_and_recycle, report_curves, 3, corrects_triangles, stalls_by_estimate, PLAN,
+        descend_and_recycle, 3, corrects_triangles, stalls_by_estimate, PLAN,
     ),
     TETRAHEDRON.dim: Room(
         TETRAHEDRON.dim, MovableSolid.of, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra,
-        carried_in_space, descend_and_recycle_in_space, report_surfaces, 2, lambda problem: False,
+        carried_in_space, descend_and_recycle_in_space, 2, lambda problem: False,
         stalls_by_functional, PLAN_IN_SPACE,
     ),
 }  # fmt: skip

@@ -26,6 +26,9 @@ from kohonen_adapt.problem.protocol import (
     Problem,
     energy_norm,
     estimate,
+    goal_error_of,
+    goal_of,
+    goal_unit_of,
     improved,
     is_calibrated,
     norm_of,
@@ -75,7 +78,6 @@ class Room(NamedTuple):
     stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # what the polish lowers, on a movable mesh, and its value
     carried: Callable[..., Any]  # a solution, onto the moved mesh
     lowered: Callable[..., Any]  # a functional, as `descend_and_recycle`
-    report: Callable[[Any, Any], None]  # of movable meshes before and after: what their curved sides leave out
     # Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants
     # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
     # How many are best is measured: `python -m benchmarks space-passes`.
@@ -129,6 +131,7 @@ class Adaptation:
             norm = energy_norm(self.problem, mesh, solution, self.settings.rtol)
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
+            goal = goal_of(self.problem, solution)
         qualities, weight = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else np.sqrt(area(mesh))
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
@@ -147,6 +150,9 @@ class Adaptation:
             comparable=functional is not None and functional.comparable,
             share=functional.share if functional else None,
             unpolished=unpolished,
+            goal=goal,
+            goal_unit="" if goal is None else goal_unit_of(self.problem),
+            sagitta=self.movable.sagitta(),
             outputs=self._outputs(solution),
             seconds=self.steps.seconds,  # last, for outputs take their time, too
         )
@@ -193,6 +199,13 @@ class Adaptation:
         except (Exception, KeyboardInterrupt):  # a remark more or less: the result is there, whatever goes wrong here
             return {}
 
+    def goal_error(self, solution: Any) -> tuple[float | None, str]:
+        """Return the estimated error of the goal, None where that fails, and why it fails."""
+        try:
+            return goal_error_of(self.problem, solution), ""
+        except (Exception, KeyboardInterrupt) as error:  # the result is there, whatever happens to its error
+            return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
+
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
     ) -> tuple[Functional | None, float | None, str]:
@@ -203,7 +216,7 @@ class Adaptation:
         if not self.settings.polish:
             return None, None, "it is switched off"
         if norm_of(self.problem) != "energy":
-            return None, None, f"its norm is {norm_of(self.problem)!r}, not 'energy'"
+            return None, None, f"an error in the norm {norm_of(self.problem)!r} has no energy to lower"
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
@@ -212,7 +225,7 @@ class Adaptation:
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:
-            return None, None, "its coefficients vary inside a region of the mesh"
+            return None, None, "coefficients vary inside a region of the mesh"
 
     def _outputs(self, solution: Any) -> dict[str, float]:
         """The values of all outputs of a solution."""

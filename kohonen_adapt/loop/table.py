@@ -1,11 +1,13 @@
 """Lay out passes as a table: in text no wider than a terminal, and in HTML."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import Field, fields
 from html import escape
 from itertools import chain, pairwise
+from math import floor, log10
 from typing import Any
 
+from kohonen_adapt.display import significant
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.outline.movable import Work
 
@@ -14,6 +16,10 @@ __all__ = [
     "Columns",
     "change_of_output",
     "energy_error",
+    "energy_norm_error",
+    "estimate_word",
+    "goal_figures",
+    "goal_sentence",
     "has_turned",
     "html_table",
     "pass_figures",
@@ -27,31 +33,78 @@ WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
 DASH = "-"
 TURNED = "sign"
+GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # of a pass; files and tables have them by name and unit
 
 Columns = list[tuple[str, list[str]]]
 
 
 def pass_figures(step: Pass) -> dict[str, Any]:
-    """Every number and text of a pass by the name of its field, outputs and seconds each by a name of their own."""
+    """Return the numbers and texts of a pass by field; outputs, seconds and a goal have their own names."""
     figures: dict[str, Any] = {}
-    for name in (each.name for each in fields(step)):
+    for name in (each.name for each in fields(step) if each.name not in GOAL_FIELDS):
         value = getattr(step, name)
         if isinstance(value, dict):
             singular = name.removesuffix("s") if name == "outputs" else name
             figures |= {f"{singular} {key}": number for key, number in value.items()}
         elif value is None or isinstance(value, int | float | str):
             figures[name] = value
-    return figures
+    return figures | goal_figures(step)
 
 
-def energy_error(step: Pass) -> float | None:
-    """The estimate as a share of the energy norm, in per cent; None without such a norm or a calibrated estimate."""
+def goal_figures(step: Pass) -> dict[str, float | None]:
+    """Return the goal's value, estimated error, their sum and the sum of the elements' errors, by name and unit.
+
+    Without a goal there are none; the error, and the sum with it, is None where it is not estimated.
+    """
+    if step.goal is None:
+        return {}
+    total = None if step.goal_error is None else step.goal + step.goal_error
+    figures = {"goal": step.goal, "error": step.goal_error, "goal + error": total, "estimate": step.shown_estimate}
+    return {with_unit(name if name.startswith("goal") else f"goal {name}", step): figures[name] for name in figures}
+
+
+def goal_sentence(step: Pass) -> str:
+    """Return a sentence on the goal's value and error, an empty string without a goal."""
+    if step.goal is None:
+        return ""
+    value, error, total, _ = (
+        None if figure is None else f"{significant(figure, digits)} {step.goal_unit}".rstrip()
+        for figure, digits in zip(goal_figures(step).values(), (6, 2, 6, 4), strict=True)
+    )
+    if error is None:
+        return f"The goal is {value}; its error is not estimated."
+    return f"The goal is {value}, with an estimated error of {error}: the exact value is near {total}."
+
+
+def with_unit(name: str, step: Pass) -> str:
+    """Return a name with the unit of the pass's goal in brackets, if there is one."""
+    return f"{name} ({step.goal_unit})" if step.goal_unit else name
+
+
+def energy_norm_error(step: Pass) -> float | None:
+    """Return the estimate in per cent of the energy norm, None without a norm or a calibrated estimate."""
     return 100.0 * step.estimate / step.energy_norm if step.calibrated and step.energy_norm else None
 
 
+def energy_error(step: Pass) -> float | None:
+    """Return the error of the energy in per cent, None as for that of the norm.
+
+    By Galerkin orthogonality the functional of a linear problem, int c/2 |grad u|^2 - f u, is off by half the square of
+    the error in the energy norm. Hence the error of the energy, half the square of the norm, is (estimate / norm)^2.
+    For nonlinear material, whose estimate is in the norm of the linearised problem, that holds near the solution.
+    """
+    error = energy_norm_error(step)
+    return None if error is None else error**2 / 100.0
+
+
 def word_for_estimate(history: Sequence[Pass]) -> str:
-    """What to call the estimates of these passes: "estimate" only where the problem vouches for their scale."""
-    return "estimate" if all(step.calibrated for step in history) else "indicator"
+    """Return the title of the estimates: `estimate_word` with the unit of a goal."""
+    return with_unit(estimate_word(history), history[0])
+
+
+def estimate_word(history: Sequence[Pass]) -> str:
+    """Return "estimate" if the scale of the estimates is known, else "indicator"."""
+    return "estimate" if all(step.calibrated or step.goal is not None for step in history) else "indicator"
 
 
 def change_of_output(before: float, after: float) -> float | None:
@@ -67,7 +120,7 @@ def has_turned(before: float, after: float) -> bool:
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
     number = [("pass", [str(step.number) for step in history])]
-    return [number, _solved(history), *_outputs(history), _done(history)]
+    return [number, _solved(history), *_goal(history), *_outputs(history), _done(history)]
 
 
 def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
@@ -95,20 +148,35 @@ def _solved(history: tuple[Pass, ...]) -> Columns:
     if any(step.unknowns != step.mesh.nvertices for step in history):
         columns.append(("unknowns", [str(step.unknowns) for step in history]))
     columns += [
-        (word_for_estimate(history), [f"{step.estimate:.4g}" for step in history]),
-        ("change %", _changes([step.estimate for step in history], ".1f")),
+        (word_for_estimate(history), [significant(step.shown_estimate, 4) for step in history]),
+        ("change %", _changes([step.shown_estimate for step in history], ".1f")),
     ]
     if any(step.calibrated and step.energy_norm is not None for step in history):
-        columns.append(("Energy Error %", _cells(energy_error, ".2f", history)))
+        columns.append(("Energy-norm error %", _cells(energy_norm_error, 2, history)))
+        columns.append(("Energy error %", _cells(energy_error, _decimals(map(energy_error, history)), history)))
     if any(energy is not None for energy in map(_energy, history)):
         columns.append(("Delta Energy %", _changes([_energy(step) for step in history], ".2f")))
     return columns
 
 
+def _goal(history: tuple[Pass, ...]) -> list[Columns]:
+    """Return the group of the goal, if there is one: its value, and of the result its error and their sum."""
+    if history[0].goal is None:
+        return []
+    figures = [goal_figures(step) for step in history]
+    value, error, total, _ = figures[0]
+    forms = {value: 6, error: 2, total: 6}
+    return [[(title.replace("goal error", "error"), _rounded(title, forms[title], figures)) for title in forms]]
+
+
+def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -> list[str]:
+    return [DASH if (value := row[title]) is None else significant(value, digits) for row in rows]
+
+
 def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
     """One group per output: its values and the changes of their magnitude."""
     return [
-        [(name, [f"{value:.5g}" for value in values]), ("Delta %", [DASH, *map(_gain, values, values[1:])])]
+        [(name, [significant(value, 5) for value in values]), ("Delta %", [DASH, *map(_gain, values, values[1:])])]
         for name in history[0].outputs
         for values in [[step.outputs[name] for step in history]]
     ]
@@ -126,7 +194,7 @@ def _done(history: tuple[Pass, ...]) -> Columns:
     columns += [_column(each, history) for each in _titled(history) if each.name not in work]
     columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
     if any(step.functional is not None for step in history):
-        columns.append(("gain of map", [DASH, *(f"{_gain_of_map(*pair):.2g}" for pair in pairwise(history))]))
+        columns.append(("gain of map", [DASH, *(significant(_gain_of_map(*pair), 2) for pair in pairwise(history))]))
     for each in _titled(history):
         if each.name in work and any(getattr(step, each.name) for step in history):
             title, cells = _column(each, history)
@@ -140,11 +208,21 @@ def _titled(history: tuple[Pass, ...]) -> list[Field[Any]]:
 
 
 def _column(each: Field[Any], history: tuple[Pass, ...]) -> tuple[str, list[str]]:
-    return each.metadata["title"], [format(getattr(step, each.name), each.metadata["form"]) for step in history]
+    return each.metadata["title"], [_formatted(getattr(step, each.name), each.metadata["form"]) for step in history]
 
 
-def _cells(figure: Callable[[Pass], float | None], form: str, history: tuple[Pass, ...]) -> list[str]:
-    return [DASH if value is None else f"{value:{form}}" for value in map(figure, history)]
+def _formatted(value: Any, form: str) -> str:
+    return format(value, form).removesuffix(".")
+
+
+def _cells(figure: Callable[[Pass], float | None], decimals: int, history: tuple[Pass, ...]) -> list[str]:
+    return [DASH if value is None else f"{value:.{decimals}f}" for value in map(figure, history)]
+
+
+def _decimals(values: Iterable[float | None]) -> int:
+    """Return the decimals, two at least, that show two digits of the smallest value above zero."""
+    least = min((value for value in values if value), default=1.0)
+    return max(2, 1 - floor(log10(least)))
 
 
 def _energy(step: Pass) -> float | None:

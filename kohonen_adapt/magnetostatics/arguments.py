@@ -12,7 +12,7 @@ from kohonen_adapt.checks import is_number, listed
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal, unit_of_goal
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
@@ -69,6 +69,11 @@ class Arguments:
     def calibrated(self) -> bool:
         """Whether an estimate is near the error in the energy norm: but with a goal, whose indicators do not cancel."""
         return self.goal is None
+
+    @property
+    def goal_unit(self) -> str:
+        """Unit of the goal's values: per metre of depth unless there is a `depth` or an axis; empty without a goal."""
+        return unit_of_goal(self.goal, per_metre=self.depth is None and not self.axisymmetric)
 
     @property
     def pairs(self) -> tuple[Pair, ...]:

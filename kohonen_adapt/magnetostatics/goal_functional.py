@@ -37,9 +37,9 @@ def functional_for(
     if goal is None:
         return ritz
     if field.axisymmetric:
-        raise NotOffered("it has a goal around an axis, where only the energy is lowered")
+        raise NotOffered("around an axis a goal has no energy to lower")
     if field.coefficients.pieces:
-        raise NotOffered("it has a goal and nonlinear material, whose dual problem differs from element to element")
+        raise NotOffered("with nonlinear material a goal has no energy to lower")
     source, load = at_points(field, goal.derivative(field))
     dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
@@ -62,7 +62,7 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
     there = region[field.elements.element]
     first, point = (np.unique(number, return_index=True)[1] for number in (region, there))
     if np.any(np.abs(load - load[:, point][:, there]) > SAME * np.abs(load).max()):
-        raise NotOffered("the derivative of its goal changes inside regions, where lowering two energies gains nothing")
+        raise NotOffered("a goal such as this one (a force, a torque, the energy of a part) has no energy to lower")
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
     tables = np.asarray(ritz.coefficient)[own[first]], source[first], load[:, point]
     return Ritz(

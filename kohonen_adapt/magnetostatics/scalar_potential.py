@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
-from kohonen_adapt.magnetostatics.quantities.goals import Force, Goal, Torque, check_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Force, Goal, Torque, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import estimated_in_space, primal_and_dual
 from kohonen_adapt.mesh.validity import check_mesh
@@ -103,7 +103,7 @@ class MagneticScalarPotential:
                     f"{name!r} has a current density, {material.current_density:g} A/m^2, of which a scalar potential "
                     "knows nothing: give the field of the current as applied_field."
                 )
-        if self.potential is not None and not isinstance(self.potential, Mapping):
+        if not isinstance(self.potential, Mapping | None):
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
@@ -112,6 +112,11 @@ class MagneticScalarPotential:
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
+
+    @property
+    def goal_unit(self) -> str:
+        """Unit of the goal's values, which are totals; empty without a goal."""
+        return unit_of_goal(self.goal, per_metre=False)
 
     def solve(self, mesh: MeshTet) -> SolidField:
         """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
@@ -306,9 +311,9 @@ class MagneticScalarPotential:
         given, function = field.coefficients, field.drive.function
         present, first, place = given.present(self.materials)
         if given.pieces and function is not None:
-            raise NotOffered("its nonlinear material is in an applied field, so no W(|grad phi|) is its energy")
+            raise NotOffered("nonlinear material in an applied field has no energy to lower")
         if any(given.coercivity[:, piece.elements].any() for piece in given.pieces):
-            raise NotOffered("its magnets are nonlinear, so no W(|grad phi|) is their energy")
+            raise NotOffered("nonlinear magnets have no energy to lower")
         mu = 1.0 / given.reluctivity[first]
         flux: Flux = mu * given.coercivity[:, first]
         if function is not None or any(material.turns for material in present.values()):

@@ -46,7 +46,7 @@ class Work:
     max_displacement: float = 0.0
     moved: int = 0
     why_still: str = ""
-    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", ".2g"))
+    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
     splits: int = field(default=0, metadata=shown("splits", "d"))
     collapses: int = field(default=0, metadata=shown("collapses", "d"))
 
@@ -220,8 +220,8 @@ class MovableMesh:
         return total
 
     def sagitta(self) -> float:
-        """Return the largest distance between a curve and its facets, in mesh units."""
-        return self.outline.sagitta(self.triangulation)
+        """Return the largest distance between a curve and its facets, in mesh units, 0 for sides that are curved."""
+        return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
 
     def can_move(self) -> bool:
         """Return True if a node may move or slide.

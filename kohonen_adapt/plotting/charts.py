@@ -16,7 +16,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.table import energy_error, word_for_estimate
+from kohonen_adapt.loop.table import energy_norm_error, estimate_word, word_for_estimate
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 from kohonen_adapt.mesh.measures import quality
@@ -27,7 +27,7 @@ __all__ = ["axes_of", "draw_passes", "plot_bh", "plot_convergence", "plot_densit
 
 BLUE, VERMILION = COLOURS[:2]
 MARKERS = ("o", "s", "^", "D", "v", "P")  # one for each of the colours, for prints without colour
-ERROR = "energy error (% of the energy norm)"
+ERROR = "energy-norm error (%)"
 SPREAD = 6.0  # minimum ratio of the limits of the axis of nodes
 BINS = np.linspace(0.0, 1.0, 41)
 STYLES = ((BLUE, "solid"), (VERMILION, "dashed"), ("black", "dotted"))  # of histograms of quality
@@ -38,7 +38,8 @@ SATURATED = 0.9  # fraction of the slope of vacuum, dH/dB = 1/mu0, at which a ma
 def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] | None = None) -> None:
     """Draw the estimate over the passes.
 
-    The unit is per cent of the energy norm if the estimates are calibrated and every pass has an energy norm.
+    The unit is per cent of the energy norm if the estimates are calibrated and every pass has an energy norm,
+    and the unit of the goal if there is one.
 
     Parameters
     ----------
@@ -51,7 +52,8 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     """
     percent = _in_percent(history)
     number, norms = [step.number for step in history], _norms(history, percent)
-    axes.plot(number, [step.estimate for step in history] / norms, "o-", color=BLUE, label=word_for_estimate(history))
+    estimates = np.array([step.shown_estimate for step in history])
+    axes.plot(number, estimates / norms, "o-", color=BLUE, label=estimate_word(history))
     if errors is not None:
         exact = as_reals("errors", errors, {"passes": len(history)})
         axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
@@ -75,7 +77,8 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     histories
         Mapping from label to passes, for instance ``{"adapted": result.history}``; at most six.
     slope
-        Slope of the reference lines. The best rate of the energy error in the plane is -1/2 for P1 elements, -1 for P2.
+        Slope of the reference lines. The best rate of the energy-norm error in the plane is -1/2 for P1 elements, -1 for
+        P2, and of the error of a goal twice that.
     ax
         Axes to draw on; None creates a figure.
 
@@ -100,7 +103,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     needed = _draw_slopes(axes, *drawn[0], slope)
     axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
     axes.set(xlim=_span_of(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
-    axes.set(xlabel="nodes N", ylabel=_label(passes), title=f"{word_for_estimate(passes).capitalize()} over nodes")
+    axes.set(xlabel="nodes N", ylabel=_label(passes), title=f"{estimate_word(passes).capitalize()} over nodes")
     _number_axes(axes)
     _rule(axes)
     axes.legend(loc="upper right", fontsize="small")
@@ -118,18 +121,19 @@ def _number_axes(axes: Axes) -> None:
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
     """Return nodes and estimates of passes, with nan for an estimate of zero."""
     nodes = np.array([step.mesh.nvertices for step in history], dtype=float)
-    errors = [step.estimate for step in history] / _norms(history, percent)
+    errors = np.array([step.shown_estimate for step in history]) / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
 
 
 def _in_percent(history: Sequence[Pass]) -> bool:
-    return all(energy_error(step) is not None for step in history)
+    return all(energy_norm_error(step) is not None for step in history)
 
 
 def _label(history: Sequence[Pass]) -> str:
-    if word_for_estimate(history) == "indicator":
-        return "indicator"
-    return ERROR if _in_percent(history) else "energy error"
+    if _in_percent(history):
+        return ERROR
+    calibrated = all(step.calibrated for step in history)
+    return "energy-norm error" if calibrated else word_for_estimate(history)
 
 
 def _norms(history: Sequence[Pass], percent: bool) -> Floats:
@@ -212,7 +216,13 @@ def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axe
 
 
 def plot_density(
-    mesh: Mesh, density: ArrayLike, *, plane: CutBy | None = None, ax: Axes | None = None, unit: str = "m"
+    mesh: Mesh,
+    density: ArrayLike,
+    *,
+    plane: CutBy | None = None,
+    ax: Axes | None = None,
+    unit: str = "m",
+    axisymmetric: bool = False,
 ) -> Axes:
     """Colour every element by the density of nodes wanted, on a logarithmic scale.
 
@@ -229,6 +239,8 @@ def plot_density(
         Axes to draw on; None creates a figure.
     unit
         Unit of lengths, "m", "mm" or ""; the density is shown per square or cube of this unit.
+    axisymmetric
+        As in `draw_mesh`.
 
     Returns
     -------
@@ -245,7 +257,7 @@ def plot_density(
     shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** len(mesh.p)
     low, high = _scale_of(shown)
     norm = LogNorm(low, high) if low < high else Normalize(0.0, high)
-    shades = draw_indicators(axes, mesh, shown, norm=norm, plane=plane, unit=unit)
+    shades = draw_indicators(axes, mesh, shown, norm=norm, plane=plane, unit=unit, axisymmetric=axisymmetric)
     power, size = {2: ("²", "area"), 3: ("³", "volume")}[len(mesh.p)]
     label = f"nodes asked for per {unit}{power}" if unit else f"nodes asked for per unit of {size}"
     axes.figure.colorbar(shades, ax=axes, label=label, extend="min" if shown.min() < low < high else "neither")

@@ -22,6 +22,9 @@ __all__ = [
     "curves_of",
     "energy_norm",
     "estimate",
+    "goal_error_of",
+    "goal_of",
+    "goal_unit_of",
     "improved",
     "is_calibrated",
     "is_curved",
@@ -96,10 +99,14 @@ class Problem(Protocol):
     a higher degree on the same mesh, for instance. Where a run has stalled, it is asked once, and `message` says which
     outputs are worse than the input's.
 
+    ``goal(solution) -> float`` and ``goal_error(solution) -> float`` together say that the indicators are those of a
+    goal, so that the sum of their squares is an error of the goal in its unit, ``goal_unit`` (""). Tables, files and
+    reports show value, estimated error and their sum; ``goal_error`` is called once, for the result.
+
     ``calibrated`` (False) says that the root of the sum of the squared indicators is near the error itself, say within
     30 %, on adapted meshes, too, whose elements are stretched. Then tables, pictures and reports show it as a share of
-    ``energy_norm`` and call it "Energy Error %"; otherwise "indicator", for it tells where the error is, but not how
-    large. `kohonen_adapt.estimators.recovery` (0.9 to 1.1 times the error of a linear problem) and ``equilibrated``
+    ``energy_norm`` and call it "Energy-norm error %"; otherwise "indicator", because its size is not known.
+    `kohonen_adapt.estimators.recovery` (0.9 to 1.1 times the error of a linear problem) and ``equilibrated``
     (1.04 to 1.3 times, a bound) are such estimates as they are. ``residual`` is 3 to 4 times the error on good elements
     and up to 7 on stretched ones, so no factor makes it one. To vouch for another, solve a problem whose solution is
     known, adapt, and compare, as `python -m benchmarks effectivity` does.
@@ -149,6 +156,23 @@ def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, 
         If the problem has none.
     """
     return offered(problem, "improved")(mesh, solution, outputs)
+
+
+def goal_of(problem: Problem, solution: Any) -> float | None:
+    """Return the value of the problem's goal, None for a problem without a goal and its error."""
+    if not (offers(problem, "goal") and offers(problem, "goal_error")):
+        return None
+    return float(problem.goal(solution))  # type: ignore[attr-defined]
+
+
+def goal_error_of(problem: Problem, solution: Any) -> float:
+    """Return the estimated error of the goal with its sign, for a problem that has one."""
+    return float(problem.goal_error(solution))  # type: ignore[attr-defined]
+
+
+def goal_unit_of(problem: Problem) -> str:
+    """Return the unit of the problem's goal, empty for a problem that states none."""
+    return str(getattr(problem, "goal_unit", ""))
 
 
 def pairs_of(problem: Problem) -> Sequence[Pair]:
@@ -314,7 +338,7 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
     if ritz.order != order_of(problem):
-        raise NotOffered(f"its Ritz is of order {ritz.order}, its elements of order {order_of(problem)}")
+        raise NotOffered(f"the Ritz of the problem is of order {ritz.order}, its elements of order {order_of(problem)}")
     return ritz
 
 

@@ -4,13 +4,30 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt.display import counted
+from kohonen_adapt.display import counted, significant
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import change_of_output, energy_error, has_turned
+from kohonen_adapt.loop.table import (
+    change_of_output,
+    energy_error,
+    energy_norm_error,
+    estimate_word,
+    goal_figures,
+    goal_sentence,
+    has_turned,
+)
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
+
+ENDINGS = {
+    Status.CONVERGED: "the tolerance is met",
+    Status.MAX_PASSES: "all passes asked for are done",
+    Status.STALLED: "no pass improved any more",
+    Status.NOT_MOVED: "no node could move",
+    Status.STOPPED: "stopped before its end",
+    Status.FAILED: "an error in a pass",
+}
 
 PACKAGES = ("kohonen_adapt", "numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
 
@@ -19,16 +36,30 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
-    """Names and values to look at first: the error before and after, nodes, quality, outputs."""
+    """Return names and values to look at first: goal, error before and after, nodes, quality, outputs, ending."""
     first, last = result.history[0], result.best
-    word = "energy error" if _in_percent(first, last) else "estimate"
+    word = "energy-norm error" if _in_percent(first, last) else estimate_word(result.history)
+    energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if _in_percent(first, last) else []
     return [
-        ("ended by", result.status.replace("_", " ")),
+        *_of_goal(last),
         (f"{word} before", _error(first, last)),
         (f"{word} after", _error(last, first)),
+        *energy,
         ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
         ("worst quality", f"{last.min_quality:.2f}"),
-        *((name, f"{value:.5g}") for name, value in last.outputs.items()),
+        *((name, significant(value, 5)) for name, value in last.outputs.items()),
+        ("how it ended", ENDINGS[result.status]),
+    ]
+
+
+def _of_goal(step: Pass) -> list[tuple[str, str]]:
+    """Names and values of the goal, its error and their sum, as far as known."""
+    digits = (6, 2, 6)
+    named = zip(("goal", "error of the goal", "goal + error"), goal_figures(step).values(), digits, strict=False)
+    return [
+        (name, f"{significant(value, count)} {step.goal_unit}".rstrip())
+        for name, value, count in named
+        if value is not None
     ]
 
 
@@ -41,23 +72,24 @@ def sentences(result: AdaptResult) -> list[str]:
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
         f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
         f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
+        *filter(None, [goal_sentence(last)]),
     ]
     return said + [_of_output(name, first, last) for name in last.outputs]
 
 
 def _in_percent(*steps: Pass) -> bool:
-    return all(energy_error(step) is not None for step in steps)
+    return all(energy_norm_error(step) is not None for step in steps)
 
 
 def _error(step: Pass, other: Pass) -> str:
     """The estimate, in per cent of the energy norm if the other pass has one too."""
-    return f"{energy_error(step):.3g}\u00a0%" if _in_percent(step, other) else f"{step.estimate:.4g}"
+    return f"{energy_norm_error(step):.3g}\u00a0%" if _in_percent(step, other) else step.estimate_text
 
 
 def _share(first: Pass, last: Pass) -> str:
     if last is first or not first.estimate:
         return ""
-    return f": the estimate is {100.0 * last.estimate / first.estimate:.3g}\u00a0% of what it was"
+    return f": the estimate is {100.0 * last.shown_estimate / first.shown_estimate:.3g}\u00a0% of what it was"
 
 
 def _from_to(first: int, last: int) -> str:

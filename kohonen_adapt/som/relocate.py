@@ -32,7 +32,7 @@ from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["loops_in_plane", "move", "relocate", "report_curves"]
+__all__ = ["loops_in_plane", "move", "relocate"]
 
 # Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
 MISMATCH = 0.6
@@ -237,12 +237,7 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
 
 
 def report_curves(before: MovableMesh, now: MovableMesh) -> None:
-    """Log the largest distance between curves and facets, now and before.
-
-    Curved sides leave nothing out, and nothing is logged.
-    """
-    if now.curved:
-        return
+    """Log the largest distance between curves and facets, now and before."""
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
         which = now.outline.farthest_curve(now.triangulation)

@@ -47,7 +47,7 @@ def test_demo_magnet(tmp_path, capsys):
     progress = re.findall(r"^pass (\d): 899 nodes, estimate [\d.]+ \(([\d.]+) %\), [\d.]+ s$", said, re.MULTILINE)
     assert [int(number) for number, _ in progress] == [0, 1, 2, 3, 4]
     assert float(progress[4][1]) < 0.8 * float(progress[0][1])
-    assert "Energy Error %" in said
+    assert "Energy-norm error %" in said
     assert said.endswith(f"Files in {files}: magnet.html, magnet.msh, magnet.png, magnet.vtu.\n")
     mesh = ka.read_mesh(files / "magnet.msh")
     assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}

@@ -355,10 +355,19 @@ def test_a_finished_run_gets_its_files_back(case, tmp_path):
     assert contents(out) == before
 
 
-def test_out_replaces_a_finished_run_and_nothing_of_it_stays(case, tmp_path):
-    assert run(case, "--out", tmp_path / "out") == 0
+def test_run_over_a_finished_run_asks_for_force_and_then_nothing_of_it_stays(case, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(case, "--out", out) == 0
     case.write_text(CASE.replace("passes = 2", "passes = 0\nseed = 3"))
-    assert run(case, "--out", tmp_path / "out") == 0
+    before = contents(out)
+    capsys.readouterr()
+    assert run(case, "--out", out) == 2
+    assert capsys.readouterr().err == (
+        f"kohonen-adapt: '{out}' has the result of a run: go on with --resume {out}, write over it with --force, or "
+        "choose another folder.\n"
+    )
+    assert contents(out) == before
+    assert run(case, "--out", out, "--force") == 0
     assert sorted(file.name for file in (tmp_path / "out" / "passes").iterdir()) == ["ended.txt", "pass-0000.npz"]
     assert len(history(tmp_path / "out")) == 1
 
@@ -369,10 +378,18 @@ def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):
     before = contents(out)
     assert run(case, "--out", out) == 2
     assert capsys.readouterr().err == (
-        f"kohonen-adapt: '{out}' has passes of a run that has not ended: go on with --resume {out}, or delete "
-        f"'{out / 'passes'}' to start anew.\n"
+        f"kohonen-adapt: '{out}' has passes of a run that has not ended: go on with --resume {out}, write over it with "
+        "--force, or choose another folder.\n"
     )
     assert contents(out) == before
+    assert run(case, "--out", out, "--force") == 0 and (out / "passes" / "ended.txt").exists()
+
+
+def test_run_over_a_result_without_its_passes_asks_for_force(case, tmp_path, capsys):
+    (tmp_path / "history.csv").write_text("mine")
+    assert run(case, "--out", tmp_path) == 2
+    assert f"'{tmp_path}' has the result of a run: " in capsys.readouterr().err
+    assert (tmp_path / "history.csv").read_text() == "mine" and not (tmp_path / "passes").exists()
 
 
 def test_resume_where_nothing_was_begun(case, tmp_path, capsys):

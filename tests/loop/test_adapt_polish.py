@@ -157,7 +157,7 @@ def test_magnetostatics_is_polished_and_keeps_its_materials():
     ("problem", "remark"),
     [
         (Plain(), "there was no polish: Plain has no method ritz(mesh, solution)"),
-        (Striped(), "there was no polish: its coefficients vary inside a region of the mesh"),
+        (Striped(), "there was no polish: coefficients vary inside a region of the mesh"),
         (
             Saddle(),
             "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
@@ -174,8 +174,8 @@ def test_the_message_says_where_the_polish_ends(problem, remark):
 @pytest.mark.parametrize(
     ("attribute", "value", "remark"),
     [
-        ("order", 2, "there was no polish: its Ritz is of order 1, its elements of order 2"),
-        ("norm", "L2", "there was no polish: its norm is 'L2', not 'energy'"),
+        ("order", 2, "there was no polish: the Ritz of the problem is of order 1, its elements of order 2"),
+        ("norm", "L2", "there was no polish: an error in the norm 'L2' has no energy to lower"),
     ],
 )
 def test_no_polish_for_other_elements_and_norms(attribute, value, remark):

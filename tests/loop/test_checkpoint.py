@@ -419,7 +419,7 @@ def test_a_missing_pass(folder):
 def test_a_pass_under_the_name_of_another(folder):
     (folder / "pass-0000.npz").replace(folder / "pass-0001.npz")
     (folder / "pass-0000.npz").write_bytes((folder / "pass-0001.npz").read_bytes())
-    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*it says format 2 and pass 0"):
+    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*it says format 3 and pass 0"):
         ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
 
 

@@ -22,11 +22,14 @@ def plain(result):
 
 def test_the_table():
     assert str(plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip"))).splitlines() == [
-        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  elements  min quality  mean quality  seconds",
-        "   0     25         4         -           40.00               -        32         0.87          0.90     1.50",
-        "   1     25         2     -50.0           20.00           +0.00        32         0.87          0.90     1.50"
-        "  <- result",
-        "   2     25         3     +50.0           30.00           +0.00        32         0.87          0.90     1.50",
+        "pass  nodes  estimate  change %  Energy-norm error %  Energy error %  Delta Energy %",
+        "   0     25     4.000         -                40.00           16.00               -",
+        "   1     25     2.000     -50.0                20.00            4.00           +0.00  <- result",
+        "   2     25     3.000     +50.0                30.00            9.00           +0.00",
+        "pass  elements  min quality  mean quality  seconds",
+        "   0        32         0.87          0.90     1.50",
+        "   1        32         0.87          0.90     1.50  <- result",
+        "   2        32         0.87          0.90     1.50",
         "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
     ]
 
@@ -35,7 +38,7 @@ def test_the_table_calls_an_estimate_an_indicator_where_nobody_vouches_for_its_s
     problem = Script([4.0, 2.0, 3.0], calibrated=False)
     assert str(plain(adapt(MESH, problem, passes=2, topology="flip"))).splitlines()[:2] == [
         "pass  nodes  indicator  change %  Delta Energy %  elements  min quality  mean quality  seconds",
-        "   0     25          4         -               -        32         0.87          0.90     1.50",
+        "   0     25      4.000         -               -        32         0.87          0.90     1.50",
     ]
 
 
@@ -44,14 +47,15 @@ def test_the_table_with_outputs_has_their_changes():
     assert str(
         plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip", outputs=outputs))
     ).splitlines() == [
-        "pass  nodes  estimate  change %  Energy Error %  Delta Energy %  force  Delta %    flux  Delta %",
-        "   0     25         4         -           40.00               -     -2        -       0        -",
-        "   1     25         2     -50.0           20.00           +0.00   -2.5   +25.00       1        -  <- result",
-        "   2     25         3     +50.0           30.00           +0.00   -2.4    -4.00  1.2346   +23.46",
-        "pass  elements  min quality  mean quality  seconds",
-        "   0        32         0.87          0.90     1.50",
-        "   1        32         0.87          0.90     1.50  <- result",
-        "   2        32         0.87          0.90     1.50",
+        "pass  nodes  estimate  change %  Energy-norm error %  Energy error %  Delta Energy %    force  Delta %",
+        "   0     25     4.000         -                40.00           16.00               -  -2.0000        -",
+        "   1     25     2.000     -50.0                20.00            4.00           +0.00  -2.5000   +25.00"
+        "  <- result",
+        "   2     25     3.000     +50.0                30.00            9.00           +0.00  -2.4000    -4.00",
+        "pass    flux  Delta %  elements  min quality  mean quality  seconds",
+        "   0  0.0000        -        32         0.87          0.90     1.50",
+        "   1  1.0000        -        32         0.87          0.90     1.50  <- result",
+        "   2  1.2346   +23.46        32         0.87          0.90     1.50",
         "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
     ]
 
@@ -119,8 +123,8 @@ def test_the_table_shows_what_was_done_to_the_mesh_of_a_pass_and_a_dash_for_the_
         ("min quality", ["0.87"] * 3),
         ("mean quality", ["0.90"] * 3),
         ("seconds", ["1.50"] * 3),
-        ("gain of map", ["-", "0.5", "0.5"]),
-        ("gain of polish", ["-", "1.5", "0"]),
+        ("gain of map", ["-", "0.50", "0.50"]),
+        ("gain of polish", ["-", "1.5", "0.0"]),
         ("splits", ["-", "3", "0"]),
         ("collapses", ["-", "0", "4"]),
     ]

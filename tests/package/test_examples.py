@@ -115,7 +115,7 @@ def test_own_problem_shows_an_energy_error_that_is_near_the_truth(own_problem):
     for step in result.history:
         error = np.sqrt(0.2140758 - step.energy_norm**2)  # that of the exact solution is known
         assert energy_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.1)
-    assert "Energy Error %" in str(result)
+    assert "Energy-norm error %" in str(result)
 
 
 def test_l_shape_shows_an_energy_error_that_is_near_the_truth(l_shape):

@@ -49,7 +49,7 @@ def test_the_example_runs_as_it_stands(tmp_path, monkeypatch, capsys):
     exec(example, scope)
     history = scope["result"].history
     assert history[-1].estimate < 0.75 * history[0].estimate
-    assert "Energy Error %" in capsys.readouterr().out
+    assert "Energy-norm error %" in capsys.readouterr().out
     assert (tmp_path / "magnet.vtu").stat().st_size > 0
 
 

@@ -72,7 +72,7 @@ def test_the_page(tmp_path):
         "|B| (T)",
         "error indicator of an element",
         "relocations, with 81 nodes",
-        "energy error (% of the energy norm)",
+        "energy-norm error (%)",
     ):
         assert label in labels
     shades = [each.collections[0] for each in figure.axes if "indicators" in each.get_title()]
@@ -179,8 +179,8 @@ def test_indicators_that_are_all_zero_can_be_drawn():
 @pytest.mark.parametrize(
     ("energy_norm", "calibrated", "wanted", "label"),
     [
-        (2.0, True, [50.0, 25.0], "energy error (% of the energy norm)"),
-        (None, True, [1.0, 0.5], "energy error"),
+        (2.0, True, [50.0, 25.0], "energy-norm error (%)"),
+        (None, True, [1.0, 0.5], "energy-norm error"),
         (2.0, False, [1.0, 0.5], "indicator"),
     ],
 )
@@ -405,14 +405,14 @@ def test_the_estimate_over_nodes_and_its_slopes():
     assert_allclose(mark.get_xydata(), [[4 * 81, 25.0]])
     assert drawn.get_xlim()[0] < 81 and drawn.get_xlim()[1] > 4 * 81
     assert (drawn.get_xscale(), drawn.get_yscale()) == ("log", "log")
-    assert drawn.get_ylabel() == "energy error (% of the energy norm)"
+    assert drawn.get_ylabel() == "energy-norm error (%)"
 
 
 def test_more_histories_than_one_share_their_axes():
     histories = {"one": [a_pass(0, two_regions(2), 1.0, None)], "other": [a_pass(0, two_regions(4), 0.1)]}
     drawn = plotting.plot_convergence(histories, slope=-1.0)
     assert legend_of(drawn) == ["one", "other", "$N^{-1}$ through the first pass"]
-    assert drawn.get_ylabel() == "energy error"
+    assert drawn.get_ylabel() == "energy-norm error"
     assert drawn.get_xlim()[0] < 25 and drawn.get_xlim()[1] > 289
 
 

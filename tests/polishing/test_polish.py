@@ -251,7 +251,11 @@ class Quadratic(Diffusion):
         ),
         (object(), {}, r"polish needs a problem with the method solve\(mesh\); object has none\."),
         (WrongRitz(), {}, r"ritz of the problem must return a kohonen_adapt\.Ritz; got ndarray\."),
-        (Quadratic(), {}, r"polish needs the functional .*: its Ritz is of order 1, its elements of order 2\."),
+        (
+            Quadratic(),
+            {},
+            r"polish needs the functional .*: the Ritz of the problem is of order 1, its elements of order 2\.",
+        ),
         (Diffusion(), {"sweeps": -1}, r"sweeps must be an integer >= 0; got -1\."),
         (Diffusion(), {"sweeps": True}, r"sweeps must be an integer >= 0; got True\."),
         (

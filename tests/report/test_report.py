@@ -199,7 +199,7 @@ def test_a_result_without_energy_norm_pictures_names_and_fields(tmp_path):
     write_report(tmp_path / "report.html", result, before=result, unit="")
     page = Page(tmp_path / "report.html")
     assert result.status is Status.CONVERGED
-    assert "converged" in page.text_of("dd")
+    assert "the tolerance is met" in page.text_of("dd")
     assert "The error estimate went from 0 to 0, with 25 nodes." in page.text_of("p")
     assert page.data["fields"][0] | {"above": False, "below": False} == {
         "label": "error indicator of an element", "kind": "values", "at": "element",

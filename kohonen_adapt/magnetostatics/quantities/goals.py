@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, turn_length, turns_density
 from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
 
-__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque", "check_goal"]
+__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque", "check_goal", "unit_of_goal"]
 
 VECTOR, POINT = "vector (x, y), in space (x, y, z)", "point (x, y), in space (x, y, z), in m"
 SIZES = (2, 3)
@@ -28,6 +28,8 @@ class Goal(Protocol):
 
     A change w of ``field.unknown`` (planar of A, axisymmetric of r A, in space of the scalar potential) changes J by
     ``int source w + flux . grad w`` over the plane of the mesh, or its volume.
+
+    Tables, files and reports show values with the goal's ``unit``, a string, where a goal has one.
     """
 
     def __call__(self, field: Any) -> float:
@@ -58,6 +60,15 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
         )
     if isinstance(goal, _ComponentGoal):
         goal.check_dimension(dim)
+
+
+def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
+    """Return the unit of a goal's values, an empty string without a goal or a unit.
+
+    Goals of this module have the unit of a total, of which a plane problem without a depth has its metre's share.
+    """
+    unit = str(getattr(goal, "unit", ""))
+    return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
 
 class _ComponentGoal:
@@ -127,6 +138,7 @@ class Force(_ComponentGoal):
 
     body: Names
     direction: tuple[float, ...]
+    unit: ClassVar[str] = "N"
     _vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
@@ -169,6 +181,7 @@ class Torque(_ComponentGoal):
     body: Names
     centre: tuple[float, ...] = (0.0, 0.0)
     axis: tuple[float, ...] | None = None
+    unit: ClassVar[str] = "N m"
     _vector: ClassVar[str] = "centre"
 
     def __post_init__(self) -> None:
@@ -223,6 +236,7 @@ class FluxLinkage:
     """
 
     circuit: Mapping[str, float]
+    unit: ClassVar[str] = "Wb"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
@@ -259,6 +273,7 @@ class StoredEnergy:
     """
 
     part: Names
+    unit: ClassVar[str] = "J"
 
     def __call__(self, field: Any) -> float:
         """In J/m; with `depth`, axisymmetric, and in space, in J."""

@@ -1,0 +1,215 @@
+"""What a result says of its goal, of the pass that it is, and of a mesh that is not resolved."""
+
+import numpy as np
+import pytest
+from helpers.stand_ins import MESH, Script, adapt
+from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, MeshTri, condense, solve
+from skfem.helpers import dot, grad
+
+import kohonen_adapt as ka
+from kohonen_adapt.loop.table import energy_error, pass_figures, table_columns
+
+
+class Pull(Script):
+    """A script with a goal in newtons; where `trouble` is set its error cannot be estimated."""
+
+    goal_unit = "N"
+    trouble = None
+    asked = 0
+
+    def goal(self, solution):
+        return (-133.4, -132.99999, -132.9)[solution]
+
+    def goal_error(self, solution):
+        self.asked += 1
+        if self.trouble is not None:
+            raise self.trouble
+        return 0.0125
+
+
+def pulled(**options):
+    return adapt(MESH, Pull([4.0, 1.0, 2.0], calibrated=False), passes=2, topology="flip", **options)
+
+
+def test_a_goal_its_error_and_their_sum_are_in_the_table_with_units():
+    lines = [line[: line.index("  elements")] if "elements" in line else line for line in str(pulled()).splitlines()]
+    head, *rows = (line.split("  ") for line in lines[:4])
+    assert [word.strip() for word in head if word][:7] == [
+        "pass",
+        "nodes",
+        "estimate (N)",
+        "change %",
+        "Delta Energy %",
+        "goal (N)",
+        "error (N)",
+    ]
+    assert "goal + error (N)" in lines[0]
+    assert [row[-1].strip() for row in rows] != [] and "0.013" in lines[2] and "-132.987" in lines[2]
+    assert "-133.400" in lines[1] and "-133.000" in lines[2] and "0.013" not in lines[1] + lines[3]
+
+
+def test_the_estimate_of_a_goal_is_in_its_unit():
+    """The sum of squared indicators is in the unit of the goal; its root means nothing to anybody."""
+    result = pulled()
+    assert dict(table_columns(result.history)[1])["estimate (N)"] == ["16.00", "1.000", "4.000"]
+    assert "the result is pass 1 (estimate 1 N)" in result.message
+    assert repr(result.history[0]).startswith("<Pass 0: estimate 16 N, ")
+
+
+def test_the_tolerance_of_a_goal_is_said_in_its_unit():
+    result = adapt(MESH, Pull([4.0, 1.0], calibrated=False), passes=2, atol=1.5)
+    assert "the estimate 1 N of pass 1 is within the tolerance 2.25 N (atol squared)" in result.message
+
+
+def test_files_have_the_figures_of_a_goal_by_name_and_unit():
+    first, best, _ = map(pass_figures, pulled().history)
+    wanted = {
+        "goal (N)": -132.99999,
+        "goal error (N)": 0.0125,
+        "goal + error (N)": -132.98749,
+        "goal estimate (N)": 1.0,
+    }
+    assert {name: best[name] for name in wanted} == pytest.approx(wanted)
+    assert first["goal error (N)"] is None and not {"goal", "goal_error", "goal_unit"} & first.keys()
+    assert not [name for name in pass_figures(adapt(MESH, Script([4.0]), passes=0).history[0]) if "goal" in name]
+
+
+def test_the_error_of_a_goal_is_estimated_once():
+    problem = Pull([4.0, 1.0, 2.0], calibrated=False)
+    assert adapt(MESH, problem, passes=2).best.goal_error == 0.0125 and problem.asked == 1
+
+
+@pytest.mark.parametrize("trouble", [np.linalg.LinAlgError("singular"), KeyboardInterrupt()])
+def test_a_goal_whose_error_cannot_be_estimated_costs_no_result(trouble):
+    problem = Pull([4.0, 1.0], calibrated=False)
+    problem.trouble = trouble
+    result = adapt(MESH, problem, passes=1)
+    assert result.best.goal == -132.99999 and result.best.goal_error is None
+    why = {"LinAlgError": "LinAlgError: singular", "KeyboardInterrupt": "KeyboardInterrupt"}[type(trouble).__name__]
+    assert result.message.endswith(f"; the error of the goal could not be estimated ({why}).")
+
+
+def test_a_resumed_run_has_the_figures_of_its_goal(tmp_path):
+    whole = adapt(MESH, Pull([4.0, 1.0], calibrated=False), passes=1, checkpoint=tmp_path)
+    again = Pull([1.0], calibrated=False)
+    again.goal = lambda solution: -132.99999
+    resumed = adapt(MESH, again, passes=1, checkpoint=tmp_path)
+    assert [pass_figures(step) for step in resumed.history] == [pass_figures(step) for step in whole.history]
+
+
+def test_the_error_of_the_energy_is_the_square_of_that_of_the_norm():
+    history = adapt(MESH, Script([4.0, 0.05]), passes=1).history
+    assert [energy_error(step) for step in history] == pytest.approx([16.0, 0.0025])
+    columns = dict(table_columns(history)[1])
+    assert columns["Energy-norm error %"] == ["40.00", "0.50"]
+    assert columns["Energy error %"] == ["16.0000", "0.0025"]
+
+
+# ---- which pass is the result, and whether its mesh is resolved ----
+
+
+@BilinearForm
+def stiffness(u, v, _):
+    return dot(grad(u), grad(v))
+
+
+@LinearForm
+def load(v, _):
+    return v
+
+
+class Poisson:
+    """-lap u = 1 on the unit square, with the estimate of pass k multiplied by the k-th factor."""
+
+    calibrated = True
+
+    def __init__(self, *factors):
+        self.factors, self.solved = factors, 0
+
+    def solve(self, mesh):
+        self.solved += 1
+        basis = Basis(mesh, ElementTriP1())
+        found = solve(*condense(stiffness.assemble(basis), load.assemble(basis), D=basis.get_dofs()))
+        return self.factors[self.solved - 1], found
+
+    def indicators(self, mesh, solution):
+        factor, values = solution
+        one = np.ones(mesh.t.shape[1])
+        return factor * ka.estimators.recovery(mesh, values, one, source=one)
+
+    def energy_norm(self, mesh, solution):
+        return float(np.sqrt(solution[1] @ load.assemble(Basis(mesh, ElementTriP1()))))
+
+    def ritz(self, mesh, solution):
+        fixed = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
+        return ka.Ritz(solution[1], fixed, 1.0, source=1.0)
+
+
+def message_of(*factors):
+    result = ka.adapt(MeshTri().refined(3), Poisson(*factors), passes=len(factors) - 1)
+    return result, result.message
+
+
+def test_it_is_said_why_a_pass_with_a_larger_estimate_is_the_result():
+    result, message = message_of(1.0, 2.0)
+    assert result.best.number == 1 and result.best.estimate > result.history[0].estimate
+    least = f"{result.history[0].estimate:.4g}"
+    assert (
+        "; pass 1 is the result because its functional is the lowest, though the input has the least estimate "
+        f"({least})"
+    ) in message
+    assert "disagree" not in message
+
+
+def test_it_is_said_where_functional_and_estimate_disagree_by_a_factor_of_three():
+    result, message = message_of(1.0, 8.0)
+    first, best = (step.estimate for step in result.history)
+    assert (
+        "; functional and estimate disagree: pass 1 has the lowest functional, but an estimate of "
+        f"{best / first:.2g} times that of the input ({first:.4g}); compare both passes"
+    ) in message
+    assert "because its functional" not in message
+
+
+def test_nothing_is_said_where_functional_and_estimate_agree():
+    _, message = message_of(1.0, 1.0)
+    assert "functional" not in message and "not resolved" not in message
+
+
+def test_a_mesh_that_is_not_resolved_is_named():
+    """The functional fell by more than the estimate of the pass before allows."""
+    result, message = message_of(0.5, 0.5)
+    assert result.best.number == 1
+    assert (
+        "; the mesh is not resolved: the error may be half as much again as the estimate; ask for more passes or more "
+        "nodes (target_nodes)"
+    ) in message
+
+
+def test_an_estimate_that_nobody_vouches_for_says_nothing_of_resolution():
+    problem = Poisson(0.5, 0.5)
+    problem.calibrated = False
+    assert "not resolved" not in ka.adapt(MeshTri().refined(3), problem, passes=1).message
+
+
+def test_axes_of_a_problem_around_an_axis_are_r_and_z(tmp_path):
+    plotting = pytest.importorskip("kohonen_adapt.plotting")
+    mesh = MeshTri().refined(2)
+    drawn = plotting.plot_density(mesh, np.ones(32), axisymmetric=True, unit="mm")
+    assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("r (mm)", "z (mm)")
+    assert plotting.plot_outlines(mesh, axisymmetric=True).get_xlabel() == "r (m)"
+
+
+def test_pictures_of_a_goal_have_its_unit():
+    plotting = pytest.importorskip("kohonen_adapt.plotting")
+    axes = plotting.plot_convergence({"passes": pulled().history}, slope=-1.0)
+    assert axes.get_ylabel() == "estimate (N)" and axes.get_title() == "Estimate over nodes"
+    assert axes.get_lines()[0].get_ydata() == pytest.approx([16.0, 1.0, 4.0])
+
+
+def test_a_pass_knows_how_far_its_curves_are_from_their_facets():
+    circle = MeshTri.init_circle(3).with_defaults()
+    result = adapt(circle, Script([2.0, 1.0]), passes=1)
+    turn = 2.0 * np.pi / len(circle.boundary_facets())
+    assert result.history[0].sagitta == pytest.approx(1.0 - np.cos(turn / 2.0))
+    assert pass_figures(result.best)["sagitta"] > 0.0
