@@ -14,7 +14,7 @@ import kohonen_adapt as ka
 
 
 class Poisson:
-    """Two methods make a problem. The third gives the table its Energy Error, the fourth lets nodes go down it."""
+    """Two methods make a problem. The third gives the table its error in per cent, the fourth lets nodes go down it."""
 
     calibrated = True  # by recovery the estimate is the error, give or take 10 %; without this it is an "indicator"
 

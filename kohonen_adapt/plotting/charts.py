@@ -77,8 +77,8 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     histories
         Mapping from label to passes, for instance ``{"adapted": result.history}``; at most six.
     slope
-        Slope of the reference lines. The best rate of the energy-norm error in the plane is -1/2 for P1 elements, -1 for
-        P2, and of the error of a goal twice that.
+        Slope of the reference lines. The best rate of the energy-norm error in the plane is -1/2 for P1 elements and -1
+        for P2, and the rate of the error of a goal is twice that.
     ax
         Axes to draw on; None creates a figure.
 
