@@ -13,6 +13,7 @@ from kohonen_adapt.outline.movable import Work
 
 __all__ = [
     "DASH",
+    "GOAL_DIGITS",
     "Columns",
     "change_of_output",
     "energy_error",
@@ -33,6 +34,7 @@ WIDTH = 120  # of a printed table; what does not fit goes into another beneath
 GAP = "  "
 DASH = "-"
 TURNED = "sign"
+GOAL_DIGITS = (8, 2, 8, 4)  # of the value, its error, their sum and the estimate
 GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # of a pass; files and tables have them by name and unit
 
 Columns = list[tuple[str, list[str]]]
@@ -69,7 +71,7 @@ def goal_sentence(step: Pass) -> str:
         return ""
     value, error, total, _ = (
         None if figure is None else f"{significant(figure, digits)} {step.goal_unit}".rstrip()
-        for figure, digits in zip(goal_figures(step).values(), (6, 2, 6, 4), strict=True)
+        for figure, digits in zip(goal_figures(step).values(), GOAL_DIGITS, strict=True)
     )
     if error is None:
         return f"The goal is {value}; its error is not estimated."
@@ -164,9 +166,8 @@ def _goal(history: tuple[Pass, ...]) -> list[Columns]:
     if history[0].goal is None:
         return []
     figures = [goal_figures(step) for step in history]
-    value, error, total, _ = figures[0]
-    forms = {value: 6, error: 2, total: 6}
-    return [[(title.replace("goal error", "error"), _rounded(title, forms[title], figures)) for title in forms]]
+    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has a column elsewhere
+    return [[(title.replace("goal error", "error"), _rounded(title, digits, figures)) for title, digits in forms]]
 
 
 def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -> list[str]:

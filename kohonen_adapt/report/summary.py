@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import (
+    GOAL_DIGITS,
     change_of_output,
     energy_error,
     energy_norm_error,
@@ -54,8 +55,7 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
 
 def _of_goal(step: Pass) -> list[tuple[str, str]]:
     """Names and values of the goal, its error and their sum, as far as known."""
-    digits = (6, 2, 6)
-    named = zip(("goal", "error of the goal", "goal + error"), goal_figures(step).values(), digits, strict=False)
+    named = zip(("goal", "error of the goal", "goal + error"), goal_figures(step).values(), GOAL_DIGITS, strict=False)
     return [
         (name, f"{significant(value, count)} {step.goal_unit}".rstrip())
         for name, value, count in named
