@@ -11,6 +11,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from helpers.tensor_meshes import disk
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
@@ -309,3 +310,19 @@ passes = 0
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert report.index('"flux function r A (Wb)"') < report.index('"vector potential A (Wb/m)"')
     assert "error indicator of an element (\\u221a(J))" in report
+
+
+def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_file(tmp_path, capsys, monkeypatch):
+    without_matplotlib(monkeypatch)
+    mesh = disk([5.0, 10.0, 15.0, 20.0], {"magnet": 2, "air": 4})
+    ka.write_mesh(tmp_path / "round.msh", mesh)
+    (tmp_path / "case.toml").write_text(
+        'mesh = "round.msh"\nscale = 1e-3\norder = 1\npotential.outer = 0.0\nadapt.passes = 2\n'
+        "[materials.magnet]\nremanence = [0.0, 1.0]\n[materials.air]\n"
+    )
+    assert cli.main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    heard = capsys.readouterr()
+    found = re.findall(r"[Cc]urves are up to (\S+) away .*", heard.out + heard.err)
+    sagitta = 10.0 * (1.0 - np.cos(np.pi / 12))  # of the magnet, which has 12 facets around
+    (line,) = [line for line in heard.out.splitlines() if line.startswith("Curves are up to")]
+    assert len(found) == 1 and line.endswith(f"before {sagitta:.3g}, in the unit of round.msh.")

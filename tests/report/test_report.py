@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 import zlib
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -24,7 +25,7 @@ from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
 from kohonen_adapt.report.page import filled_page
 from kohonen_adapt.report.scene import packed
-from kohonen_adapt.report.summary import sentences, without_folders
+from kohonen_adapt.report.summary import key_figures, sentences, without_folders
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
@@ -190,6 +191,34 @@ def test_a_force_that_becomes_weaker_is_not_told_as_a_gain():
         "turned went from -1 to 2, so it changed its sign.",
         "begun went from 0 to -1.",
     ]
+
+
+def test_the_headline_is_the_goal_and_the_ending_is_in_words():
+    first, last = (a_pass(k, a_mesh(), 2.0 - k, {}) for k in (0, 1))
+    goal = {"goal_unit": "N", "energy_norm": None, "calibrated": False}
+    history = [replace(first, goal=-133.4, **goal), replace(last, goal=-133.0, goal_error=0.0125, **goal)]
+    found = a_result(last.mesh, history)
+    figures = key_figures(found)
+    assert figures[:5] == [
+        ("goal", "-133.00000 N"),
+        ("error of the goal", "0.013 N"),
+        ("goal + error", "-132.98750 N"),
+        ("estimate before", "4 N"),
+        ("estimate after", "1 N"),
+    ]
+    assert "ended by" not in dict(figures) and "max passes" not in dict(figures).values()
+    assert dict(figures)["how it ended"] == "all passes asked for are done"
+    assert (
+        "The goal is -133.00000 N, with an estimated error of 0.013 N: the exact value is near -132.98750 N."
+    ) in sentences(found)
+
+
+def test_the_headline_has_the_errors_of_norm_and_energy():
+    history = [a_pass(k, a_mesh(), (0.5, 0.25)[k], {}) for k in (0, 1)]
+    figures = {name: value.replace("\u00a0", " ") for name, value in key_figures(a_result(history[1].mesh, history))}
+    norm = history[1].energy_norm
+    assert figures["energy-norm error after"] == f"{100 * 0.25 / norm:.3g} %"
+    assert figures["energy error after"] == f"{100 * (0.25 / norm) ** 2:.2g} %"
 
 
 def test_a_result_without_energy_norm_pictures_names_and_fields(tmp_path):
