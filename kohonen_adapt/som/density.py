@@ -23,6 +23,7 @@ __all__ = [
 
 
 ZERO = 1e-6  # of the largest value: zeros are raised to this value
+UTMOST = 1e100  # ratio of densities beyond which their logarithms, products and sums might be no numbers
 QUIET = 1e-3  # of the median: smaller indicators are raised to this value
 
 
@@ -167,7 +168,8 @@ def without_zeros(values: Floats, largest: float) -> Floats:
     Smaller values that are not zero are kept, because they are intended: away from a corner, a density soon falls below
     a millionth of the largest value.
     """
-    return np.where(values == 0.0, ZERO, values / largest)
+    with np.errstate(over="ignore"):
+        return np.where(values == 0.0, ZERO, np.clip(values / largest, 1.0 / UTMOST, UTMOST))
 
 
 def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:

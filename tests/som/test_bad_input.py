@@ -398,3 +398,15 @@ def test_only_ratios_of_a_density_matter(scale):
     density = 1.0 + mesh.p[0, mesh.t].mean(axis=0)
     moved, scaled = ka.relocate(mesh, density), ka.relocate(mesh, scale * density)
     np.testing.assert_allclose(scaled.p, moved.p, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("mesh", [MeshTri().refined(3), MeshTet().refined(1)], ids=["tri", "tet"])
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_ratios_of_a_density_may_be_beyond_the_range_of_numbers(mesh, topology):
+    x = mesh.p[0, mesh.t].mean(axis=0)
+    moved = ka.relocate(mesh, np.where(x > 0.5, 1e308, 1e-308), topology=topology)
+    assert ka.quality(moved).min() > 0.19 and not np.array_equal(moved.p, mesh.p)
+    if topology == "flip":  # larger where it was not looked at first
+        moved = ka.relocate(mesh, lambda x: np.where(np.abs(x[0] - 0.501) < 1e-4, 1e308, 1e-308))
+        assert ka.quality(moved).min() > 0.19
