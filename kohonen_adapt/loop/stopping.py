@@ -149,8 +149,8 @@ class StopTest:
 
 
 def final(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
-    """Return the ending with remarks on the choice of the best pass, its estimate, the polish and missing nodes."""
-    remarks = [choice_remark(passes, best), resolution_remark(passes, best), _polish_remark(passes, settings)]
+    """Return the ending with remarks on best pass, polish and missing nodes."""
+    remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings)]
     if ending.status in AT_ITS_END:
         remarks.append(settings.growth.shortfall(passes[-1].mesh.nvertices))
     message = "; ".join([ending.message.removesuffix("."), *filter(None, remarks)])
@@ -177,8 +177,8 @@ def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
     )
 
 
-def choice_remark(passes: Passes, best: Pass) -> str:
-    """Return why the best pass is not the one with the least estimate, or an empty string."""
+def _choice_remark(passes: Passes, best: Pass) -> str:
+    """Return why the best pass has not the least estimate, or an empty string."""
     least = min(passes, key=lambda step: step.worth)
     if best.worth <= least.worth or not all(step.comparable for step in passes):
         return ""
@@ -192,8 +192,8 @@ def choice_remark(passes: Passes, best: Pass) -> str:
     )
 
 
-def resolution_remark(passes: Passes, best: Pass) -> str:
-    """Return a warning if the fall of the functional shows that the mesh before the best one was not resolved.
+def _resolution_remark(passes: Passes, best: Pass) -> str:
+    """Return a warning if the fall of the functional shows an unresolved mesh.
 
     A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error of
     the pass before is at least twice the fall from there to the best pass, whose own squared error is estimated.
@@ -213,7 +213,7 @@ def resolution_remark(passes: Passes, best: Pass) -> str:
 
 
 def _polish_remark(passes: Passes, settings: Settings) -> str:
-    """What a user should know about the polish of this problem, or empty."""
+    """Return why nodes were not polished, or not all of them, or an empty string."""
     unpolished = next((step.unpolished for step in passes if step.unpolished), "")
     if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
         return ""
