@@ -30,6 +30,8 @@ __all__ = [
     "residual",
 ]
 
+LEAST_FLUX, LARGEST_FLUX = 1e-100, 1e100  # squares of these times areas and volumes are in the range of numbers
+
 
 @dataclass(frozen=True)
 class DiscreteFlux:
@@ -60,8 +62,20 @@ def discrete_flux(
     load = finite_reals("source", source, {"nelements": nelements}, "element")
     prescribed = finite_reals("flux", flux, {str(dim): dim, "nelements": nelements}, "element")
     hats = hat_gradients(mesh)
-    values = material * gradient(mesh, nodal, hats) - prescribed
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = material * gradient(mesh, nodal, hats) - prescribed
+    check_range(values)
     return DiscreteFlux(area(mesh), hats, material, load, prescribed, values)
+
+
+def check_range(flux: Floats) -> None:
+    """Raise ValueError if squares of a flux would underflow or overflow."""
+    largest = float(np.abs(flux).max())
+    if not (largest == 0.0 or LEAST_FLUX <= largest <= LARGEST_FLUX):
+        raise ValueError(
+            f"nu grad u - flux must be 0, or from {LEAST_FLUX:g} to {LARGEST_FLUX:g} at most; its largest component is "
+            f"{largest:.3g}, and indicators would be 0 or infinite. Choose another unit of the potential."
+        )
 
 
 def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:

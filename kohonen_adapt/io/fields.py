@@ -101,7 +101,7 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
 
 
 def _owner(path: Path, points: Floats, cells: Ints, shape: str) -> str:
-    """Return a sentence that names the mesh beside the file if the field is on that, or an empty string."""
+    """Return a sentence on the mesh of a field, or an empty string."""
     beside = path.with_suffix(".msh")
     try:
         _places(corners_of(read_mesh(beside)), points, cells, path, shape)

@@ -207,7 +207,7 @@ class History:
         return replace(result, history=tuple(known if step is best else step for step in result.history))
 
     def _solve_best(self) -> None:
-        """Solve the best pass if another process solved it."""
+        """Solve the best pass of another process again."""
         kept = self._kept
         best, last = kept.best, kept.last
         if best.solution is not UNSOLVED or last is None:

@@ -9,8 +9,7 @@ from kohonen_adapt.mesh.host import is_own_name, number_facets
 
 __all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
 
-# The kernels take third powers of volumes: those of elements with a hundred-millionth of the extent neither underflow
-# nor overflow.
+# The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
 LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 
 

@@ -69,7 +69,7 @@ def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) ->
 
 
 def with_remedy(why: str, movable: MovableMesh | MovableSolid) -> str:
-    """Return a reason that no node moved, with the `min_quality` that helps against the quality rule."""
+    """Return a reason for no move, with the `min_quality` that helps."""
     worst = float(quality(movable.came_from).min())
     if why != QUALITY_RULE or worst >= movable.floor:
         return why

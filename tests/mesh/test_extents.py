@@ -87,3 +87,16 @@ def test_sizes_whose_density_is_no_number():
 def test_indicators_whose_squares_have_no_sum():
     with pytest.raises(ValueError, match=r"^indicators of the problem must be small enough for the sum of their squ"):
         ka.adapt(MESH, Huge([1.0]), passes=0)
+
+
+@pytest.mark.parametrize("estimator", [ka.estimators.residual, ka.estimators.recovery])
+@pytest.mark.parametrize("mesh", [TRIANGLES, SOLID], ids=["tri", "tet"])
+@pytest.mark.parametrize("scale", [1e-160, 1e160])
+def test_a_potential_whose_energy_is_no_number(scale, mesh, estimator):
+    potential, reluctivity = mesh.p[0] ** 2, np.ones(mesh.nelements)
+    with pytest.raises(
+        ValueError, match=r"^nu grad u - flux must be 0, or from 1e-100 to 1e\+100 at most; its largest"
+    ):
+        estimator(mesh, scale * potential, reluctivity)
+    assert estimator(mesh, 1e-90 * potential, reluctivity).any()
+    assert not estimator(mesh, 0.0 * potential, reluctivity).any()

@@ -88,7 +88,7 @@ class _ComponentGoal:
         return _of_flux_density(field, component_change(field, self._component(field)))
 
     def check_body(self, field: Any) -> None:
-        """Raise ValueError if the field has no air around the body, whatever the solution."""
+        """Raise ValueError if there is no air around the body."""
         self.check_dimension(len(field.mesh.p))
         self._component(field)
 
