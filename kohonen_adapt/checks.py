@@ -113,8 +113,9 @@ def listed(names: Iterable[str]) -> str:
 
 def nearest_name(given: Any, known: Iterable[str]) -> str:
     """Return " Did you mean 'name'?" for the nearest of the known names, an empty string if none is near."""
-    near = get_close_matches(given, list(known), 1) if isinstance(given, str) else []
-    return f" Did you mean {near[0]!r}?" if near else ""
+    names = {name.casefold(): name for name in known if isinstance(name, str)}
+    near = get_close_matches(given.casefold(), list(names), 1) if isinstance(given, str) else []
+    return f" Did you mean {names[near[0]]!r}?" if near else ""
 
 
 def with_nearest_names(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.cases.kinds import (
@@ -26,6 +26,7 @@ from kohonen_adapt.cases.kinds import (
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
+from kohonen_adapt.checks import nearest_name
 from kohonen_adapt.io import HEADER, MSH_VERSION, check_names_written
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
@@ -35,6 +36,7 @@ from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.overlap import check_overlap
@@ -146,20 +148,31 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
 
     What could be either is stated in the plane; `Case.problem` knows the mesh.
     """
-    vectors = [getattr(each, kind) for each in values["materials"].values() for kind in ("remanence", "coercivity")]
-    solid = any(isinstance(each, tuple) and len(each) == 3 for each in [*vectors, values.get("applied_field")])
-    solid = solid or getattr(values.get("goal"), "dimension", 2) == 3
-    if not solid and "symmetry" not in values:
+    solid = _keys_of_space(values["materials"], *(values.get(key) for key in ("applied_field", "goal", "symmetry")))
+    if not solid:
         return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
     if flat:
         raise ValueError(
-            f"{', '.join(flat)}: for meshes of the plane only, but the case has vectors of three components, or "
-            "symmetry, which are for tetrahedra."
+            f"{', '.join(flat)}: for meshes of the plane only, but the case has {', '.join(solid)}, for tetrahedra. "
+            "Vectors in the plane have two components, [x, y]."
         )
     return MagneticScalarPotential(
         values["materials"], **{key: values[key] for key in SPACE if key in values and key != "materials"}
     )
+
+
+def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: Any, symmetry: Any) -> list[str]:
+    """Return what of a case is for tetrahedra only, by its key."""
+    vectors = {
+        f"materials.{name}.{kind}": getattr(material, kind)
+        for name, material in materials.items()
+        for kind in ("remanence", "coercivity")
+    }
+    vectors["applied_field"] = applied_field
+    found = [key for key, each in vectors.items() if isinstance(each, tuple) and len(each) == 3]
+    found += ["goal"] if getattr(goal, "dimension", 2) == 3 else []
+    return [f"{key} of three components" for key in found] + ([] if symmetry is None else ["symmetry"])
 
 
 def _home_of(key: str, top: Mapping[str, Reader]) -> str:
@@ -191,12 +204,12 @@ def fitting_mesh(case: Case) -> MeshTri:
     OSError
         If the file cannot be read.
     """
-    if not (case.mesh.is_file() or (case.mesh / HEADER).is_file()):
-        raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{case.mesh}'.")
+    _check_file(case.mesh)
     with about("mesh"):
         drawn = case.drawn
         check_names_written(drawn)  # the results are written with the names of the mesh
         _ = case.groups  # now, and not when hours later the results are written
+    _check_dimension(case.stated, drawn)
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
@@ -219,6 +232,26 @@ def fitting_mesh(case: Case) -> MeshTri:
     with about("adapt"), suppress(_Checked):
         adapt(mesh, _Unsolved(case.problem), outputs=case.outputs, **case.options(mesh))
     return mesh
+
+
+def _check_file(path: Path) -> None:
+    """Raise ValueError with the nearest name in the folder if there is no mesh file."""
+    if path.is_file() or (path / HEADER).is_file():
+        return
+    beside = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
+    near = nearest_name(path.name, beside)
+    raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{path}'.{near}")
+
+
+def _check_dimension(stated: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
+    """Raise ValueError if a case for tetrahedra has a mesh of triangles."""
+    if isinstance(stated, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
+        keys = _keys_of_space(stated.materials, stated.applied_field, stated.goal, stated.symmetry or None)
+        solid = ", ".join(keys) or "symmetry"
+        raise ValueError(
+            f"the mesh is one of triangles, but the case has {solid}, for tetrahedra. Vectors in the plane "
+            "have two components, [x, y]."
+        )
 
 
 def _check_names(case: Case, mesh: MeshTri) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, VECTOR, Kind, Reader, called, list_of, made, made_by_name
+from kohonen_adapt.checks import point_text
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
@@ -158,21 +159,25 @@ def _offering(field: Field | SolidField, name: str) -> Callable[..., float]:
 
 
 def _potential(at: Place) -> Quantity:
-    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (-1, 1))), at), "", local=True)
+    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (-1, 1))), at, field), "", local=True)
 
 
 def _flux_density(at: Place, component: Axis, recovered: bool = False) -> Quantity:
     def value(field: Field | SolidField) -> float:
         found = field.flux_density_at(np.reshape(at, (-1, 1)), recovered=recovered)
-        return _along(_inside(found, at), component)
+        return _along(_inside(found, at, field), component)
 
     return Quantity(value, "T", local=True)
 
 
-def _inside(value: Floats, at: Place) -> Any:
-    """What a field has at the only point there is."""
+def _inside(value: Floats, at: Place, field: Field | SolidField) -> Any:
+    """Return the value of a field at the only point."""
     if np.isnan(value).any():
-        raise ValueError(f"at must be a point [x, y] of the mesh, in metres; {list(at)} is outside.")
+        low, high = field.mesh.p.min(axis=1), field.mesh.p.max(axis=1)
+        raise ValueError(
+            f"at must be a point [x, y] of the mesh, in metres; {list(at)} is outside. The mesh is from "
+            f"{point_text(low)} to {point_text(high)} m."
+        )
     return value[..., 0]
 
 

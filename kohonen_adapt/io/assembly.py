@@ -35,6 +35,12 @@ logger = logging.getLogger("kohonen_adapt")
 
 Sets = dict[str, Ints]
 
+ROTATE = {
+    0: "It is in the yz-plane: rotate it (Gmsh: Rotate {{0, 1, 0}, {0, 0, 0}, Pi/2} {Surface{:};}).",
+    1: "It is in the xz-plane: rotate it (Gmsh: Rotate {{1, 0, 0}, {0, 0, 0}, -Pi/2} {Surface{:};}).",
+}
+"""The coordinate that a plane drawing has constant, and what to do."""
+
 FLAT = 1e-9
 """How far from a plane z = constant a drawing may be, in sizes of the mesh."""
 
@@ -135,9 +141,11 @@ def _check_points(points: Floats, path: Path, what: str = "node") -> None:
     extent = np.ptp(points, axis=0)
     if extent[2] > FLAT * extent.max():
         low, high = points[:, 2].min(), points[:, 2].max()
+        flat = np.flatnonzero(extent <= FLAT * extent.max())
+        remedy = ROTATE.get(int(flat[0])) if len(flat) == 1 else None
         raise ValueError(
             f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'. "
-            "Of a solid, mesh the inside, too: gmsh -3."
+            f"{remedy or 'Of a solid, mesh the inside, too: gmsh -3.'}"
         )
 
 

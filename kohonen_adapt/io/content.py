@@ -239,7 +239,11 @@ def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
     """Refuse a file with points (n, dimensions) at infinity or nowhere."""
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
-        raise ValueError(f"{caller} expected finite coordinates; '{path}' has a {what} at {points[~finite][0]}.")
+        first = int(np.argmin(finite))
+        raise ValueError(
+            f"{caller} expected finite coordinates; '{path}' has a {what} at {points[first]}, number {first + 1} of "
+            f"{len(points)} in the file. Mesh again."
+        )
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
@@ -210,7 +210,10 @@ def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, f
     turns = dict(given or {})
     for name, total in turns.items():
         if name not in materials:
-            raise ValueError(f"ampere_turns has {name!r}, which is not among the materials: {listed(materials)}.")
+            raise ValueError(
+                f"ampere_turns has {name!r}, which is not among the materials: {listed(materials)}."
+                f"{nearest_name(name, materials)}"
+            )
         if not is_number(total) or not np.isfinite(total):
             raise ValueError(f"ampere_turns of {name!r} must be a finite number in A; got {total!r}.")
         if materials[name].current_density != 0.0:

@@ -11,7 +11,7 @@ from skfem import Mesh, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.mesh.host import is_own_name
 
 __all__ = [
@@ -47,7 +47,8 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
     Raise ValueError with the available names if the name is missing. `kind` is "subdomain" or "boundary".
     """
     if sets is None or name not in sets:
-        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(named_sets(sets))}.")
+        known = named_sets(sets)
+        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(known)}.{nearest_name(name, known)}")
     return sets[name]
 
 

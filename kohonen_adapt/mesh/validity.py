@@ -12,6 +12,8 @@ __all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
 # The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
 LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 
+FLAT = 1e-9  # of the size of a mesh: coordinates that differ by less are one
+
 
 def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
     """Raise ValueError unless a mesh is valid and of an accepted kind.
@@ -34,7 +36,7 @@ def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool
     if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
         raise ValueError("mesh must have at least one element; got an empty mesh.")
     if mesh.p.shape[0] != dim:
-        raise ValueError(f"mesh must have coordinates of shape ({dim}, n); got {mesh.p.shape}.")
+        raise ValueError(f"mesh must have coordinates of shape ({dim}, n); got {mesh.p.shape}.{_in_plane(mesh)}")
     if not np.all(np.isfinite(mesh.p)):
         bad = int(np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))[0])
         raise ValueError(f"mesh must have finite coordinates; node {bad} is at {tuple(mesh.p[:, bad].tolist())}.")
@@ -53,6 +55,17 @@ def check_extent(mesh: Mesh) -> None:
             f"mesh must be from {LEAST_EXTENT:g} to {LARGEST_EXTENT:g} wide, in its own units; it is {extent:.3g} "
             "wide. Choose another unit: mesh.scaled(factor), or read_mesh(path, scale=factor)."
         )
+
+
+def _in_plane(mesh: Mesh) -> str:
+    """Return the remedy for triangles in the xz- or yz-plane, or an empty string."""
+    extent = np.ptp(mesh.p, axis=1)
+    constant = np.flatnonzero(extent <= FLAT * extent.max())
+    if mesh.p.shape[0] != 3 or cell_of(mesh).dim != 2 or len(constant) != 1 or constant[0] == 2:
+        return ""
+    kept = [axis for axis in range(3) if axis != constant[0]]
+    plane = "".join("xyz"[axis] for axis in kept)
+    return f" They are in the {plane}-plane: rotate them with MeshTri(mesh.p[{kept}], mesh.t)."
 
 
 def check_nodes_used(mesh: Mesh) -> None:
@@ -80,6 +93,12 @@ def check_sizes(mesh: Mesh) -> None:
         # for short columns many times faster than np.sum
         longest = np.maximum(longest, sum((corners[:, one] - corners[:, other]) ** 2))
     flat = np.flatnonzero(~(np.abs(cell.determinant(corners)) > 1e-14 * longest ** (cell.dim / 2)))
+    if len(flat) == mesh.t.shape[1] and cell.dim == 2 and not np.ptp(mesh.p, axis=1).all():
+        axis = "xy"[int(np.argmin(np.ptp(mesh.p, axis=1)))]
+        raise ValueError(
+            f"all nodes have the same {axis}, so no element has {cell.size}. If the drawing is in the "
+            f"{'xz' if axis == 'y' else 'yz'}-plane, rotate it to the xy-plane."
+        )
     if len(flat):
         raise ValueError(
             f"every element must have {cell.size} above zero; {len(flat)} have none, the first is element {flat[0]}. "

@@ -8,7 +8,7 @@ import numpy as np
 from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.checks import is_number, listed
+from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.motions import Motion, Pair
@@ -192,8 +192,11 @@ def nodes_of_name(mesh: Mesh, name: str) -> Ints:
         return mesh.facets[:, np.asarray(boundaries[name])]
     if name in subdomains:
         return mesh.t[:, subdomains[name]]
-    known = listed({*boundaries, *subdomains})
-    raise ValueError(f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {known}.")
+    known = {*boundaries, *subdomains}
+    raise ValueError(
+        f"pinned name {name!r} is not in the mesh; its boundaries and subdomains are: {listed(known)}."
+        f"{nearest_name(name, known)}"
+    )
 
 
 def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
@@ -268,6 +271,7 @@ def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str,
         if name not in names:
             raise ValueError(
                 f"layers has {name!r}, which is no subdomain of the mesh; its subdomains are: {listed(names)}."
+                f"{nearest_name(name, names)}"
             )
         if not isinstance(number, int | np.integer) or isinstance(number, bool) or number < 1:
             raise ValueError(f"layers of subdomain {name!r} must be an integer >= 1; got {number!r}.")
@@ -279,4 +283,5 @@ def check_boundary(mesh: Mesh, name: str, argument: str) -> None:
     if not isinstance(name, str) or name not in known:
         raise ValueError(
             f"{argument} has {name!r}, which is no boundary of the mesh; its boundaries are: {listed(known)}."
+            f"{nearest_name(name, known)}"
         )

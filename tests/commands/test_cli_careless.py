@@ -148,3 +148,69 @@ def test_check_counts_what_it_found(tmp_path, capsys):
     assert "- the mesh is 1e-05 x 1e-05 m: a scale of 1 looks too small." in said
     assert "\n1 warning.\n" in said
     assert "Nothing is wrong" not in said
+
+
+MAGNET_IN_SPACE = CASE.replace("1000.0", "1.05\nremanence = [0.0, 1.2, 0.0]")
+NAMES = {
+    "remanence in space": (
+        MAGNET_IN_SPACE,
+        "the mesh is one of triangles, but the case has materials.iron.remanence of three components, for tetrahedra. "
+        "Vectors in the plane have two components, [x, y].",
+    ),
+    "remanence in space beside a key of the plane": (
+        "order = 2\n" + MAGNET_IN_SPACE,
+        "order: for meshes of the plane only, but the case has materials.iron.remanence of three components, for tet",
+    ),
+    "symmetry": ('symmetry = {outer = "normal"}\n' + CASE, "the mesh is one of triangles, but the case has symmetry"),
+    "material": (CASE.replace("materials.iron", "materials.irn"), "it has 'air', 'iron'. Did you mean 'iron'?"),
+    "capitals": (CASE.replace("materials.iron", "materials.IRON"), "it has 'air', 'iron'. Did you mean 'iron'?"),
+    "boundary": (CASE.replace("outer =", "outre ="), "it has 'outer'. Did you mean 'outer'?"),
+    "subdomain for boundary": (
+        CASE.replace("outer =", "iron ="),
+        "boundary 'iron' is not in the mesh; it has 'outer'. It is a subdomain: name its rim, too.",
+    ),
+    "coil": ("ampere_turns = {irn = 9.0}\n" + CASE, "is not among the materials: 'air', 'iron'. Did you mean 'iron'?"),
+    "body": (
+        CASE + '[outputs.f]\nquantity = "force"\nbody = "irn"\ncomponent = "x"\n',
+        "outputs.f: subdomain 'irn' is not in the mesh; it has 'air', 'iron'. Did you mean 'iron'?",
+    ),
+    "pinned": (CASE + 'pinned = ["oter"]\n', "are: 'air', 'iron', 'outer'. Did you mean 'outer'?"),
+    "layers": (CASE + "layers = {irno = 2}\n", "its subdomains are: 'air', 'iron'. Did you mean 'iron'?"),
+    "periodic": ('periodic = [["outr", "outer"]]\n' + CASE, "its boundaries are: 'outer'. Did you mean 'outer'?"),
+    "mesh file": (CASE.replace("it.msh", "itt.msh"), "itt.msh'. Did you mean 'it.msh'?"),
+    "a point in millimetres": (
+        CASE + '[outputs.b]\nquantity = "flux_density"\nat = [50.0, 50.0]\ncomponent = "x"\n',
+        "[50.0, 50.0] is outside. The mesh is from (0, 0) to (0.1, 0.1) m.",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_wrong_names_and_vectors_are_told_what_is_meant(name, said_of_case):
+    toml, message = NAMES[name]
+    status, said = said_of_case(bar_in_air(), toml)
+    assert status == 2 and message in said
+
+
+@needs_gmsh
+@pytest.mark.parametrize(("axis", "plane", "turn"), [((1, 0, 0), "xz", "-Pi/2"), ((0, 1, 0), "yz", "Pi/2")])
+def test_a_drawing_in_another_plane_is_to_be_rotated(axis, plane, turn, tmp_path, capsys):
+    import gmsh
+
+    with gmsh_session() as model:
+        sheet = [(2, model.occ.addRectangle(0, 0, 0, 0.1, 0.2))]
+        model.occ.rotate(sheet, 0, 0, 0, *axis, np.pi / 2 if plane == "xz" else -np.pi / 2)
+        model.occ.synchronize()
+        model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "it.msh"))
+        status, said = said_by(capsys, "check", tmp_path / "it.msh")
+        command = said.partition("Gmsh: Rotate ")[2].partition(" {Surface")[0]
+        assert status == 2 and f"It is in the {plane}-plane: rotate it (Gmsh: Rotate {{{{" in said
+        assert command == f"{{{{{', '.join(map(str, axis))}}}, {{0, 0, 0}}, {turn}}}"
+        model.occ.rotate(sheet, 0, 0, 0, *axis, {"-Pi/2": -np.pi / 2, "Pi/2": np.pi / 2}[turn])
+        model.occ.synchronize()
+        model.mesh.clear()
+        model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "it.msh"))
+    status, said = said_by(capsys, "check", tmp_path / "it.msh")
+    assert said.startswith("size: 0.1 x 0.2 m") and status == 1  # it has no names

@@ -335,7 +335,8 @@ BAD = {
     "no mapping": ("gap", "layers must map names of subdomains to numbers of layers; got str."),
     "unknown": (
         {"air gap": 2},
-        "layers has 'air gap', which is no subdomain of the mesh; its subdomains are: 'gap', 'high', 'low'.",
+        "layers has 'air gap', which is no subdomain of the mesh; its subdomains are: 'gap', 'high', 'low'. "
+        "Did you mean 'gap'?",
     ),
     "none": ({"gap": 0}, "layers of subdomain 'gap' must be an integer >= 1; got 0."),
     "half": ({"gap": 1.5}, "layers of subdomain 'gap' must be an integer >= 1; got 1.5."),

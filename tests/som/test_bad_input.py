@@ -74,6 +74,18 @@ BROKEN = {
         r"boundary 'rim' must be an array \(k,\) of integers; got float64 of shape \(0,\)\.",
     ),
 }
+BROKEN["tangled, where"] = (
+    moved(MESH, 12, (0.9, 0.9)),
+    r"the mesh is tangled: element \d+ shares .*, of node \d+ at \([\d., ]+\) and node \d+ at \([\d., ]+\); repair",
+)
+BROKEN["in the xz-plane"] = (
+    MeshTri(np.array([MESH.p[0], np.zeros(25), MESH.p[1]]), MESH.t),
+    r"mesh must have coordinates .* in the xz-plane: rotate them with MeshTri\(mesh\.p\[\[0, 2\]\], mesh\.t\)\.",
+)
+BROKEN["on a line"] = (
+    MeshTri(np.array([MESH.p[0], np.zeros(25)]), MESH.t),
+    r"all nodes have the same y, so no element has an area\. If the drawing is in the xz-plane, rotate it to the",
+)
 CALLS = {
     "relocate": lambda mesh: ka.relocate(mesh, np.ones(mesh.t.shape[1])),
     "map": KohonenMap,

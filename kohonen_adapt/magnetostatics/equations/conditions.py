@@ -16,7 +16,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.mesh.names import named, nodes_of_points
+from kohonen_adapt.mesh.names import named, named_sets, nodes_of_points
 from kohonen_adapt.outline.matching import Unmatched
 from kohonen_adapt.outline.pairs import image_nodes
 
@@ -200,7 +200,9 @@ def _on_boundary(elements: Placed, name: str) -> Ints:
     try:
         facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:
-        raise ValueError(f"{error} If it is a point, say in points where.") from None
+        inside = name in named_sets(elements.corners.subdomains)
+        remedy = "It is a subdomain: name its rim, too." if inside else "If it is a point, say in points where."
+        raise ValueError(f"{error} {remedy}") from None
     return np.unique(elements.on_facets(facets))
 
 
