@@ -312,9 +312,10 @@ class Reference(NamedTuple):
     """
 
     slope: np.ndarray  # (points, functions, 2): gradients
-    weight: np.ndarray  # (points,): 1 in sum
+    weight: np.ndarray  # (points,): 1 in sum, of those with a law once more
     mean: np.ndarray  # (functions,): integrals
     halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p in the middle of 1, 2
+    plain: int  # number of points of elements without a law, which come first; elements with one have the others
 
 
 @record
@@ -324,11 +325,12 @@ class Points(NamedTuple):
     The kinds are none of the three corners on the axis, 0; one, 1 more than which; two, 4 more than the one off it.
     """
 
-    weight: np.ndarray  # (7, points): 1 in sum
+    weight: np.ndarray  # (7, points): as of `Reference`
     share: np.ndarray  # (7, points, 3): barycentric coordinates
     value: np.ndarray  # (7, points, functions)
     slope: np.ndarray  # (7, points, functions, 2): gradients
     side: np.ndarray  # (7, points, 3, 3): of 4 times the product of the linear functions of a side, and its gradient
+    plain: int  # as of `Reference`
 
 
 @record

@@ -167,7 +167,8 @@ class Magnetostatics(Arguments):
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_plane_mesh(mesh, bent=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        elements, given = elements_on(mesh, self.order, symmetry), coefficients(mesh, self.materials, self.ampere_turns)
+        given = coefficients(mesh, self.materials, self.ampere_turns)
+        elements = elements_on(mesh, self.order, symmetry, given.lawful)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:

@@ -215,7 +215,7 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
     """The solution by elements of one order more of the problem that a field of order 1 or 2 solves, on its mesh."""
-    elements = elements_on(field.mesh, field.order + 1, field.symmetry)
+    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.lawful)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
         EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton

@@ -13,13 +13,14 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
+from kohonen_adapt.mesh.quadrature import LAW_DEGREE_BY_POINTS
 
 __all__ = ["ON_AXIS", "factor_at", "falling", "kinds_at_axis", "on_axis", "points_near_axis"]
 
 # Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
-DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points
-LAYERS = {1: 2, 2: 2, 3: 5}  # by order, layers of points around a single corner on the axis
+DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points, without a law
+LAYERS = {12: 2, 16: 2, 25: 5, 33: 3, 42: 6}  # by number of points, layers around a single corner on the axis
 
 
 def kinds_at_axis(x: Floats) -> Ints:
@@ -63,16 +64,16 @@ def falling(order: int) -> Mask:
 
 
 @cache
-def points_near_axis(order: int) -> tuple[Floats, Floats]:
-    """Return quadrature points and weights for ``|grad u|^2 / x``.
+def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
+    """Return quadrature points and weights for ``|grad u|^2 / x``, with a `law` for ``x W(|grad u| / x)``.
 
     The rows are kinds of elements, as in `ON_AXIS`. Barycentric coordinates have shape (7, points, 3), weights
-    (7, points) with sum 1. In an element with a side on the axis the integrand is a polynomial. In an element with one
-    corner on the axis the integrand is a polynomial along every ray from this corner and smooth between rays, so that
-    the points lie on layers around the corner.
+    (7, points) with sum 1. In an element with a side on the axis the first integrand is a polynomial. In an element
+    with one corner on the axis this integrand is a polynomial along every ray from this corner and smooth between rays,
+    so that the points lie on layers around the corner.
     """
-    points, weight = get_quadrature(ElementTriP1, DEGREE[order])
-    share, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[order]
+    points, weight = get_quadrature(ElementTriP1, (LAW_DEGREE_BY_POINTS if law else DEGREE)[order])
+    share, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[weight.size]
     (out, of_layer), (side, across) = roots_jacobi(layers, 0, 1), np.polynomial.legendre.leggauss(len(share) // layers)
     far, second = np.repeat(0.5 + 0.5 * out, side.size), np.tile(0.5 + 0.5 * side, layers)
     ray = np.stack([1.0 - far, far * (1.0 - second), far * second], axis=1)

@@ -18,17 +18,17 @@ from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
+from kohonen_adapt.mesh.quadrature import LAW_DEGREE
 
 __all__ = [
     "HAT_SLOPES",
     "KINDS",
     "LINEAR_FUNCTIONS",
-    "AxisReference",
     "TrialFunction",
-    "axis_reference",
     "by_points",
     "count_unknowns",
     "evaluated",
+    "exact_reference",
     "facet_functions",
     "facet_products",
     "facets_of_sides",
@@ -36,6 +36,9 @@ __all__ = [
     "functions_at",
     "functions_near_axis",
     "gradients",
+    "joined_points",
+    "joined_reference",
+    "law_reference",
     "local_coefficients",
     "modes_of",
     "places_on_sides",
@@ -52,18 +55,6 @@ EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # factors of products of the linear functio
 SIDES = slice(3, None)  # side functions of order 2
 KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # scikit-fem elements by order
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-
-
-class AxisReference(NamedTuple):
-    """`Reference` functions around an axis x = 0, by kind of element (`near_axis`)."""
-
-    slope: Floats  # (7, points, functions, 2): gradients
-    weight: Floats  # (7, points): 1 in sum
-    share: Floats  # (7, points, 3): barycentric coordinates
-    mean: Floats  # (7, functions): integrals
-
-    def of(self, kind: int) -> Reference:
-        return Reference(self.slope[kind], self.weight[kind], self.mean[kind], np.empty((0, 0, 0)))
 
 
 class TrialFunction(NamedTuple):
@@ -136,7 +127,24 @@ def reference(order: int, degree: int) -> Reference:
     share = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
     mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
     slope = np.ascontiguousarray(slopes_at(share, order))
-    return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order))
+    return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order), weights.size)
+
+
+def exact_reference(order: int) -> Reference:
+    """Return the functions of that order at the points of straight elements without a law."""
+    return reference(order, 2 * (order - 1))
+
+
+def law_reference(order: int) -> Reference:
+    """Return the functions of that order at the points of straight elements with a law."""
+    return reference(order, LAW_DEGREE[order])
+
+
+@cache
+def joined_reference(order: int) -> Reference:
+    """Return the functions at the points of elements without a law, and then at those of elements with one."""
+    own, more = exact_reference(order), law_reference(order)
+    return own._replace(slope=np.concatenate([own.slope, more.slope]), weight=np.append(own.weight, more.weight))
 
 
 def functions_near_axis(kind: Ints, share: Floats, order: int) -> Floats:
@@ -156,17 +164,6 @@ def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
     fall = functions_at(share, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
     plain = slopes_at(share, order)
     return np.where(falls, factor * plain - fall, plain)
-
-
-@cache
-def axis_reference(order: int) -> AxisReference:
-    """Return the functions around an axis, with a quadrature for ``|grad u|^2 / x``."""
-    (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
-    points, weights = get_quadrature(ElementTriP1, order + 1)
-    exact = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
-    mean = [weights @ functions_near_axis(np.full(len(exact), kind), exact, order) for kind in kinds]
-    slope = np.stack([slopes_near_axis(kind, share[kind], order) for kind in kinds])
-    return AxisReference(slope, weight, share, np.stack(mean))
 
 
 def halves(order: int) -> Floats:
@@ -340,14 +337,22 @@ LINEAR_FUNCTIONS = reference(1, 0)
 
 
 @cache
-def by_points(order: int) -> Points:
-    """Return quadrature points near an axis, and the functions there, by kind."""
-    (share, weight), kinds = points_near_axis(order), range(len(ON_AXIS))
+def by_points(order: int, law: bool = False) -> Points:
+    """Return the points, and the functions of that order there, of elements of every kind, all with a law or none."""
+    (share, weight), kinds = points_near_axis(order, law), range(len(ON_AXIS))
     value = [functions_near_axis(np.full(len(share[kind]), kind), share[kind], order) for kind in kinds]
     slope = [slopes_near_axis(kind, share[kind], order) for kind in kinds]
     even = [functions_at(share[kind], 2)[:, SIDES, None] for kind in kinds]
     sides = [np.concatenate([even[kind], slopes_at(share[kind], 2)[:, SIDES]], axis=2) for kind in kinds]
-    return Points(weight, share, np.stack(value), np.stack(slope), np.stack(sides))
+    return Points(weight, share, np.stack(value), np.stack(slope), np.stack(sides), weight.shape[1])
+
+
+@cache
+def joined_points(order: int) -> Points:
+    """Return the points of elements without a law and then those of elements with one."""
+    own, more = by_points(order), by_points(order, law=True)
+    weight, share, value, slope, side = (np.concatenate(pair, axis=1) for pair in zip(own[:-1], more[:-1], strict=True))
+    return Points(weight, share, value, slope, side, own.plain)
 
 
 def fields_at(

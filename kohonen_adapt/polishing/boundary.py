@@ -7,12 +7,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import Modes, Reference
+from kohonen_adapt.kernels.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.problem.functional_value import flux_on, value_on
+from kohonen_adapt.problem.functional_value import alike, flux_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import added_on_sides, facet_terms
 from kohonen_adapt.problem.tables import looked_up
@@ -129,14 +129,13 @@ class BoundaryTerms:
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
         stiffness, rest = np.empty((m, b, b)), np.empty((m, b))
-        for one in np.unique(kind):
-            rows = np.flatnonzero(kind == one)
-            stiffness[rows], rest[rows] = self._of_kind(near, rows, int(one))
+        for one, law, rows in alike(kind, near.number, self.ritz):
+            stiffness[rows], rest[rows] = self._of_kind(near, rows, one, by_points(self.ritz.order, law))
         return stiffness, rest
 
-    def _of_kind(self, near: "Near", rows: Ints, kind: int) -> tuple[Floats, Floats]:
-        """The same of these rows, all of one kind."""
-        ritz, points, (m, b) = self.ritz, by_points(self.ritz.order), (len(rows), near.coefficients.shape[1])
+    def _of_kind(self, near: "Near", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
+        """Return the same of these rows, all of one kind, which have these points."""
+        ritz, (m, b) = self.ritz, (len(rows), near.coefficients.shape[1])
         corners, bend, number = near.corners[rows], near.bend[rows], near.number[rows]
         doubled, x, _, slope = fields_at(points, kind, corners, bend, near.coefficients[rows])
         repeated = np.repeat(corners, b, axis=0), np.repeat(bend, b, axis=0), np.tile(np.eye(b), (m, 1))

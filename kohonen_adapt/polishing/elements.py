@@ -19,9 +19,16 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
-from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, by_points, fields_at, gradients, local_coefficients
+from kohonen_adapt.mesh.polynomials import (
+    LINEAR_FUNCTIONS,
+    by_points,
+    fields_at,
+    gradients,
+    joined_points,
+    law_reference,
+    local_coefficients,
+)
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.functional_value import integrated
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at
 
@@ -44,7 +51,8 @@ def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
     bend = np.zeros((rows, 3, 2))
     bend[: len(bent)] = bent
     special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
-    return by_points(ritz.order), Shapes(bend, special, ritz.axisymmetric)
+    points = joined_points(ritz.order) if any(ritz.laws) else by_points(ritz.order)
+    return points, Shapes(bend, special, ritz.axisymmetric)
 
 
 def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
@@ -63,8 +71,8 @@ def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Mo
     coefficients, corners = local_coefficients(values[node], modes), triangulation.position[node]
     kind = kinds_of(ritz, triangulation)
     if kind is None:
-        return float(np.hypot(*gradients(corners, coefficients, integrated(ritz))[1]).max(initial=0.0))
-    points, largest = by_points(ritz.order), 0.0
+        return float(np.hypot(*gradients(corners, coefficients, law_reference(ritz.order))[1]).max(initial=0.0))
+    points, largest = by_points(ritz.order, law=True), 0.0
     for one in np.unique(kind):
         rows = np.flatnonzero(kind == one)
         _, x, _, slope = fields_at(points, int(one), corners[rows], np.zeros_like(corners[rows]), coefficients[rows])

@@ -1,32 +1,48 @@
 """Work out the value of a Ritz functional, on triangles and on tetrahedra."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Reference
+from kohonen_adapt.kernels.arrays import Points, Reference
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import displacements, is_second_order
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import (
     by_points,
+    exact_reference,
     fields_at,
     gradients,
+    joined_reference,
+    law_reference,
     local_coefficients,
     modes_of,
-    reference,
 )
 from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of, unknown_in_space
 from kohonen_adapt.problem.robin import added_on_sides, sides_of_boundary
 from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up
 
-__all__ = ["density_in_space", "flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
+__all__ = ["alike", "density_in_space", "flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
 
 
 def integrated(ritz: Ritz) -> Reference:
-    """The functions of the elements, and the points at which the functional is integrated: exactly without laws."""
-    return reference(ritz.order, 2 * (ritz.order - 1) + (2 if ritz.laws and ritz.order > 1 else 0))
+    """Return the functions of the elements at the points of the functional, which are exact without laws."""
+    return joined_reference(ritz.order) if any(ritz.laws) else exact_reference(ritz.order)
+
+
+def alike(kind: Ints, number: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
+    """Yield the elements that are integrated at the same points as (kind, whether they have a law, their rows)."""
+    lawful = np.zeros(len(number), dtype=np.bool_)
+    if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # else gradients are constant, and one point is enough
+        lawful = np.array([law is not None for law in ritz.laws])[number]
+    for one in np.unique(kind):
+        for law in (False, True):
+            rows = np.flatnonzero((kind == one) & (lawful == law))
+            if rows.size:
+                yield int(one), law, rows
 
 
 def functional_value(mesh: Mesh, ritz: Ritz) -> float:
@@ -70,25 +86,26 @@ def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, be
     special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
     kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
     total = 0.0
-    for one in np.unique(kind):
-        rows = np.flatnonzero(kind == one)
+    for one, law, rows in alike(kind, number, ritz):
         part = corners[rows], coefficients[rows], number[rows], ritz
-        total += _plain_value(*part) if one < 0 else _value_by_points(*part, bend[rows], int(one))
+        if one < 0:
+            total += _plain_value(*part, law_reference(ritz.order) if law else exact_reference(ritz.order))
+        else:
+            total += _value_by_points(*part, bend[rows], one, by_points(ritz.order, law))
     return total
 
 
-def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz) -> float:
-    """The functional on triangles in the plane."""
-    at = integrated(ritz)
+def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, at: Reference) -> float:
     doubled, slope = gradients(corners, coefficients, at)
     density = at.weight @ _density(slope, 1.0, corners, number, ritz)
     pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
     return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
 
 
-def _value_by_points(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int) -> float:
-    """The functional on elements of one kind with curved sides, or around an axis."""
-    points = by_points(ritz.order)
+def _value_by_points(
+    corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int, points: Points
+) -> float:
+    """Return the functional on elements of one kind with curved sides, or around an axis."""
     doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
     density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
     density -= looked_up(np.asarray(ritz.source), number) * value

@@ -106,7 +106,7 @@ def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by):
     kind, law, functions = kind_of(x, ax, bx) if around else 0, trial.laws.number[e], points.slope.shape[2]
     load, half = 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
     flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-    for q in range(points.weight.shape[1]):
+    for q in range(0 if law < 0 else points.plain, points.plain if law < 0 else points.weight.shape[1]):
         share, along, aside, level, radius, lead = points.weight[kind, q], 0.0, 0.0, 0.0, 1.0, 0.0
         px, py, rx, ry = ax, ay, bx, by
         for k in range(3):

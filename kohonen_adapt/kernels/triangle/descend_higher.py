@@ -144,7 +144,7 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
     inverse, law = 1.0 / doubled, trial.laws.number[e]
     load, half = 6.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
     flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-    for q in range(slope.shape[0]):
+    for q in range(0 if law < 0 else reference.plain, reference.plain if law < 0 else slope.shape[0]):
         share, along, aside = reference.weight[q], 0.0, 0.0
         for i in range(functions):
             along += local[i] * slope[q, i, 0]

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import product
 
 import numpy as np
 from skfem import ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import Elements, Higher, Part
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
@@ -31,15 +32,16 @@ FACET = 10  # degree of the rule along facets
 
 @dataclass(frozen=True, eq=False)
 class PartAroundAxis(Part):
-    """Elements with the same corners on the axis."""
+    """Elements with the same corners on the axis, all with a law or all without one."""
 
     shape: Isoparametric
     order: int
     kind: int
+    law: bool
 
     @property
     def share(self) -> Floats:
-        return points_near_axis(self.order)[0][self.kind].T
+        return points_near_axis(self.order, self.law)[0][self.kind].T
 
     @cached_property
     def x(self) -> Floats:
@@ -48,7 +50,7 @@ class PartAroundAxis(Part):
     @cached_property
     def weights(self) -> Floats:
         (a, b), (c, d) = self._hats[:, 1:]
-        return 0.5 * points_near_axis(self.order)[1][self.kind] / np.abs(a * d - b * c)
+        return 0.5 * points_near_axis(self.order, self.law)[1][self.kind] / np.abs(a * d - b * c)
 
     @cached_property
     def values(self) -> Floats:
@@ -113,12 +115,13 @@ class AroundAxis(Higher):
     """
 
     def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
-        parts, first, size = list[Part](), 0, points_near_axis(self.order)[1].shape[1]
-        for kind in np.unique(self.kind):
-            rows = np.flatnonzero(self.kind == kind)
-            own = slice(first, first + size * rows.size)
-            parts.append(PartAroundAxis(rows, own, self.shape, self.order, int(kind)))
-            first = own.stop
+        parts, first = list[Part](), 0
+        for kind, law in product(np.unique(self.kind), (False, True)):
+            rows = np.flatnonzero((self.kind == kind) & (self.lawful == law))
+            if rows.size:
+                own = slice(first, first + points_near_axis(self.order, law)[1].shape[1] * rows.size)
+                parts.append(PartAroundAxis(rows, own, self.shape, self.order, int(kind), law))
+                first = own.stop
         return parts
 
     @cached_property
@@ -187,8 +190,8 @@ class AroundAxis(Higher):
         return mean
 
 
-def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry) -> Elements:
-    """The elements of that order on a mesh."""
+def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, lawful: Mask) -> Elements:
+    """Return the elements of that order on a mesh, of which these have a B-H law, (nelements,)."""
     if symmetry is AXISYMMETRIC:
-        return AroundAxis(mesh, order)
-    return Higher(mesh, order) if order > 1 else Linear(mesh)
+        return AroundAxis(mesh, order, lawful)
+    return Higher(mesh, order, lawful) if order > 1 else Linear(mesh)

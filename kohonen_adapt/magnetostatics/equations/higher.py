@@ -10,16 +10,17 @@ from scipy.sparse import coo_array, csc_array
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
 from kohonen_adapt.mesh.curved import with_displacements
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, facet_products
+from kohonen_adapt.mesh.quadrature import LAW_DEGREE, LAW_DEGREE_BY_POINTS
 
 __all__ = ["Elements", "Higher", "Part"]
 
-CURVED = 2  # degrees more by which elements with curved sides are integrated, whose gradients are no polynomials
+CURVED = 2  # degrees more by which curved elements without a law are integrated, whose gradients are no polynomials
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +99,15 @@ class Higher(Polynomials):
     """P2 or P3 by quadrature: the unknowns are those of scikit-fem, at the nodes, on the facets, inside the elements.
 
     Methods are as of `Linear`, with as many functions in every element as it has unknowns. Elements of a `MeshTri2`
-    with a curved side are isoparametric.
+    with a curved side are isoparametric; those with a B-H law, `lawful` (nelements,), have points of their own.
     """
 
-    def __init__(self, mesh: MeshTri, order: int) -> None:
+    def __init__(self, mesh: MeshTri, order: int, lawful: Mask) -> None:
         shape = Isoparametric(mesh)
         if not np.array_equal(mesh.t, shape.corners.t):  # scikit-fem sorts the corners of a `MeshTri`, and goes by that
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
-        self.order, self.facet_products = order, facet_products(order)
+        self.order, self.facet_products, self.lawful = order, facet_products(order), lawful
         bent = with_displacements(shape.corners, shape.off) if shape.curved.any() else shape.corners
         numbered = Basis(bent, KINDS[order](), intorder=1)
         super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
@@ -115,16 +116,18 @@ class Higher(Polynomials):
         self.element = np.concatenate([np.repeat(count[part.rows], part.share.shape[1]) for part in self._parts])
 
     def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
-        """The straight elements, and by more points those with a curved side, of the mesh that has these bent."""
-        kind, order, curved = KINDS[self.order](), 2 * self.order, self.shape.curved
-        if not curved.any():
+        """Return the straight and the curved elements without a law, then those with one, each with its own points."""
+        kind, order, curved, lawful = KINDS[self.order](), 2 * self.order, self.shape.curved, self.lawful
+        if not curved.any() and not lawful.any():
             # nu |grad u|^2 needs a degree less by 2 where nu is constant
             return [PartOfBasis(slice(None), slice(None), Basis(bent, kind, intorder=order))]
         parts, first = list[Part](), 0
-        for on, chosen, more in ((self.corners, ~curved, 0), (bent, curved, CURVED)):
+        plain = (self.corners, ~curved & ~lawful, order), (bent, curved & ~lawful, order + CURVED)
+        straight = self.corners, ~curved & lawful, LAW_DEGREE[self.order]
+        for on, chosen, exact in (*plain, straight, (bent, curved & lawful, LAW_DEGREE_BY_POINTS[self.order])):
             if chosen.any():
                 rows = np.flatnonzero(chosen)
-                basis = Basis(on, kind, intorder=order + more, elements=rows)
+                basis = Basis(on, kind, intorder=exact, elements=rows)
                 parts.append(PartOfBasis(rows, slice(first, first + basis.dx.size), basis))
                 first += basis.dx.size
         return parts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
@@ -51,6 +51,14 @@ class Coefficients:
     def flux(self) -> Floats:
         """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
         return np.stack((-self.coercivity[1], self.coercivity[0]))
+
+    @property
+    def lawful(self) -> Mask:
+        """Elements with a B-H law, (nelements,)."""
+        found = np.zeros(self.number.size, dtype=np.bool_)
+        for piece in self.pieces:
+            found[piece.elements] = True
+        return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
         """The same point by point, for points x (d, n) of these elements, (n,): magnets that turn as they are there."""

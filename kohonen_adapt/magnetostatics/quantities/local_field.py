@@ -78,7 +78,7 @@ class LocalField:
     @cached_property
     def elements(self) -> Elements:
         """The elements whose functions the potential is one of."""
-        return elements_on(self.mesh, self.order, self.symmetry)
+        return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.lawful)
 
     @cached_property
     def unknown(self) -> Floats:
