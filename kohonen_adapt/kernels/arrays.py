@@ -29,6 +29,8 @@ AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces that outlines are cut into
 HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
 CONSTANTS, RATES_X, RATES_Y, VARYING = 4, 6, 11, 16  # of its columns: how many, where fluxes vary more of them
+# Of its columns where a source varies, after the centre: the affine coordinates, and the terms of the polynomial.
+X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y, SOURCE_TERMS = range(6, 11)
 DENSITY, RATE = 0, 1  # of `Laws.table`
 
 
@@ -276,7 +278,9 @@ class Trial(NamedTuple):
     on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
     # Of every element a half of the coefficient, a sixth of the source, a half of the flux; where fluxes vary inside
     # regions then a centre, where that half is, and the derivatives of both its parts.
-    data: np.ndarray  # (m, CONSTANTS), or where fluxes vary (m, VARYING)
+    # With a source that varies a centre, affine coordinates X, Y about it, and coefficients of X^i Y^j, j ascending and
+    # then i. Such functions have `Modes` at order 1, too.
+    data: np.ndarray  # (m, CONSTANTS), with a flux that varies (m, VARYING), with a source (m, SOURCE_TERMS + terms)
     bent: np.ndarray  # (n,) bool: the node touches nonlinear material
     laws: Laws  # where there is one, the coefficient has no say
 

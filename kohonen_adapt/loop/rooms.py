@@ -63,7 +63,7 @@ def corrects_triangles(problem: Problem) -> bool:
 
 def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[Functional, float]:
     """The functional, and its value with what is between chords and curves."""
-    functional = Functional.of(ritz, movable, mesh)
+    functional = Functional.of_solution(ritz, movable, mesh)
     beyond = functional.beyond_chords(movable.triangulation, functional.solution)
     return functional, functional_value(mesh, ritz) + beyond
 
@@ -95,7 +95,7 @@ def moved_tetrahedra(
 
 def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[SolidFunctional, float]:
     """The functional, and its value with what is between faces and curved surfaces."""
-    functional, tet = SolidFunctional.of(ritz, movable, mesh), movable.tetrahedralization
+    functional, tet = SolidFunctional.of_solution(ritz, movable, mesh), movable.tetrahedralization
     beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
     return functional, functional_value(mesh, ritz) + beyond
 

@@ -12,7 +12,7 @@ from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.problem.functional_value import alike, flux_on, value_on
+from kohonen_adapt.problem.functional_value import alike, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import added_on_sides, facet_terms
 from kohonen_adapt.problem.tables import looked_up
@@ -149,7 +149,7 @@ class BoundaryTerms:
                 secant[:, own] = law.field_strength(size / radius[:, own]) / size
         flux = np.broadcast_to(np.reshape(flux_on(corners, number, ritz), (2, 1, -1)), slope.shape)
         stiffness = np.einsum("qm,cqmi,cqmj->mij", weight * secant, each, each)
-        pulled = (weight * looked_up(np.asarray(ritz.source), number)).T @ points.value[kind]
+        pulled = (weight * source_on(points, kind, corners, bend, number, ritz)).T @ points.value[kind]
         return stiffness, np.einsum("cqm,cqmi->mi", weight * (secant * slope - flux), each) - pulled
 
 

@@ -29,10 +29,20 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.problem.functional_value import source_points
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import flux_at
+from kohonen_adapt.problem.tables import flux_at, source_at
 
-__all__ = ["UNKNOWNS", "expanded", "few_for_threads", "kinds_of", "shapes_of", "steepest", "without_modes"]
+__all__ = [
+    "UNKNOWNS",
+    "expanded",
+    "few_for_threads",
+    "kinds_of",
+    "shapes_of",
+    "steepest",
+    "with_source",
+    "without_modes",
+]
 
 UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
 FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
@@ -97,6 +107,23 @@ def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[F
         data[:, HALF_FLUX_X + part] = value
         data[:, rates : rates + len(increase)] = increase.T
     return data
+
+
+def with_source(
+    constants: Floats, corners: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike], order: int
+) -> Floats:
+    """Return what `Trial` calls its data, (m, SOURCE_TERMS + terms), where a function gives the source.
+
+    The polynomial of degree order + 2 is the best fit to the function at the points of the functional.
+    """
+    share, _ = source_points(order)
+    sampled = source_at(np.einsum("qk,dkm->dqm", share, corners), number, source)
+    (ax, ay), (bx, by) = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    doubled, x, y = ax * by - ay * bx, share[:, 1] - 1.0 / 3.0, share[:, 2] - 1.0 / 3.0
+    degree = order + 2
+    terms = np.stack([x**i * y**j for j in range(degree + 1) for i in range(degree + 1 - j)], axis=1)
+    centre, axes = corners.mean(axis=1), np.stack([by, -bx, -ay, ax]) / doubled
+    return np.concatenate([constants.T, centre, axes, np.linalg.pinv(terms) @ sampled]).T.copy()
 
 
 def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:

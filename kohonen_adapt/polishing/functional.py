@@ -29,9 +29,10 @@ from kohonen_adapt.polishing.chain_values import (
     signs_of_chains,
 )
 from kohonen_adapt.polishing.chords import Chords
-from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, without_modes
+from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, with_source, without_modes
 from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import LINEAR, VariesInside, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.stationarity import check_in_plane
 from kohonen_adapt.problem.functional_value import integrated, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of
 
@@ -118,7 +119,9 @@ class Functional:
         ValueError
             If `ritz` is of another mesh, or its constants change inside a region.
         """
-        one, *other = (cls._of_one(part, movable, mesh) for part in parts_of(ritz))
+        parts = parts_of(ritz)
+        general = any(part.axisymmetric or callable(part.source) for part in parts)
+        one, *other = (cls._of_one(part, movable, mesh, general) for part in parts)
         if not other:
             return one
         (dual,) = other
@@ -127,13 +130,30 @@ class Functional:
         return replace(one, solution=solution, held=held, comparable=comparable, dual=dual, share=ritz.share)
 
     @classmethod
-    def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None) -> "Functional":
+    def of_solution(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri) -> "Functional":
+        """Look up the same for the solution of a problem, which is refused unless the functional is stationary there.
+
+        Raises
+        ------
+        ValueError
+            As `of` does, and if the functional is not stationary.
+        """
+        functional = cls.of(ritz, movable, mesh)
+        for one in filter(None, (functional, functional.dual)):
+            check_in_plane(one.ritz, mesh, movable, one.solution, one.boundary, one.sign)
+        return functional
+
+    @classmethod
+    def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None, general: bool) -> "Functional":
+        """Look up the same of one functional, at order 1 for the `general` loops of all orders if they are needed."""
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
-        if callable(ritz.flux) and (ritz.order > 1 or ritz.axisymmetric):
-            raise VariesInside("flux of Ritz can be a function with elements of order 1 in the plane only.")
-        solution = solution_on(ritz, triangulation, mesh)
+        if callable(ritz.flux) and (ritz.order > 1 or general):
+            raise VariesInside(
+                "flux of Ritz can be a function beside a constant source, at order 1 and in the plane only."
+            )
+        solution = solution_on(ritz, triangulation, mesh, general)
         hold_unpaired(solution, ritz, triangulation, outline)
         values, fixed, modes, _ = solution
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
@@ -176,8 +196,13 @@ class Functional:
 
     @property
     def varies(self) -> bool:
-        """Whether the flux varies inside regions, so that elements that move have another one."""
-        return callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
+        """Return True if flux or source vary inside regions, so that elements that move have another one."""
+        return self.has_varying_source or callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
+
+    @property
+    def has_varying_source(self) -> bool:
+        """True if the source of the functional or of its dual is a function."""
+        return callable(self.ritz.source) or (self.dual is not None and self.dual.has_varying_source)
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> float:
         """The functional of a function; sides are bent so much, (m, 3, 2)."""
@@ -223,10 +248,12 @@ class Functional:
         """What `Trial` calls its data, of the triangulation as it is now."""
         region = triangulation.elements.region
         constants = (self.constants / np.array([2.0, 6.0, 2.0, 2.0]))[region]
-        if not callable(self.ritz.flux):
-            return constants
         corners = triangulation.position.T[:, triangulation.elements.node.T]
-        return expanded(constants, corners, self.number[region], self.ritz.flux)
+        if callable(self.ritz.source):
+            return with_source(constants, corners, self.number[region], self.ritz.source, self.ritz.order)
+        if callable(self.ritz.flux):
+            return expanded(constants, corners, self.number[region], self.ritz.flux)
+        return constants
 
     def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
         """What each node may do, (n,), when those are held whose given values no formula would carry along."""
@@ -238,19 +265,20 @@ class Functional:
 
 
 def is_plain(ritz: Ritz, outline: Outline) -> bool:
-    """Whether what is between chords and curves can be counted: not for laws, fluxes that vary, and an axis.
+    """Whether what is between chords and curves can be counted: not for laws, what varies inside, and an axis.
 
     Beside pairs two stars are one, of whose slivers nothing is known.
     """
-    plain = ritz.order == 1 and not (ritz.axisymmetric or callable(ritz.flux) or ritz.laws)
+    varies = callable(ritz.flux) or callable(ritz.source)
+    plain = ritz.order == 1 and not (ritz.axisymmetric or varies or ritz.laws)
     return plain and not outline.constraints.chains.paired.any()
 
 
-def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri) -> TrialFunction:
+def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri, general: bool) -> TrialFunction:
     """The solution of a functional in the form of the kernels."""
     values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
     node = triangulation.elements.node
-    if ritz.axisymmetric and ritz.order == 1:
+    if ritz.order == 1 and general:
         modes = without_modes(len(node))
     elif ritz.order > 1:
         modes = modes_of(mesh, node, values, ritz.order, fixed, kinds_of(ritz, triangulation))

@@ -19,6 +19,8 @@ from kohonen_adapt.kernels.arrays import (
     RATES_X,
     RATES_Y,
     SIXTH_SOURCE,
+    SOURCE_TERMS,
+    X_BY_X,
     Constraints,
     Elements,
     Modes,
@@ -238,7 +240,8 @@ class Gathered(NamedTuple):
         ends = number.astype(np.int32)
         star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
         one, other = downhill.trials
-        trials = Trials(*(self.trial(each, couples, freedom, ends, found, node) for each in (one, other)))
+        general = bool(downhill.modes)
+        trials = Trials(*(self.trial(each, couples, freedom, ends, found, node, general) for each in (one, other)))
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
         modes = tuple(self.modes(movable, own, times, freedom.sign) for own in downhill.modes)
@@ -248,22 +251,24 @@ class Gathered(NamedTuple):
             position, elements, star, constraints._replace(kind=kind, **of_nodes), trials, modes, shapes, nodes
         )
 
-    def trial(self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints) -> Trial:
+    def trial(
+        self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints, general: bool
+    ) -> Trial:
         """A function and its functional on the patch; without values if there is none."""
         laws, bent = trial.laws._replace(number=trial.laws.number[self.element]), np.zeros(len(found), dtype=np.bool_)
         bent[ends[laws.number >= 0]] = True
         values = trial.value
         if len(values):
             values = (self.signs(couples)[:, None] * values[node]).ravel()[found]
-        fixed, data = freedom.fixed[np.ravel(node)[found]], self.data(trial.data, couples)
+        fixed, data = freedom.fixed[np.ravel(node)[found]], self.data(trial.data, couples, general)
         return trial._replace(value=values, fixed=fixed, data=data, bent=bent, laws=laws)
 
     def signs(self, couples: Couples) -> Floats:
         """What values are multiplied by, (r,)."""
         return np.where(self.beyond, couples.sign[self.owner], 1.0)
 
-    def data(self, data: Floats, couples: Couples) -> Floats:
-        """What `Trial` calls its data, carried along."""
+    def data(self, data: Floats, couples: Couples, general: bool) -> Floats:
+        """Return what `Trial` calls its data, carried along; in the `general` loops a source may vary, else a flux."""
         moved, beyond = data[self.element].copy(), self.beyond
         turn, shift, sign = (array[self.owner[beyond]] for array in (couples.turn, couples.shift, couples.sign))
         rows = moved[beyond]
@@ -273,6 +278,11 @@ class Gathered(NamedTuple):
         if data.shape[1] > CONSTANTS:
             centre = slice(CENTRE_X, CENTRE_X + 2)
             rows[:, centre] = np.einsum("rj,rji->ri", rows[:, centre] - shift, turn)
+        if data.shape[1] > CONSTANTS and general:
+            axes = slice(X_BY_X, SOURCE_TERMS)
+            rows[:, axes] = np.einsum("rpj,rji->rpi", rows[:, axes].reshape(-1, 2, 2), turn).reshape(-1, 4)
+            rows[:, SOURCE_TERMS:] *= sign[:, None]
+        elif data.shape[1] > CONSTANTS:
             rates = np.stack([rows[:, at : at + 5] for at in (RATES_X, RATES_Y)], axis=1)  # by x, y, xx, xy and yy
             slope = np.einsum("r,rpq,rpj,rji->rqi", sign, turn, rates[:, :, :2], turn)
             bend = rates[:, :, [[2, 3], [3, 4]]]

@@ -47,7 +47,7 @@ def first_of_regions(region: NDArray[np.int32]) -> NDArray[np.intp]:
 def constants_of(ritz: Ritz, number: NDArray[np.int64], dim: int = 2) -> Floats:
     """Coefficient, source and flux of regions of these numbers, (nregions, 2 + dim)."""
     flux = np.zeros(dim) if callable(ritz.flux) else flux_table(np.asarray(ritz.flux), dim)
-    tables = (ritz.coefficient, ritz.source, *flux)
+    tables = (ritz.coefficient, 0.0 if callable(ritz.source) else ritz.source, *flux)
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
     return np.stack(rows, axis=1)
 

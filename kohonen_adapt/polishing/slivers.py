@@ -9,7 +9,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.regions import constants_of
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import flux_at
+from kohonen_adapt.problem.tables import flux_at, source_at
 
 __all__ = ["longest_on_arcs"]
 
@@ -79,6 +79,8 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     corners = triangulation.position[node]
     gx, gy = gradients(corners, np.asarray(ritz.values)[node], LINEAR_FUNCTIONS)[1][:, 0]  # at any order from the nodes
     coefficient, source, *flux = constants_of(ritz, number).T
+    if callable(ritz.source):
+        source = source_at(corners.mean(axis=1).T[:, None], number, ritz.source)[0]
     if callable(ritz.flux):
         flux = [*flux_at(corners.mean(axis=1).T[:, None], number, ritz.flux)[:, 0]]
     size = np.hypot(gx, gy)

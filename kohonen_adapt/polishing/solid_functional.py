@@ -26,6 +26,7 @@ from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.polishing.surface_values import given_on
 from kohonen_adapt.problem.functional_value import value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
@@ -127,6 +128,19 @@ class SolidFunctional:
         data = constants_of(ritz, number, TETRAHEDRON.dim) / PARTS
         places = on.given, held, on.rate
         return cls(solution, ritz, number, data, patches, *places, ritz.comparable and alike, law, tables, faces)
+
+    @classmethod
+    def of_solution(cls, ritz: Ritz, movable: MovableSolid, mesh: MeshTet) -> "SolidFunctional":
+        """Look up the same for the solution of a problem, which is refused unless the functional is stationary there.
+
+        Raises
+        ------
+        NotOffered, ValueError
+            As `of` does, and a ValueError if the functional is not stationary.
+        """
+        functional = cls.of(ritz, movable, mesh)
+        check_in_space(ritz, mesh, np.asarray(ritz.values), np.asarray(ritz.fixed))
+        return functional
 
     @property
     def nearly(self) -> bool:

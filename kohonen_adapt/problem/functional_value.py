@@ -1,9 +1,11 @@
 """Work out the value of a Ritz functional, on triangles and on tetrahedra."""
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import ElementTriP1, Mesh, MeshTri
+from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Points, Reference
@@ -15,6 +17,7 @@ from kohonen_adapt.mesh.polynomials import (
     by_points,
     exact_reference,
     fields_at,
+    functions_at,
     gradients,
     joined_reference,
     law_reference,
@@ -23,9 +26,19 @@ from kohonen_adapt.mesh.polynomials import (
 )
 from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of, unknown_in_space
 from kohonen_adapt.problem.robin import added_on_sides, sides_of_boundary
-from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up
+from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up, source_at
 
-__all__ = ["alike", "density_in_space", "flux_on", "functional_value", "integrated", "value_in_space", "value_on"]
+__all__ = [
+    "alike",
+    "density_in_space",
+    "flux_on",
+    "functional_value",
+    "integrated",
+    "source_on",
+    "source_points",
+    "value_in_space",
+    "value_on",
+]
 
 
 def integrated(ritz: Ritz) -> Reference:
@@ -98,7 +111,12 @@ def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, be
 def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, at: Reference) -> float:
     doubled, slope = gradients(corners, coefficients, at)
     density = at.weight @ _density(slope, 1.0, corners, number, ritz)
-    pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
+    if callable(ritz.source):
+        share, weight = source_points(ritz.order)
+        source = source_at(np.einsum("qk,mkd->dqm", share, corners), number, ritz.source)
+        pull = weight @ (source * (functions_at(share, ritz.order) @ coefficients.T))
+    else:
+        pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
     return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
 
 
@@ -108,7 +126,7 @@ def _value_by_points(
     """Return the functional on elements of one kind with curved sides, or around an axis."""
     doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
     density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
-    density -= looked_up(np.asarray(ritz.source), number) * value
+    density -= source_on(points, kind, corners, bend, number, ritz) * value
     return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled) * density)))
 
 
@@ -149,3 +167,22 @@ def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
     if callable(ritz.flux):
         return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
     return np.stack([looked_up(part, number) for part in flux_table(np.asarray(ritz.flux), 2)])
+
+
+@cache
+def source_points(order: int) -> tuple[Floats, Floats]:
+    """Return barycentric coordinates (points, 3) and weights, 1 in sum, at which a varying source is evaluated.
+
+    The rule is exact for a source that is a polynomial of degree order + 4.
+    """
+    points, weight = get_quadrature(ElementTriP1, 2 * order + 4)
+    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 2.0 * weight
+
+
+def source_on(points: Points, kind: int, corners: Floats, bend: Floats, number: Ints, ritz: Ritz) -> Floats:
+    """Return the source at the points of elements of one kind, (points, m), or a constant for each element."""
+    if not callable(ritz.source):
+        return looked_up(np.asarray(ritz.source), number)
+    x = np.einsum("qk,mkd->dqm", points.share[kind], corners)
+    x += np.einsum("qk,mkd->dqm", points.side[kind, :, :, 0], bend)
+    return source_at(x, number, ritz.source)

@@ -22,6 +22,7 @@ __all__ = [
     "flux_table",
     "looked_up",
     "numbers",
+    "source_at",
 ]
 
 AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
@@ -165,3 +166,21 @@ def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) 
     if bad.size:
         raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
     return values.reshape(x.shape)
+
+
+def source_at(x: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """Return a varying source at k points of every element, x (d, k, m), (k, m).
+
+    Raises
+    ------
+    ValueError
+        If the function returns another shape, or values that are not finite.
+    """
+    flat = x.reshape(len(x), -1)
+    values = np.asarray(source(flat, np.tile(number, x.shape[1])), dtype=float)
+    if values.shape != flat.shape[1:]:
+        raise ValueError(f"source of Ritz must return an array of shape (n,) = {flat.shape[1:]}; got {values.shape}.")
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise ValueError(f"source of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
+    return values.reshape(x.shape[1:])

@@ -9,8 +9,9 @@ from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import MeshQuad, MeshTri
+from skfem import Basis, ElementTriP1, MeshQuad, MeshTri, condense, solve
 from skfem.generic_utils import OrientedBoundary
+from skfem.models.poisson import laplace
 
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
@@ -297,16 +298,21 @@ def test_pairs_stay_matched_to_the_bit(build, topology):
 
 
 class Given:
-    """A functional, and a function that it does not matter to where it comes from."""
+    """Random values at every third node of the boundary, and what -lap u = 0 has between them."""
 
     def __init__(self, seed):
         self.seed = seed
 
+    def fixed(self, mesh):
+        return np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()[::3])
+
     def solve(self, mesh):
-        return np.random.default_rng(self.seed).normal(size=mesh.p.shape[1])
+        values = np.random.default_rng(self.seed).normal(size=mesh.nvertices)
+        matrix = laplace.assemble(Basis(mesh, ElementTriP1()))
+        return solve(*condense(matrix, x=values, D=np.flatnonzero(self.fixed(mesh))))
 
     def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.zeros(len(solution), dtype=bool), 1.0)
+        return ka.Ritz(solution, self.fixed(mesh), 1.0)
 
 
 def test_layers_are_kept_that_flips_would_lose():

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import (
+    CONSTANTS,
     HALF_COEFFICIENT,
     HALF_FLUX_X,
     HALF_FLUX_Y,
@@ -40,6 +41,7 @@ from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.varying_source import with_source
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
 
@@ -212,11 +214,15 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
 
 
 @inner_kernel
-def add_bent(descent, e, j, local, bend, x, ax, ay, bx, by):
-    """Add the derivatives of an element in the place of e: its first corner stands at x, its sides are bent so."""
+def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by):
+    """Add the derivatives of an element in the place of e, its first corner at (x, y), its sides curved by `bend`."""
     if descent.shapes.around or is_curved(bend):
-        return add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by)
-    return add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by)
+        part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by)
+    else:
+        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by)
+    if descent.trial.data.shape[1] > CONSTANTS:
+        return with_source(part, descent, e, j, local, np.bool_(True), bend, x, y, ax, ay, bx, by)
+    return part
 
 
 @inner_kernel
@@ -240,6 +246,9 @@ def derivatives(descent, v, x, y):
             part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by)
         else:
             part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by)
+        if descent.trial.data.shape[1] > CONSTANTS:
+            special = descent.shapes.special[e]
+            part = with_source(part, descent, e, row - begin, local, special, block.bend[0], x, y, ax, ay, bx, by)
         size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
         xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
     return size, total, by_x, by_y, xx, xy, yy

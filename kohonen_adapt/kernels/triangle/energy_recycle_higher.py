@@ -127,7 +127,7 @@ def derivatives_of_merged(descent, v, w, gone, own):
         merged_bends(descent, v, gone, row, block.bend[4])
         if not is_valid(block.bend[4], ax, ay, bx, by):
             return np.inf
-        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, ax, ay, bx, by)[1]
+        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, y, ax, ay, bx, by)[1]
     return total
 
 

@@ -74,7 +74,7 @@ def value_on(descent, e, own):
     gather_bends(descent.shapes, e, 0, block.bend[4])
     if not is_valid(block.bend[4], ax, ay, bx, by):
         return -np.inf
-    return add_bent(descent, e, 0, block.part, block.bend[4], x, ax, ay, bx, by)[1]
+    return add_bent(descent, e, 0, block.part, block.bend[4], x, y, ax, ay, bx, by)[1]
 
 
 @inner_kernel
@@ -94,8 +94,8 @@ def derivatives_of_split(descent, e, k, x, y):
         if not (is_valid(block.bend[row], cx, cy, ax, ay) and is_valid(block.bend[row + 1], bx, by, cx, cy)):
             return size, np.inf
         after, bend = row + 1, block.bend
-        one = add_bent(descent, at, row, block.local[row], bend[row], x, cx, cy, ax, ay)
-        two = add_bent(descent, at, after, block.local[after], bend[after], x, bx, by, cx, cy)
+        one = add_bent(descent, at, row, block.local[row], bend[row], x, y, cx, cy, ax, ay)
+        two = add_bent(descent, at, after, block.local[after], bend[after], x, y, bx, by, cx, cy)
         size, total = size + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import CONSTANTS
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, put_bends, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
@@ -21,6 +22,7 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
 from kohonen_adapt.kernels.triangle.flip_linear import mark_beside
 from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.varying_source import with_source
 
 NEWTON = 2  # steps for the coefficients inside two elements of nonlinear material
 
@@ -198,9 +200,12 @@ def derivatives_of_pair(descent, e, row, special, p, q, r, s):
         bx, by = descent.position[b, 0] - x, descent.position[b, 1] - y
         local = block.local[row + j]
         if special:
-            part = add_bent(descent, e, j, local, block.bend[row + j], x, ax, ay, bx, by)
+            part = add_bent(descent, e, j, local, block.bend[row + j], x, y, ax, ay, bx, by)
         else:
             part = add_element(descent.trial, descent.reference, block, e, j, local, ax, ay, bx, by)
+            if descent.trial.data.shape[1] > CONSTANTS:
+                bend = block.bend[row + j]
+                part = with_source(part, descent, e, j, local, np.bool_(False), bend, x, y, ax, ay, bx, by)
         size, total = size + part[0], total + part[1]
     return size, total
 

@@ -1,0 +1,137 @@
+"""Refuse a solution at which its Ritz functional is not stationary.
+
+The derivative of the functional by an unknown is the residual of the discrete equations there. It is small beside the
+terms of which it is the sum, or at least beside the largest terms anywhere, as after an iterative solver.
+"""
+
+import numpy as np
+from skfem import Mesh, MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import listed
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.pairs import sliding_pairs
+from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
+from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.robin import facet_terms
+
+__all__ = ["check_in_plane", "check_in_space"]
+
+# Residual beside the terms at an unknown, and beside the largest terms anywhere. Solvers of linear systems leave 1e-6
+# of the largest at a relative tolerance of 1e-5, Newton's method less; a forgotten term is of the size of the others.
+OF_TERMS = 0.01
+OF_LARGEST = 1e-3
+
+
+def check_in_plane(
+    ritz: Ritz, mesh: Mesh, movable: MovableMesh, solution: TrialFunction, boundary: BoundaryTerms, sign: Floats
+) -> None:
+    """Refuse a solution on triangles that is not stationary; `sign` (c,) is that of `Functional`.
+
+    Raises
+    ------
+    ValueError
+        With the largest residual and its location.
+    """
+    elements, values = movable.triangulation.elements, solution.values
+    node, corners = elements.node, movable.triangulation.position[elements.node]
+    coefficients, bend = local_coefficients(values[node], solution.modes), movable.bent_sides()
+    parts = derivatives_on(corners, coefficients, numbers_of(ritz, len(node)), ritz, bend)
+    for name, chains in boundary.chains.items():
+        e, k = sides_on(elements.chain, chains)
+        ends, own = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1), trace_columns(k, ritz.order)
+        matrix, load = facet_terms(ends, ritz.order, ritz.robin[name], ritz.axisymmetric, bend[e, k])
+        pulled = np.einsum("fij,fj->fi", matrix, coefficients[e[:, None], own])
+        np.add.at(parts.total, (e[:, None], own), pulled - load)
+        np.add.at(parts.size, (e[:, None], own), np.abs(pulled) + np.abs(load))
+    index, place = unknowns_of(mesh, node, coefficients.shape[1])
+    turn = np.ones(coefficients.shape[1]) * np.ones((len(node), 1))
+    turn[:, 6:9] = np.where(node[:, AFTER] < node[:, BEFORE], 1.0, -1.0)[:, : max(0, min(3, turn.shape[1] - 6))]
+    total, size, doubt = sums(parts._replace(total=turn * parts.total), index, len(place))
+    free, paired = np.ones(len(place), dtype=np.bool_), movable.constraints.chains.paired
+    free[: len(values)] = ~solution.fixed & (movable.constraints.twins.partner < 0)
+    if solution.modes is not None:
+        e, k = np.nonzero(solution.modes.given | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
+        for first in range(3, min(coefficients.shape[1], 9), 3):
+            free[index[e, first + k]] = False
+    one, other = sliding_pairs(movable.constraints)
+    times = sign[movable.constraints.own_chain[one]]
+    one, other, times = (array[times != 0.0] for array in (one, other, times))
+    total[one] += times * total[other]
+    size[one] += size[other]
+    doubt[one] += doubt[other]
+    free[one] = ~solution.fixed[one]
+    check_residual(total, size, doubt, free, place, mesh)
+
+
+def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
+    """Refuse a solution on tetrahedra that is not stationary.
+
+    Raises
+    ------
+    ValueError
+        With the largest residual and its location.
+    """
+    parts = derivatives_in_space(mesh.p[:, mesh.t], values[mesh.t], numbers_of(ritz, mesh.t.shape[1]), ritz)
+    check_residual(*sums(parts, mesh.t.T, len(values)), ~fixed, mesh.p.T, mesh)
+
+
+def numbers_of(ritz: Ritz, count: int) -> Ints:
+    return np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+
+
+def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats, Floats]:
+    """Add up the derivatives of all elements by unknown, (count,) each."""
+    total, size, doubt = (np.bincount(index.ravel(), part.ravel(), count).astype(np.float64) for part in parts)
+    return total, size, doubt
+
+
+def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
+    """Return the index of the unknown of every coefficient of elements, (m, functions), and where unknowns are."""
+    columns, places, corners = [node], [mesh.p[:, : mesh.nvertices].T], mesh.p.T[node]
+    count = len(places[0])
+    if functions > 3:
+        facet, ends = facets_of_sides(mesh, node), mesh.p[:, mesh.facets].mean(axis=1).T
+        for _ in range(3, min(functions, 9), 3):
+            columns.append(count + facet)
+            places.append(ends)
+            count += len(ends)
+    if functions == 10:
+        columns.append(count + np.arange(len(node))[:, None])
+        places.append(corners.mean(axis=1))
+    return np.hstack(columns), np.concatenate(places)
+
+
+def check_residual(total: Floats, size: Floats, doubt: Floats, free: Mask, place: Floats, mesh: Mesh) -> None:
+    """Refuse residuals of free unknowns that are no rounding; `place` (unknowns, d) says where they are."""
+    allowed = OF_TERMS * size + OF_LARGEST * size.max(initial=0.0) + doubt
+    excess = np.where(free, np.abs(total) - allowed, -np.inf)
+    wrong = int(np.count_nonzero(excess > 0.0))
+    if not wrong:
+        return
+    worst = int(np.argmax(excess))
+    raise ValueError(
+        f"the solution is not stationary for its Ritz: at {location(mesh, place[worst])} the residual is "
+        f"{100.0 * abs(total[worst]) / size[worst]:.2g} % of the terms that it is the sum of (up to "
+        f"{100.0 * OF_TERMS:g} % is taken for a solver's tolerance), and it is too large at {wrong} of "
+        f"{np.count_nonzero(free)} free unknowns. Give Ritz every term of the equation (robin, source, flux, fixed "
+        "values), or solve more accurately."
+    )
+
+
+def location(mesh: Mesh, x: Floats) -> str:
+    """Name the boundary or the subdomains that hold a point, and its coordinates."""
+    corners = mesh.p[:, : mesh.nvertices]
+    node = int(np.argmin(np.sum((corners - x[:, None]) ** 2, axis=0)))
+    at = f"({', '.join(f'{c:.6g}' for c in x)})"
+    sets = named_sets(mesh.boundaries)
+    names = [name for name, facets in sets.items() if np.any(mesh.facets[:, facets] == node)]
+    if names:
+        return f"{at} on boundary {listed(names)}"
+    near = np.flatnonzero(np.any(mesh.t == node, axis=0))
+    names = [name for name, rows in named_sets(mesh.subdomains).items() if np.isin(near, rows).any()]
+    return f"{at} in subdomain {listed(names)}" if names else at

@@ -1,0 +1,121 @@
+"""A source that varies inside regions is polished at orders 1 to 3, and judged by the function itself."""
+
+import numpy as np
+import pytest
+from skfem import MeshTet, MeshTri, MeshTri2
+
+import kohonen_adapt as ka
+from benchmarks.problems.gaussian_sources import GaussianSources
+from kohonen_adapt.problem.functional_value import functional_value
+
+PROBLEM = GaussianSources(np.array([[0.3, 0.4], [0.8, 0.7]]), np.array([0.15, 0.3]))
+LINE = np.linspace(0.0, 1.0, 14)
+SQUARE = MeshTri.init_tensor(LINE, LINE).with_boundaries({"right": lambda x: x[0] == 1.0})
+
+
+def of_order(order, natural=""):
+    return GaussianSources(PROBLEM.centres, PROBLEM.widths, order, natural)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("natural", ["", "right"])
+def test_the_functional_is_that_of_the_function(order, natural):
+    problem = of_order(order, natural)
+    value = functional_value(SQUARE, problem.ritz(SQUARE, problem.solve(SQUARE)))
+    assert value == pytest.approx(-0.5 * problem.energy(SQUARE, order), rel=1e-8)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("natural", ["", "right"])
+def test_the_polish_lowers_the_error_by_a_tenth_and_more(order, natural):
+    problem = of_order(order, natural)
+    exact = problem.energy(SQUARE.refined(2), 3)
+    better = ka.polish(SQUARE, problem)
+    assert better.nvertices == SQUARE.nvertices
+    assert problem.error(better, exact) < 0.9 * problem.error(SQUARE, exact)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_adapt_recycles_nodes_by_it_and_compares_passes(order):
+    problem = of_order(order)
+    exact = problem.energy(SQUARE.refined(2), 3)
+    result = ka.adapt(SQUARE, problem, passes=2)
+    assert result.error is None and not any(step.unpolished for step in result.history)
+    assert all(step.polish_gain > 0.0 for step in result.history[1:])
+    assert result.best.functional == min(step.functional for step in result.history)
+    assert problem.error(result.mesh, exact) < (0.75, 0.75, 0.9)[order - 1] * problem.error(SQUARE, exact)
+
+
+def test_a_constant_and_a_function_of_that_value_come_to_the_same():
+    class Constant(GaussianSources):
+        def source(self, x, region=None):
+            return np.ones_like(x[0])
+
+    class Told(Constant):
+        def ritz(self, mesh, solution):
+            return ka.Ritz(solution, self.fixed(self.basis(mesh, self.order)), 1.0, 1.0, order=self.order)
+
+    for order in (1, 2):
+        meshes = [ka.polish(SQUARE, kind(PROBLEM.centres, PROBLEM.widths, order)) for kind in (Constant, Told)]
+        energies = [Told([], [], order).energy(mesh, order) for mesh in meshes]
+        assert energies[0] == pytest.approx(energies[1], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (lambda x, region: np.ones((2, x.shape[1])), r"^source of Ritz must return an array of shape \(n,\) = "),
+        (
+            lambda x, region: np.where(x[0] > 0.5, np.nan, 1.0),
+            r"^source of Ritz must be finite; it is not at \d+ points",
+        ),
+    ],
+)
+def test_functions_that_return_something_else(source, message):
+    class Wrong(GaussianSources):
+        def ritz(self, mesh, solution):
+            return ka.Ritz(solution, self.fixed(self.basis(mesh, 1)), 1.0, source)
+
+    with pytest.raises(ValueError, match=message):
+        ka.polish(SQUARE, Wrong(PROBLEM.centres, PROBLEM.widths))
+
+
+def test_the_region_numbers_are_those_of_the_points():
+    line, seen = np.linspace(0.0, 1.0, 13), []
+
+    class Parted(GaussianSources):
+        def ritz(self, mesh, solution):
+            region = np.isin(np.arange(mesh.nelements), mesh.subdomains["b"]).astype(int)
+
+            def source(x, number):
+                seen.append(np.all((x[0] > 0.5) == (number == 1)))
+                return self.source(x)
+
+            return ka.Ritz(solution, self.fixed(self.basis(mesh, 1)), 1.0, source, region=region)
+
+    mesh = MeshTri.init_tensor(line, line).with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] > 0.5})
+    ka.polish(mesh, Parted(PROBLEM.centres, PROBLEM.widths))
+    assert seen and all(seen)
+
+
+def test_on_curved_sides():
+    disk = MeshTri2.init_circle(2)
+    problem = of_order(2)
+    exact = problem.energy(disk.refined(1), 3)
+    better = ka.polish(disk, problem)
+    assert problem.energy(better, 2) > problem.energy(disk, 2) and exact > 0.0
+
+
+def test_tetrahedra_say_that_they_have_no_polish():
+    class Solid:
+        def solve(self, mesh):
+            return np.zeros(mesh.nvertices)
+
+        def indicators(self, mesh, solution):
+            return np.ones(mesh.nelements)
+
+        def ritz(self, mesh, solution):
+            return ka.Ritz(solution, np.zeros(mesh.nvertices, dtype=bool), 1.0, lambda x, region: x[0])
+
+    result = ka.adapt(MeshTet().refined(1), Solid(), passes=1)
+    assert "the source of its Ritz is a function, and that is for the plane only" in result.message

@@ -1,0 +1,145 @@
+"""`adapt` and `polish` refuse a solution that is not stationary for its functional, and say where."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import cg
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTetP1,
+    ElementTriP1,
+    FacetBasis,
+    LinearForm,
+    MeshTet,
+    MeshTri,
+    condense,
+    solve,
+)
+from skfem.helpers import dot, grad
+
+import kohonen_adapt as ka
+from kohonen_adapt.mesh.polynomials import KINDS
+
+laplace = BilinearForm(lambda u, v, w: dot(grad(u), grad(v)))
+mass = BilinearForm(lambda u, v, w: u * v)
+load = LinearForm(lambda v, w: v)
+SIDES = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0, "floor": lambda x: x[1] == 0.0}
+MESH = MeshTri.init_tensor(np.linspace(0, 1, 9) ** 1.2, np.linspace(0, 1, 8)).with_boundaries(SIDES)
+CUBE = MeshTet().refined(2).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+
+
+class Heat:
+    """-lap u = 1, u = 0 on the left, du/dn + 3 u = 2 on the right; the functional is what `stated` says."""
+
+    def __init__(self, order=1, rtol=None, **stated):
+        self.order, self.rtol = order, rtol
+        self.stated = {"source": 1.0, "robin": {"right": (3.0, 2.0)}, **stated}
+
+    def element(self, mesh):
+        return ElementTetP1() if mesh.dim() == 3 else KINDS[self.order]()
+
+    def solve(self, mesh):
+        basis, rim = Basis(mesh, self.element(mesh)), FacetBasis(mesh, self.element(mesh), facets="right")
+        matrix, right = laplace.assemble(basis), load.assemble(basis)
+        if mesh.dim() == 2:
+            matrix, right = matrix + 3.0 * mass.assemble(rim), right + 2.0 * load.assemble(rim)
+        system = condense(matrix, right, D=basis.get_dofs("left"))
+        if self.rtol is None:
+            return solve(*system)
+        return solve(*system, solver=lambda matrix, right: cg(matrix, right, rtol=self.rtol)[0])
+
+    def indicators(self, mesh, solution):
+        return np.ones(mesh.nelements)
+
+    def ritz(self, mesh, solution):
+        basis = Basis(mesh, self.element(mesh))
+        fixed = np.isin(np.arange(basis.N), basis.get_dofs("left").flatten())
+        stated = {name: value for name, value in self.stated.items() if mesh.dim() == 2 or name != "robin"}
+        return ka.Ritz(solution, fixed, stated.pop("coefficient", 1.0), order=self.order, **stated)
+
+
+def refused(mesh, problem, message):
+    for run in (ka.polish, ka.adapt):
+        with pytest.raises(ValueError, match=message):
+            run(mesh, problem)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_forgotten_robin_condition_is_named_with_its_boundary(order):
+    refused(
+        MESH,
+        Heat(order, robin={}),
+        r"^the solution is not stationary for its Ritz: at \(1, [0-9.e-]+\) on boundary (.*, )?'right'.* the residual "
+        r"is 1?\d\d % of the terms .* free unknowns\. Give Ritz every term of the equation \(robin, source, flux, "
+        r"fixed values\), or solve more accurately\.$",
+    )
+
+
+def test_another_load_and_another_coefficient_in_a_region():
+    mesh = MESH.with_subdomains({"chip": lambda x: x[0] < 0.5, "board": lambda x: x[0] > 0.5})
+    refused(mesh, Heat(robin={"right": (3.0, 1.0)}), r"^the solution is not stationary .* on boundary (.*, )?'right'")
+    region = np.isin(np.arange(mesh.nelements), mesh.subdomains["chip"]).astype(int)
+    refused(mesh, Heat(source=[1.0, 4.0], region=region), r"^the solution is not stationary .* in subdomain .*'chip'")
+
+
+def test_tetrahedra_without_their_source():
+    refused(CUBE, Heat(source=0.0), r"^the solution is not stationary for its Ritz: at \(.*\)")
+    assert ka.polish(CUBE, Heat(), sweeps=1).nvertices == CUBE.nvertices
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_all_terms_and_the_tolerance_of_an_iterative_solver_pass(order):
+    ka.polish(MESH, Heat(order), sweeps=0)
+    ka.polish(MESH, Heat(order, rtol=1e-5), sweeps=0)
+
+
+def test_a_solver_that_has_not_converged_is_refused():
+    refused(MESH, Heat(rtol=0.3), "^the solution is not stationary .* or solve more accurately")
+
+
+def test_periodic_residuals_count_together():
+    class Ring(Heat):
+        """u is the same on the left and on the right, and 0 on the floor."""
+
+        def __init__(self, sign):
+            super().__init__(robin={})
+            self.sign = sign
+
+        def solve(self, mesh):
+            basis = Basis(mesh, ElementTriP1())
+            left, right = (mesh.nodes_satisfying(SIDES[name]) for name in ("left", "right"))
+            left, right = (nodes[np.argsort(mesh.p[1, nodes])] for nodes in (left, right))
+            join = np.eye(mesh.nvertices)
+            join[right, left], join[right, right] = 1.0, 0.0
+            matrix = join.T @ laplace.assemble(basis).toarray() @ join + np.diag(np.isin(np.arange(len(join)), right))
+            free = np.flatnonzero(mesh.p[1] > 0.0)
+            reduced = np.zeros(len(join))
+            reduced[free] = np.linalg.solve(matrix[np.ix_(free, free)], (join.T @ self.load(basis))[free])
+            return join @ reduced
+
+        def load(self, basis):
+            return LinearForm(lambda v, w: np.where(w.x[0] < 0.5, 1.0, 5.0) * v).assemble(basis)
+
+        def ritz(self, mesh, solution):
+            region = np.isin(np.arange(mesh.nelements), mesh.subdomains["b"]).astype(int)
+            return ka.Ritz(
+                solution, mesh.p[1] == 0.0, 1.0, [1.0, 5.0], region=region, signs={("left", "right"): self.sign}
+            )
+
+    mesh = MeshTri.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 1, 8)).with_boundaries(SIDES)
+    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] > 0.5})
+    ka.polish(mesh, Ring(1), periodic=[("left", "right")], sweeps=0)
+    with pytest.raises(ValueError, match=r"^the solution is not stationary .* on boundary .*left"):
+        ka.polish(mesh, Ring(-1), periodic=[("left", "right")], sweeps=0)
+
+
+def test_a_later_pass_that_does_not_converge_ends_the_loop():
+    class Tired(Heat):
+        def solve(self, mesh):
+            self.rtol = None if mesh is MESH else 0.3
+            return super().solve(mesh)
+
+    result = ka.adapt(MESH, Tired(), passes=2)
+    assert result.status is ka.Status.FAILED and re.match("the solution is not stationary", str(result.error))
