@@ -42,7 +42,7 @@ from benchmarks.checks import (
     warmup,
 )
 from benchmarks.checks import round as one_round
-from benchmarks.peers import ngsolve_oracle, peers_in_space, peers_report, time_to_error
+from benchmarks.peers import hexahedra, ngsolve_oracle, peers_in_space, peers_report, time_to_error
 from benchmarks.peers.report import comparison
 from benchmarks.problems.cases import PROBLEMS, cases
 
@@ -83,6 +83,7 @@ CHECKS = {
     "jobs": jobs.report,
     "engineer": engineer.report,
     "oracle": ngsolve_oracle.report,
+    "references": hexahedra.report,
     "large": large.report,
     "files": files.report,
     "fingerprints": fingerprints.report,
