@@ -4,7 +4,7 @@ import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
 from kohonen_adapt.kernels.ahead import compile_ahead
-from kohonen_adapt.kernels.compilation import expect, is_kept
+from kohonen_adapt.kernels.compilation import expect, is_kept, may_be_kept
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
@@ -65,13 +65,15 @@ def warmup(space: bool = False) -> None:
 
 
 def compile_missing() -> None:
-    """See that every kernel over triangles is in numba's cache, where other processes find it.
+    """Compile every kernel over triangles that numba's cache lacks, for other processes.
 
-    Where all are none of them is loaded here. That takes a hundredth of a second, and `warmup` half a second even then.
+    None is loaded if all are in the cache. That takes a hundredth of a second, and `warmup` half a second. None is
+    compiled if the cache takes no files, because no other process would find the code.
     """
-    loops = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
-    # Uncompiled, for debugging, they are plain functions.
-    if not all(is_kept(entry.loop, entry.types) for entry in loops if hasattr(entry.loop, "py_func")):
+    entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
+    compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # for debugging there are plain functions
+    missing = [entry for entry in compiled if not is_kept(entry.loop, entry.types)]
+    if missing and may_be_kept(missing[0].loop):
         warmup()
 
 

@@ -74,7 +74,7 @@ class _Compiling(event.Listener):
         self._depth += 1
         function = event.data["dispatcher"].py_func
         if self._depth == 1 and function.__module__.startswith(__package__) and name_of(function) not in self._waiting:
-            self._begin(name_of(function))
+            self._begin(name_of(function), may_be_kept(event.data["dispatcher"]))
 
     def on_end(self, event: Any) -> None:
         """End a function."""
@@ -85,16 +85,19 @@ class _Compiling(event.Listener):
                 gc.enable()
             self._finish(name_of(event.data["dispatcher"].py_func))
 
-    def _begin(self, name: str) -> None:
-        """Have a second process compile what is expected beside this function, and its own chapter."""
+    def _begin(self, name: str, once: bool) -> None:
+        """Have a second process compile what is expected beside this function, and its own chapter.
+
+        That is done `once` if code can be kept on disk; else a second process is no help.
+        """
         expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
         entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
         missing = [entry for entry in entries if not is_kept(entry.loop, entry.types)]
         self._waiting = {name, *(entry.name for entry in missing)}
         self._number, self._since = len(self._waiting), time.perf_counter()
-        helped = len(missing) > 1 and number_of_threads() > 1 and may_be_kept(missing[0].loop) and self._help(missing)
-        seconds = SECONDS * self._number / (2 if helped else 1)
-        logger.warning("compiling loops of kohonen_adapt, once (%d, about %.0f s)", self._number, max(1.0, seconds))
+        helped = len(missing) > 1 and number_of_threads() > 1 and once and self._help(missing)
+        seconds = max(1.0, SECONDS * self._number / (2 if helped else 1))
+        logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._number, seconds)
 
     def _help(self, missing: list[Entry]) -> bool:
         """Start the second process, if that can be."""

@@ -1,22 +1,41 @@
 """Compile kernels on first use, and keep their machine code on disk."""
 
 import functools
+import logging
 import os
-from collections.abc import Callable
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from hashlib import blake2b
+from io import BytesIO
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, ClassVar
 
 import numba
 from numba import config
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    InTreeCacheLocator,
+    UserProvidedCacheLocator,
+)
 
 from kohonen_adapt.kernels.compiler import InnerCompiler, KernelCompiler, Loop
 
 __all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
 
+logger = logging.getLogger("kohonen_adapt")
+
 expected: set[str] = set()
+
+SEAL = 16  # bytes of the hash that a file of machine code begins with
+
+NOT_KEPT = (
+    "compiled loops of kohonen_adapt cannot be kept in '%s' (%s), so that every process compiles them: set "
+    "NUMBA_CACHE_DIR to a folder that takes files."
+)
 
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
@@ -60,7 +79,8 @@ def is_kept(loop: Any, types: tuple[Any, ...]) -> bool:
 def may_be_kept(loop: Any) -> bool:
     """Whether the code of a loop can be written to disk."""
     folder = Path(loop._cache.cache_path)
-    return os.access(next(path for path in (folder, *folder.parents) if path.exists()), os.W_OK)
+    there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
+    return there.is_dir() and os.access(there, os.W_OK)
 
 
 def number_of_threads() -> int:
@@ -95,7 +115,10 @@ def _contents_of_all_kernels() -> str:
 
 
 class _KernelFiles(IndexDataCacheFile):
-    """The machine code of one function, in a file per signature and state of the kernels."""
+    """The machine code of one function, in a file per signature and state of the kernels.
+
+    Each file begins with a hash of the rest. A file that cannot be read, or is damaged, is a missing one.
+    """
 
     _version: str
 
@@ -103,6 +126,12 @@ class _KernelFiles(IndexDataCacheFile):
         super().__init__(cache_path, filename_base, stamp)
         # read before the rest of an index, which may hold types of modules that are no longer there
         self._version = f"{numba.__version__} {stamp}"
+
+    def load(self, key: Any) -> Any:
+        try:
+            return pickle.loads(_unsealed(self._data_path(self._load_index()[key])))
+        except Exception:  # pickle raises errors of any kind
+            return None
 
     def save(self, key: Any, data: Any) -> None:
         """Write the code before the index that names it.
@@ -117,14 +146,77 @@ class _KernelFiles(IndexDataCacheFile):
         self._save_data(name, data)
         self._save_index({**overloads, key: name})
 
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            stream = BytesIO(_unsealed(self._index_path))
+            if pickle.load(stream) != self._version:
+                return {}
+            _, overloads = pickle.load(stream)
+        except Exception:  # pickle raises errors of any kind
+            return {}
+        return overloads
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[BytesIO]:
+        with super()._open_for_write(filepath) as stream:
+            content = BytesIO()
+            yield content
+            stream.write(_seal(content.getvalue()) + content.getvalue())
+
     def _remove_code_of_other_kernels(self) -> None:
         for path in Path(self._cache_path).glob(self._index_name.removesuffix("nbi") + "*.nbc"):
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink()
+
+
+def _seal(content: bytes) -> bytes:
+    return blake2b(content, digest_size=SEAL).digest()
+
+
+def _unsealed(path: str) -> bytes:
+    """Return the content of a file without its hash."""
+    sealed = Path(path).read_bytes()
+    if _seal(sealed[SEAL:]) != sealed[:SEAL]:
+        raise ValueError(f"'{path}' is damaged.")
+    return sealed[SEAL:]
+
+
+class _ReadOnlyLocator(InTreeCacheLocator):
+    """The folder of the cache where no folder takes files, whose code of another time can be read."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        if config.CACHE_DIR:
+            self._cache_path = UserProvidedCacheLocator(py_func, py_file).get_cache_path()
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> "_ReadOnlyLocator":
+        return cls(py_func, py_file)
+
+
+class _KernelCode(CompileResultCacheImpl):
+    """numba's description of machine code, for which there is always a folder."""
+
+    _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
 
 
 class _KernelCache(FunctionCache):
-    """numba's cache on disk, emptied by a change of any kernel, and by no change of a file's time."""
+    """numba's cache on disk, emptied by a change of any kernel, and by no change of a file's time.
+
+    Code that cannot be written is code that this process alone has, and the first of it is worth a warning.
+    """
+
+    _impl_class = _KernelCode
+    _warned = False
 
     def __init__(self, function: Callable) -> None:
         super().__init__(function)
         self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels())
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            if not _KernelCache._warned:
+                logger.warning(NOT_KEPT, self.cache_path, error.strerror or error)
+            _KernelCache._warned = True

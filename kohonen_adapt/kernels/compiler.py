@@ -13,6 +13,8 @@ from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
 from numba.core.types.misc import unliteral
 from numba.core.typing import Context
 
+from kohonen_adapt.kernels.interrupts import interrupts_held
+
 __all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
 
 DEFAULTS = Flags().values()
@@ -152,6 +154,11 @@ class Loop(CPUDispatcher):
     """
 
     targetdescr = _Target("cpu")
+
+    def compile(self, sig: Any) -> Any:
+        """Compile the loop for a signature; Ctrl-C waits until the loop or one that it calls is compiled."""
+        with interrupts_held():
+            return super().compile(sig)
 
     def get_call_template(self, args: Iterable[Any], kws: dict[str, Any]) -> Any:
         """What a call of these types is compiled to."""

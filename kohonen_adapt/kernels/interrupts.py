@@ -1,0 +1,49 @@
+"""Hold Ctrl-C back while numba compiles."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+__all__ = ["interrupts_held"]
+
+Handler = Callable[[int, FrameType | None], object]
+
+
+class _Held:
+    """A handler that keeps signals for the handler in whose place it stands."""
+
+    def __init__(self, handler: Handler) -> None:
+        self._handler = handler
+        self._signals: list[tuple[int, FrameType | None]] = []
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self._signals.append((number, frame))
+
+    def deliver(self) -> None:
+        while self._signals:
+            self._handler(*self._signals.pop())
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Deliver Ctrl-C at the end of the block, also of a block within another.
+
+    LLVM calls Python while it makes machine code. A KeyboardInterrupt in such a call would be lost, and numba would
+    raise a RuntimeError later, because the call did not store what it had to.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python runs handlers in the main thread only
+        return
+    before = signal.getsignal(signal.SIGINT)
+    held = before if isinstance(before, _Held) else _Held(before) if callable(before) else None
+    if held is None:  # Ctrl-C is ignored or ends the process
+        yield
+        return
+    signal.signal(signal.SIGINT, held)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        held.deliver()
