@@ -1,6 +1,5 @@
 """Random magnets of nonlinear material, on coarse meshes of one kind of element each."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,11 +77,8 @@ def _mesh(rng: np.random.Generator, left: float, curved: bool) -> MeshTri:
         bent, inside = MeshTri2.from_mesh(mesh).p.copy(), np.flatnonzero(mesh.f2t[1] >= 0)
         bent[:, mesh.nvertices + inside] += rng.uniform(-0.025, 0.025, (2, inside.size)) / number
         mesh = MeshTri2(bent, mesh.t)
-    return _named(mesh, {name: np.flatnonzero(own) for name, own in parts.items()})
-
-
-def _named(mesh: MeshTri, subdomains: Mapping[str, np.ndarray]) -> MeshTri:
-    return mesh.with_subdomains(subdomains).with_boundaries({"outer": lambda x: np.ones(x.shape[1], dtype=bool)})
+    mesh = mesh.with_subdomains({name: np.flatnonzero(own) for name, own in parts.items()})
+    return mesh.with_boundaries({"outer": lambda x: np.ones(x.shape[1], dtype=bool)})
 
 
 def _law(rng: np.random.Generator, kind: int) -> Froehlich | Brauer | Arctan | np.ndarray:
@@ -104,14 +100,15 @@ def divided(mesh: MeshTri) -> MeshTri:
     """Return the mesh with every element cut in four, curved ones as images of the parts of the reference element."""
     if not isinstance(mesh, MeshTri2):
         return mesh.refined()
-    straight = MeshTri(mesh.p[:, : mesh.nvertices], mesh.t).with_subdomains(mesh.subdomains)
+    straight = MeshTri(mesh.p[:, : mesh.nvertices], mesh.t)
+    straight = straight.with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
     fine, parent = straight.refined(), np.tile(np.arange(mesh.t.shape[1]), 4)
     corner = straight.mapping().invF(np.moveaxis(fine.p[:, fine.t], 1, 2), tind=parent)
     middle = 0.5 * (corner + np.roll(corner, -1, axis=2))  # of sides as scikit-fem numbers them
     places = np.empty((2, fine.nvertices + fine.facets.shape[1]))
     for at, node in ((corner, fine.t), (middle, fine.nvertices + fine.t2f)):
         places[:, node.T] = mesh.mapping().F(at, tind=parent)
-    return _named(MeshTri2(places, fine.t), fine.subdomains)
+    return MeshTri2(places, fine.t).with_subdomains(fine.subdomains).with_boundaries(fine.boundaries)
 
 
 def by_degree(mesh: MeshTri, ritz: ka.Ritz, degree: int = FINE) -> float:
