@@ -234,3 +234,11 @@ def writable_folder(folder: Path) -> Path:
             return folder
     except OSError as error:
         raise OSError(f"--out expected a folder that takes files; '{folder}' does not: {error.strerror}.") from error
+
+
+def refuse_link(folder: Path) -> None:
+    """Raise FileExistsError if a folder whose files are replaced is a link."""
+    if folder.is_symlink():
+        raise FileExistsError(
+            f"'{folder}' is a link, and files behind links are not replaced: remove the link, or choose another folder."
+        )

@@ -12,6 +12,7 @@ from typing import Any
 from skfem import MeshTri
 
 from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.commands.arguments import refuse_link
 from kohonen_adapt.display import divided, lattice
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files
 from kohonen_adapt.io import write_mesh
@@ -63,10 +64,12 @@ class CaseRun:
         FileNotFoundError
             If there is no run to go on with.
         FileExistsError
-            If the folder has the result or the passes of a run, and neither `resume` nor `force` is given.
+            If the folder has the result or the passes of a run, and neither `resume` nor `force` is given, or if the
+            folder of the passes is a link.
         OSError
             If files cannot be removed.
         """
+        refuse_link(self.passes)
         if not resume:
             self._remove_run(force)
         elif not self.passes.is_dir():

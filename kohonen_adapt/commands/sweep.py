@@ -17,7 +17,7 @@ import numpy as np
 from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.cases.kinds import about
 from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
-from kohonen_adapt.commands.arguments import writable_folder
+from kohonen_adapt.commands.arguments import refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure
 from kohonen_adapt.loop.adapt import adapt
@@ -132,6 +132,7 @@ def _begun(arguments: argparse.Namespace) -> Path:
     """The folder, ready to begin anew or to go on; what is in one that has not ended is worth keeping."""
     folder: Path = arguments.resume or writable_folder(arguments.out)
     cases = folder / CASES
+    refuse_link(cases)
     if arguments.resume and not cases.is_dir():
         raise FileNotFoundError(
             f"--resume expected the folder of a sweep that was begun; '{folder}' has no '{CASES}'. Begin with --out "

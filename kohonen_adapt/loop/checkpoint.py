@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,10 @@ class Checkpoint:
             except ValueError as error:
                 raise self._damaged(file, error) from error
             mesh = movable.mesh() if values["number"] else movable.start()
+            sizes = {"indicators": mesh.t.shape[1], "nodes": mesh.nvertices}
+            for name, size in sizes.items():
+                if values[name].shape != (size,):
+                    raise self._damaged(file, ValueError(f"{name} has shape {values[name].shape}, not ({size},)"))
             yield self.record(mesh=mesh, **values)
 
     def keep(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
@@ -128,11 +133,13 @@ class Checkpoint:
         whole = BytesIO(file.read_bytes())  # what goes wrong from here on is damage and not the disk
         try:
             with np.load(whole, allow_pickle=False) as content:
+                _check_sizes(content, whole.getbuffer().nbytes)
                 arrays = {name: content[name] for name in content.files}
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"it says format {about['format']} and pass {about['number']}")
             values = {name: _plain(about, arrays, name) for name in self._names()}
+            _check_kinds(values | {"run": about["run"]}, get_type_hints(self.record) | {"run": dict[str, str]})
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise self._damaged(file, error) from error
@@ -144,6 +151,35 @@ class Checkpoint:
             f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}): delete it and the passes after "
             "it to go on from the one before, or choose another folder."
         )
+
+
+def _check_sizes(content: Any, most: int) -> None:
+    """Raise ValueError if an archive unpacks to more than its own size, because `keep` does not compress."""
+    declared = sum(member.file_size for member in content.zip.infolist())
+    if declared > most:
+        raise ValueError(f"it would unpack to {declared} bytes, and has {most}")
+
+
+def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
+    """Raise ValueError if a field of a pass is not of its annotated type."""
+    for name, value in values.items():
+        if not _is_of(value, kinds[name]):
+            raise ValueError(f"{name} must be {kinds[name]}; got {value!r}")
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    origin, inner = get_origin(kind) or kind, get_args(kind)
+    if origin is dict:
+        return isinstance(value, dict) and all(map(_is_of, value.values(), [inner[1]] * len(value)))
+    if origin is tuple:
+        return isinstance(value, tuple) and all(map(_is_of, value, [inner[0]] * len(value)))
+    if origin is np.ndarray:
+        (scalar,) = get_args(inner[1])
+        return isinstance(value, np.ndarray) and np.issubdtype(value.dtype, scalar)
+    if NoneType in inner:
+        return value is None or _is_of(value, inner[0])
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number if origin is float else isinstance(value, origin) and (number or origin is not int)
 
 
 def _plain(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:

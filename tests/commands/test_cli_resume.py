@@ -392,6 +392,18 @@ def test_run_over_a_result_without_its_passes_asks_for_force(case, tmp_path, cap
     assert (tmp_path / "history.csv").read_text() == "mine" and not (tmp_path / "passes").exists()
 
 
+@pytest.mark.parametrize("options", [["--out"], ["--force", "--out"], ["--resume"]])
+def test_a_link_in_place_of_the_passes_is_not_followed(options, case, tmp_path, capsys):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "pass-0000.npz").write_text("precious")
+    out.mkdir()
+    (out / "passes").symlink_to(elsewhere)
+    assert run(case, *options, out) == 2
+    assert f"'{out / 'passes'}' is a link, and files behind links are not replaced" in capsys.readouterr().err
+    assert contents(elsewhere) == {elsewhere / "pass-0000.npz": b"precious"}
+
+
 def test_resume_where_nothing_was_begun(case, tmp_path, capsys):
     for folder in (tmp_path, tmp_path / "none"):
         assert run(case, "--resume", folder) == 2

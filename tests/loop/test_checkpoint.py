@@ -439,6 +439,46 @@ def test_a_pass_that_lacks_something(name, folder):
         ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
 
 
+@pytest.mark.parametrize(
+    ("forged", "said"),
+    [
+        ({"functional": "x"}, "functional must be .*float.*; got 'x'"),
+        ({"estimate": None}, "estimate must be .*float.*; got None"),
+        ({"number": True}, "number must be .*int.*; got True"),
+        ({"outputs": {"energy": "x"}}, "outputs must be dict.*; got {'energy': 'x'}"),
+        ({"quantization_errors": [1.0, "x"]}, "quantization_errors must be tuple.*"),
+        ({"nodes": [0, 1]}, "nodes must be .*; got .0, 1."),
+        ({"run": [1]}, "run must be dict.*; got .*1"),
+    ],
+)
+def test_a_forged_pass_with_right_checksums_names_its_file(forged, said, folder):
+    def forge(arrays):
+        about = json.loads(arrays["about"].tobytes()) | forged
+        for name in set(forged) & set(arrays):
+            arrays.pop(name)
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+
+    rewritten(folder / "pass-0001.npz", forge)
+    with pytest.raises(ValueError, match=rf"pass-0001.npz' is damaged \(ValueError: {said}"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+@pytest.mark.parametrize("name", ["indicators", "nodes"])
+def test_a_forged_array_of_another_length_names_its_file(name, folder):
+    rewritten(folder / "pass-0001.npz", lambda arrays: arrays.update({name: arrays[name][:-1]}))
+    with pytest.raises(ValueError, match=rf"pass-0001.npz' is damaged \(ValueError: {name} has shape"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
+def test_a_pass_that_unpacks_to_more_than_its_size_is_refused(folder):
+    file = folder / "pass-0001.npz"
+    with np.load(file) as content:
+        arrays = {name: content[name] for name in content.files}
+    np.savez_compressed(file, more=np.zeros(10**7), **arrays)
+    with pytest.raises(ValueError, match=r"pass-0001.npz' is damaged .*would unpack to 8\d{7} bytes"):
+        ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+
+
 def test_no_pickle_is_read(folder, tmp_path):
     class Trap:
         def __reduce__(self):
