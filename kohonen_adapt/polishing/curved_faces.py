@@ -68,7 +68,8 @@ class CurvedFaces:
         e, k = np.nonzero(np.append(counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
         outer = covered(tet.position, elements, patches, e, k)
-        source = np.broadcast_to(looked_up(np.asarray(ritz.source), number), number.shape)[elements.region]
+        stated = np.nan if callable(ritz.source) else np.asarray(ritz.source)  # nan, as a function ends anywhere
+        source = np.broadcast_to(looked_up(np.asarray(stated), number), number.shape)[elements.region]
         beyond = np.where(across >= 0, source[across], 0.0)
         ends = np.where(outer | (across >= 0), source[e] != beyond, source[e] != 0.0)
         level = np.abs(values[np.take_along_axis(elements.node[e], FACES[k], axis=1)]).max(axis=1, initial=0.0)

@@ -142,6 +142,10 @@ class Descent:
         """
         if not self.functional.nearly:
             return self, self.descend(sweeps, eager)
+        if self.functional.has_varying_source and sweeps > 1:
+            descent, fallen = self.lowered(1, eager)
+            descent, more = descent.lowered(sweeps - 1, eager) if fallen > 0.0 else (descent, 0.0)
+            return descent, fallen + more
         before = self.copy()
         self.descend(sweeps, eager)
         fallen = before.value() - self.value()
@@ -155,15 +159,22 @@ class Descent:
         """Swap where that is allowed and lowers the functional; returns by how much."""
         if not self.swaps:
             return 0.0
+        self.sample_source()
         return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
 
     def recycle(self) -> tuple[int, float]:
         """Exchange nodes by energy; returns how many, and what that took off the functional, or added if negative."""
+        self.sample_source()
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
+
+    def sample_source(self) -> None:
+        """Work out a source that varies where the nodes are now."""
+        self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
         """Move every node once, the parts of the mesh side by side, and then what is at their cuts."""
         mesh, star = self.opened.mesh, self.opened.star()
+        self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
         neurons = Neurons(mesh.position, mesh.elements, star, constraints)
 

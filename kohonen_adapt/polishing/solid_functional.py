@@ -28,7 +28,7 @@ from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.polishing.surface_values import given_on
-from kohonen_adapt.problem.functional_value import value_in_space
+from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_fits, unknown_in_space
 
@@ -144,13 +144,37 @@ class SolidFunctional:
 
     @property
     def nearly(self) -> bool:
-        """Whether swaps know nearly all of it only: not what is between faces and curved surfaces."""
-        return bool(self.faces.counted.any())
+        """True if loops know nearly all of it only: not a source that varies, or what is beyond faces of a curve."""
+        return self.has_varying_source or bool(self.faces.counted.any())
+
+    @property
+    def has_varying_source(self) -> bool:
+        """True if the source is a function."""
+        return callable(self.ritz.source)
 
     def trial(self, values: Floats, fixed: Mask) -> Trial:
-        """A function, what of it is given and the functional, for the kernels: loops change `values`, (n,)."""
+        """A function, what of it is given and the functional, for the kernels: loops change `values`, (n,).
+
+        A source that varies is zero until `sample_source`.
+        """
         laws = Laws(self.law, self.tables.first, self.tables.energy)
-        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows)
+        source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
+        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows, source)
+
+    def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
+        """Work out a source that varies around every node and in every region, weighted by the node's function.
+
+        Loads of nodes are those of the functional then.
+        """
+        if not callable(self.ritz.source):
+            return
+        used = elements.node[:, 0] >= 0
+        node, region, shape = elements.node[used].T, elements.region[used], trial.source.shape
+        corners, row = position.T[:, node], (node * np.int64(shape[1]) + region).ravel()
+        loads = loads_in_space(corners, self.number[region], self.ritz.source)
+        six = np.broadcast_to(np.abs(TETRAHEDRON.determinant(corners)), node.shape)
+        load, total = (np.bincount(row, part.ravel(), trial.source.size).reshape(shape) for part in (loads, six))
+        trial.source[:] = np.divide(load, total, out=np.zeros(shape), where=total > 0.0)
 
     def freedom(self, freedom: Freedom, fixed: Mask) -> Freedom:
         """What nodes may do when those are held whose given values no formula would carry along."""

@@ -9,7 +9,7 @@ from kohonen_adapt.kernels.arrays import Points
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
-from kohonen_adapt.problem.functional_value import alike, flux_on, source_on, source_points
+from kohonen_adapt.problem.functional_value import alike, flux_on, loads_in_space, source_on, source_points
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, looked_up, source_at
 
@@ -115,6 +115,11 @@ def derivatives_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ri
     field = secants(gradient[:, None], np.ones(()), number, ritz)[0] * gradient
     flux = np.stack([looked_up(part, number) * np.ones_like(volume) for part in flux_table(np.asarray(ritz.flux), 3)])
     stored, pushed = (volume * np.einsum("dkm,dm->km", hats, part) for part in (field, flux))
-    pulled = np.broadcast_to(looked_up(np.asarray(ritz.source), number) * volume / 4.0, stored.shape)
+    doubt = np.zeros_like(stored)
+    if callable(ritz.source):
+        pulled = loads_in_space(corners, number, ritz.source)
+        doubt = np.abs(pulled - source_at(corners.mean(axis=1)[:, None], number, ritz.source)[0] * volume / 4.0)
+    else:
+        pulled = np.broadcast_to(looked_up(np.asarray(ritz.source), number) * volume / 4.0, stored.shape)
     size = np.abs(stored) + np.abs(pushed) + np.abs(pulled)
-    return Derivatives((stored - pushed - pulled).T, size.T, np.zeros_like(size.T))
+    return Derivatives((stored - pushed - pulled).T, size.T, doubt.T)

@@ -1,10 +1,11 @@
 """Work out the value of a Ritz functional, on triangles and on tetrahedra."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
-from skfem import ElementTriP1, Mesh, MeshTri
+from numpy.typing import ArrayLike
+from skfem import ElementTetP1, ElementTriP1, Mesh, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -34,11 +35,14 @@ __all__ = [
     "flux_on",
     "functional_value",
     "integrated",
+    "loads_in_space",
     "source_on",
     "source_points",
     "value_in_space",
     "value_on",
 ]
+
+DEGREE_IN_SPACE = 7  # of the rule for a varying source on tetrahedra; that of 6 has points on faces
 
 
 def integrated(ritz: Ritz) -> Reference:
@@ -133,8 +137,25 @@ def _value_by_points(
 def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
     """The functional on tetrahedra with these corners (3, 4, m), values there (4, m) and region numbers (m,)."""
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
-    density = density_in_space(slope, number, ritz) - looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
-    return float(np.sum(np.abs(TETRAHEDRON.determinant(corners)) * density)) / 6.0
+    six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, number, ritz)
+    if callable(ritz.source):
+        pull = float(np.sum(loads_in_space(corners, number, ritz.source) * values))
+        return float(np.sum(six * density)) / 6.0 - pull
+    density = density - looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
+    return float(np.sum(six * density)) / 6.0
+
+
+def loads_in_space(corners: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """Return the integrals of a varying source times the functions of tetrahedra with corners (3, 4, m), (4, m).
+
+    The rule is exact for a source that is a polynomial of degree 6.
+    """
+    points, weight = get_quadrature(ElementTetP1, DEGREE_IN_SPACE)
+    loads = np.zeros(corners.shape[1:])
+    for share, part in zip(np.vstack([1.0 - points.sum(axis=0), points]).T, weight, strict=True):
+        at = source_at(np.einsum("k,dkm->dm", share, corners)[:, None], number, source)[0]
+        loads += part * share[:, None] * at
+    return loads * np.abs(TETRAHEDRON.determinant(corners))
 
 
 def density_in_space(slope: Floats, number: Ints, ritz: Ritz) -> Floats:

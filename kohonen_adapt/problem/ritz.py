@@ -81,9 +81,12 @@ class Ritz:
     coefficient
         > 0: a constant, or one value per region number, (nregions,).
     source
-        A constant, or one value per region number, (nregions,). In the plane, where it varies inside regions, a
-        function of x (2, n) and the region numbers there (n,) that returns (n,), smooth in each region. A quadrature
-        rule of degree 2 order + 4 integrates it. A flux that is a function then has no polish beside it.
+        A constant, or one value per region number, (nregions,). Where it varies inside regions, a function of x (2, n)
+        or (3, n) and the region numbers there (n,) that returns (n,), smooth in each region. A quadrature rule of
+        degree 2 order + 4 integrates it, on tetrahedra of degree 7, with points inside elements. The loops of the
+        polish on tetrahedra have one value around each node in each region, its weighted mean; the functional by the
+        rule decides whether a sweep or a recycling stays. There a function counts as a source that ends at every curved
+        surface. In the plane a flux that is a function has no polish beside it.
     flux
         0.0 for none; a constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``. On
         tetrahedra it has three components. Where it varies inside regions of a mesh in the plane, a function of x
@@ -292,6 +295,5 @@ def unknown_in_space(ritz: Ritz) -> str:
         "its Ritz has a dual": ritz.dual is not None,
         "its Ritz has signs of pairs": bool(ritz.signs),
         "the flux of its Ritz is a function": callable(ritz.flux),
-        "the source of its Ritz is a function": callable(ritz.source),
     }
     return next((f"{reason}, and that is for the plane only" for reason, found in has.items() if found), "")

@@ -25,7 +25,8 @@ def on_nodes(mesh, seed=0, bent=False, value=None):
     number[-1] = 0 if bent else -1
     tables = tabulated([LAW], 10.0)
     places = len(mesh.surfaces.shape) + len(mesh.surfaces.ridge_shape)
-    return Trial(values, fixed, data, Laws(number, tables.first, tables.energy), np.zeros((places, 3)), *plain(mesh))
+    laws, rate = Laws(number, tables.first, tables.energy), np.zeros((places, 3))
+    return Trial(values, fixed, data, laws, rate, *plain(mesh), np.zeros((0, regions)))
 
 
 def plain(mesh):

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import Laws, Neurons
 from kohonen_adapt.kernels.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, Constraints, Star, Trial
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    ON_PATCH,
+    ON_RIDGE,
+    SOURCE_24TH,
+    Constraints,
+    Star,
+    Trial,
+)
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.kernels.tetrahedron.descend import (
     LEAST_CURVATURE,
@@ -62,7 +71,8 @@ class Setting:
         tables = tabulated(distinct, 60.0)
         number = np.array([-1 if law is None else distinct.index(law) for law in laws], dtype=np.int32)
         data = self.constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0])
-        self.trial = Trial(value, fixed, data, Laws(number, tables.first, tables.energy), rate, *plain(self.mesh))
+        laws, no_source = Laws(number, tables.first, tables.energy), np.zeros((0, 2))
+        self.trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), no_source)
         star = Star.of(rows, len(self.mesh.elements.node))
         fill_star(self.mesh.elements.node, star)
         freedom = self.mesh.freedom
@@ -79,7 +89,8 @@ class Setting:
     def size(self):
         """The sum of magnitudes that the functional is made of."""
         told, rows = interpreted(element_energy), zip(self.mesh.elements.region, self.node, strict=False)
-        return sum(told(self.mesh.position, self.trial, region, *corners)[1] for region, corners in rows)
+        load = self.trial.data[:, SOURCE_24TH]
+        return sum(told(self.mesh.position, self.trial, r, load[r], *corners)[1] for r, corners in rows)
 
     def sweep(self, order=None):
         order = np.arange(self.nodes) if order is None else order
@@ -195,6 +206,16 @@ def test_what_a_sweep_tells_is_what_the_functional_fell(seed, given_values, laws
     fixed = at.trial.fixed
     np.testing.assert_allclose(at.trial.value[fixed], (at.mesh.position @ at.slope)[fixed], atol=1e-12)
     assert np.all(at.mesh.position[fixed, 0] == 0.0)
+
+
+def test_a_source_by_node_and_one_by_region_of_the_same_value_move_nodes_alike():
+    one, other = Setting(2), Setting(2)
+    load = one.trial.data[:, SOURCE_24TH]
+    other.trial = other.trial._replace(source=np.tile(load, (len(one.mesh.position), 1)))
+    other.trial.data[:, SOURCE_24TH] = 0.0
+    assert one.sweep() == other.sweep()
+    np.testing.assert_array_equal(one.mesh.position, other.mesh.position)
+    np.testing.assert_array_equal(one.trial.value, other.trial.value)
 
 
 def test_nodes_that_are_held_have_their_best_value_and_given_ones_keep_theirs():

@@ -14,7 +14,7 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.arrays import padded
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
@@ -282,3 +282,15 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
         found.append((told, mesh.p, mesh.t, values))
     assert found[0][0] == found[1][0]
     assert all(np.array_equal(one, other) for one, other in zip(found[0][1:], found[1][1:], strict=True))
+
+
+def test_a_source_by_node_and_one_by_region_of_the_same_value_exchange_nodes_alike():
+    one, other = (Setting(two_regions(4), load=30.0) for _ in range(2))
+    load = one.trial.data[:, SOURCE_24TH].copy()
+    other.trial = other.trial._replace(
+        data=one.trial.data * np.array([1.0, 0.0, 1.0, 1.0, 1.0]), source=np.tile(load, (len(one.trial.value), 1))
+    )
+    pairs, lowered = one.recycle()
+    assert pairs > 0 and (pairs, lowered) == other.recycle()
+    np.testing.assert_array_equal(one.trial.value, other.trial.value)
+    np.testing.assert_array_equal(other.trial.source, np.tile(load, (len(one.trial.value), 1)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from skfem import MeshTet, MeshTri, MeshTri2
+from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from benchmarks.problems.gaussian_sources import GaussianSources
@@ -104,18 +104,3 @@ def test_on_curved_sides():
     exact = problem.energy(disk.refined(1), 3)
     better = ka.polish(disk, problem)
     assert problem.energy(better, 2) > problem.energy(disk, 2) and exact > 0.0
-
-
-def test_tetrahedra_say_that_they_have_no_polish():
-    class Solid:
-        def solve(self, mesh):
-            return np.zeros(mesh.nvertices)
-
-        def indicators(self, mesh, solution):
-            return np.ones(mesh.nelements)
-
-        def ritz(self, mesh, solution):
-            return ka.Ritz(solution, np.zeros(mesh.nvertices, dtype=bool), 1.0, lambda x, region: x[0])
-
-    result = ka.adapt(MeshTet().refined(1), Solid(), passes=1)
-    assert "the source of its Ritz is a function, and that is for the plane only" in result.message

@@ -183,6 +183,8 @@ class Trial(NamedTuple):
     rate: np.ndarray  # (p + r, 3): gradient along patches, then along ridges, of values that are given there
     counted: np.ndarray  # (p,) bool: curved patches of which what is between them and their faces is counted
     follows: np.ndarray  # (p,) bool: patches on which values are given, that go on beyond the faces
+    # A 24th of the source around every node in every region, where a function gives it; else no rows.
+    source: np.ndarray  # (n, regions) or (0, regions)
 
 
 @record

@@ -24,10 +24,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,
     SIXTH_FLUX_Z,
-    SOURCE_24TH,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING
+from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, source_around
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, pull_of_slivers, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
@@ -119,7 +118,7 @@ def derivatives(neurons, trial, v):
             weight, per_volume = 2.0 * data[region, TWELFTH_COEFFICIENT] * inverse, data[region, TWELFTH_COEFFICIENT]
             per_volume *= square
             energy = per_volume * six
-        load = data[region, SOURCE_24TH]
+        load = source_around(trial, region, v)
         fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
         around = alpha + beta + gamma
         pull, push = load * six * around, fx * nx + fy * ny + fz * nz
@@ -175,7 +174,7 @@ def parabola(neurons, trial, v, x, y, z, w):
         ny = alpha * py + beta * qy + gamma * ry
         nz = alpha * pz + beta * qz + gamma * rz
         square, along = nx * nx + ny * ny + nz * nz, nx * sx + ny * sy + nz * sz
-        load, law = data[region, SOURCE_24TH] * six, trial.laws.number[region]
+        load, law = source_around(trial, region, v) * six, trial.laws.number[region]
         fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
         weight = 2.0 * data[region, TWELFTH_COEFFICIENT] / six
         if law >= 0:

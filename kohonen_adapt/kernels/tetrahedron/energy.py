@@ -6,6 +6,11 @@ That of an element (a, b, c, d) with six times the volume D is, for int c/2 |gra
 
 A, B, C the ways from a to the others, al, be, ga the differences of their values: grad u = n / D. Nonlinear material
 has D W(|grad u|^2) / 6 in place of the first term.
+
+Where f varies inside regions, all elements that a change takes out and puts in have the same one f in each region, the
+weighted mean around the node or the edge that changes. What that is wrong by is of first order in the size of the
+elements, for only the difference that the change makes to u is multiplied by it. An f for each element would add what
+the faces between them sweep over times the jumps of f, which is no smaller than the gain.
 """
 
 from kohonen_adapt.kernels.compilation import inner_kernel
@@ -22,8 +27,27 @@ ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no
 
 
 @inner_kernel
-def element_energy(position, trial, region, a, b, c, d):
-    """The functional of an element of positive volume, and the sum of the magnitudes that it is made of."""
+def source_around(trial, region, v):
+    """Return a 24th of the source around a node."""
+    if trial.source.shape[0] > 0:
+        return trial.source[v, region]
+    return trial.data[region, SOURCE_24TH]
+
+
+@inner_kernel
+def source_along(trial, region, a, b):
+    """Return a 24th of the source around an edge."""
+    if trial.source.shape[0] > 0:
+        return 0.5 * (trial.source[a, region] + trial.source[b, region])
+    return trial.data[region, SOURCE_24TH]
+
+
+@inner_kernel
+def element_energy(position, trial, region, load, a, b, c, d):
+    """Return the functional of an element of positive volume, and the sum of the magnitudes that it is made of.
+
+    The load is a 24th of the source.
+    """
     value, data = trial.value, trial.data
     ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
     ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
@@ -38,7 +62,7 @@ def element_energy(position, trial, region, a, b, c, d):
     ny = alpha * py + beta * qy + gamma * ry
     nz = alpha * pz + beta * qz + gamma * rz
     energy = stored_in(trial, region, six, nx * nx + ny * ny + nz * nz)
-    pull = data[region, SOURCE_24TH] * six * (value[a] + value[b] + value[c] + value[d])
+    pull = load * six * (value[a] + value[b] + value[c] + value[d])
     push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
     return energy - pull - push, energy + abs(pull) + abs(push)
 
@@ -65,7 +89,7 @@ def tilts_along(trial, ways, p, q, r):
 
 
 @inner_kernel
-def energy_on(trial, region, ways, tilts, way, value, side):
+def energy_on(trial, region, load, ways, tilts, way, value, side):
     """The functional of the tetrahedron of a triangle and the node with that value at the end of the way W from its
     first one, on the `side` that U x V points to (1) or on the other (-1): n = W x (be U - al V) + ga U x V.
     """
@@ -77,4 +101,4 @@ def energy_on(trial, region, ways, tilts, way, value, side):
     six = side * (wx * px + wy * py + wz * pz)
     push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
     energy = stored_in(trial, region, six, nx * nx + ny * ny + nz * nz)
-    return energy - data[region, SOURCE_24TH] * six * (values + value) - side * push
+    return energy - load * six * (values + value) - side * push

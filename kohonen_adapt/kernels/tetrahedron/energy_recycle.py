@@ -15,11 +15,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,
     SIXTH_FLUX_Z,
-    SOURCE_24TH,
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, gather_around
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy
+from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy, source_along, source_around
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     FLAT,
     allowed,
@@ -66,7 +65,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     one, by_one, by_ww_one = half_energy(trial, region, six, one, on_p + step * p_p, p_p)
     two = square - step * (2.0 * on_o - step * o_o)
     two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
-    pull = data[region, SOURCE_24TH] * six
+    pull = source_along(trial, region, a, b) * six
     lift = data[region, SIXTH_FLUX_X] * (px - ox) + data[region, SIXTH_FLUX_Y] * (py - oy)
     lift += data[region, SIXTH_FLUX_Z] * (pz - oz)
     push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
@@ -227,12 +226,12 @@ def edge_between(node, e, a, b):
 
 
 @inner_kernel
-def energy_around(mesh, trial, count):
-    """The functional of the elements in `cavity.old`, and the worst cubed quality of them."""
+def energy_around(mesh, trial, v, count):
+    """Return the functional of the elements in `cavity.old`, around v, and the worst cubed quality of them."""
     total, worst, node = 0.0, 2.0, mesh.elements.node
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
-        total += energy_of(mesh, trial, node, e, mesh.elements.region[e])[0]
+        total += energy_of(mesh, trial, node, e, mesh.elements.region[e], v, v)[0]
         total += slivers_of(mesh.position, mesh.elements, mesh.surfaces, trial, e, STILL)[0]
         worst = min(worst, element_quality(mesh.position, node, e))
     return total, worst
@@ -256,7 +255,8 @@ def energy_merged(mesh, trial, v, w, count, least):
         a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
         if not cubed_quality(mesh.position, w, a, b, c) >= least:
             return np.inf
-        total += element_energy(mesh.position, trial, mesh.elements.region[e], w, a, b, c)[0]
+        region = mesh.elements.region[e]
+        total += element_energy(position, trial, region, source_around(trial, region, v), w, a, b, c)[0]
         total += slivers_of(position, elements, mesh.surfaces, trial, e, moved)[0]
     return total
 
@@ -268,7 +268,7 @@ def cheapest_collapse(mesh, trial, v, most, floor):
     """
     freedom, least, into = mesh.freedom, most, np.int64(NOWHERE)
     count = gather_around(mesh, v, mesh.cavity.old)
-    before, worst = energy_around(mesh, trial, count)
+    before, worst = energy_around(mesh, trial, v, count)
     for i in range(list_neighbours(mesh, v, count)):
         w = np.int64(mesh.cavity.made[i])
         if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
@@ -350,5 +350,7 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
         p = split(mesh, a, b, count)
         enter_made(mesh, queue, 2 * count)
         trial.value[p], trial.fixed[p], offers.fresh[p] = value, False, True
+        for region in range(trial.source.shape[1] if trial.source.shape[0] > 0 else 0):
+            trial.source[p, region] = source_along(trial, region, a, b)
         pairs, lowered = pairs + 1, lowered + gain - cost
     return pairs, lowered

@@ -36,7 +36,7 @@ CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, 
 OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = RecordType(arrays.Queue, (int8[::1], I1, L1))
 LAWS = RecordType(shared.Laws, (I1, int64, R3))
-TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1))
+TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
 OFFERS = RecordType(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 

@@ -13,7 +13,7 @@ import numpy as np
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, face_stands, fourth_node
-from kohonen_adapt.kernels.tetrahedron.energy import energy_on, tilts_along
+from kohonen_adapt.kernels.tetrahedron.energy import energy_on, source_along, tilts_along
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     FLAT,
     cubed_quality_on,
@@ -146,8 +146,9 @@ def worth_with(mesh, trial, side, i, j, k, a, b, least):
         value = min(value, worst)
         return value if value > least else RULED_OUT
     region, tilts = mesh.elements.region[mesh.cavity.fan[side, 0]], tilts_along(trial, ways, p, q, r)
-    above = energy_on(trial, region, ways, tilts, to_b, trial.value[b], 1.0)
-    return before + after - above - energy_on(trial, region, ways, tilts, to_a, trial.value[a], -1.0)
+    load = source_along(trial, region, a, b)
+    above = energy_on(trial, region, load, ways, tilts, to_b, trial.value[b], 1.0)
+    return before + after - above - energy_on(trial, region, load, ways, tilts, to_a, trial.value[a], -1.0)
 
 
 @inner_kernel

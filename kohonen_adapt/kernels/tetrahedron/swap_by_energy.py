@@ -8,7 +8,7 @@ same whichever way the edge runs: on planes, where values are free or linear.
 import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy
+from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy, source_along
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, element_volumes
 from kohonen_adapt.kernels.tetrahedron.surgery import replace
 from kohonen_adapt.kernels.tetrahedron.swap import (
@@ -26,18 +26,29 @@ SIX_VOLUMES, ENERGY = 0, 1  # columns of what was seen of an element
 
 
 @inner_kernel
-def energy_of(mesh, trial, node, e, region):
-    """The functional of row e of some elements, and the sum of the magnitudes that it is made of."""
-    return element_energy(mesh.position, trial, region, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+def energy_of(mesh, trial, node, e, region, a, b):
+    """Return the functional of row e of some elements, and the sum of the magnitudes that it is made of.
+
+    The source is that around the edge ab.
+    """
+    load = source_along(trial, region, a, b)
+    return element_energy(mesh.position, trial, region, load, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
 
 
 @inner_kernel
-def energy_of_old(mesh, trial, count):
-    """The functional of the `count` elements to be taken out, and the sum of magnitudes."""
+def energy_seen(mesh, trial, e):
+    """Return the same of an element of the mesh by itself."""
+    node = mesh.elements.node
+    return energy_of(mesh, trial, node, e, mesh.elements.region[e], node[e, 0], node[e, 1])
+
+
+@inner_kernel
+def energy_of_old(mesh, trial, count, a, b):
+    """Return the functional of the `count` elements to be taken out, and the sum of magnitudes, for the edge ab."""
     total = size = 0.0
     for i in range(count):
         e = mesh.cavity.old[i]
-        energy, more = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e])
+        energy, more = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e], a, b)
         total, size = total + energy, size + more
     return total, size
 
@@ -55,7 +66,7 @@ def remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor):
         return 0, 0.0
     if other > 0:
         after -= triangulate(mesh, trial, 1, other, a, b, least)
-    before, size = energy_of_old(mesh, trial, found + found_other)
+    before, size = energy_of_old(mesh, trial, found + found_other, a, b)
     gain = before - after
     if not gain > ROUNDING * size:
         return 0, 0.0
@@ -74,9 +85,10 @@ def swap_face_downhill(mesh, trial, queue, e, k, floor):
     for new in range(3):
         if not element_quality(mesh.position, mesh.cavity.new, new) >= least:
             return 0, 0.0
-    gain, size = energy_of_old(mesh, trial, 2)
+    a, b = mesh.cavity.new[0, 0], mesh.cavity.new[0, 1]
+    gain, size = energy_of_old(mesh, trial, 2, a, b)
     for new in range(3):
-        gain -= energy_of(mesh, trial, mesh.cavity.new, new, mesh.cavity.region[new])[0]
+        gain -= energy_of(mesh, trial, mesh.cavity.new, new, mesh.cavity.region[new], a, b)[0]
     if not gain > ROUNDING * size:
         return 0, 0.0
     return (3 if replace(mesh, 2, 3) else 0), gain
@@ -106,7 +118,7 @@ def enter_changed(mesh, trial, queue, seen, share):
         if mesh.elements.node[e, 0] < 0 or queue.waiting[e]:
             continue
         volumes = element_volumes(mesh.position, mesh.elements.node, e)
-        energy, size = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e])
+        energy, size = energy_seen(mesh, trial, e)
         if abs(volumes - seen[e, SIX_VOLUMES]) > share * volumes or abs(energy - seen[e, ENERGY]) > share * size:
             enter(queue, e)
 
@@ -116,7 +128,8 @@ def swap_downhill(mesh, trial, queue, seen, open_patch, floor, limit):
     """Look at edges and faces of so many elements that wait, and swap where that lowers the functional; `floor` is
     cubed. Returns the number of swaps, and what they took off. It is done when no element waits.
 
-    `open_patch` (p,) are the patches whose edges may be swapped.
+    `open_patch` (p,) are the patches whose edges may be swapped. Beside a source that varies, what is made waits for
+    the next call. Each swap is judged by the source around its own edge, so swaps could undo each other for ever.
     """
     swaps, lowered = 0, 0.0
     for _ in range(limit):
@@ -126,9 +139,9 @@ def swap_downhill(mesh, trial, queue, seen, open_patch, floor, limit):
         if mesh.elements.node[e, 0] < 0:
             continue
         seen[e, SIX_VOLUMES] = element_volumes(mesh.position, mesh.elements.node, e)
-        seen[e, ENERGY] = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e])[0]
+        seen[e, ENERGY] = energy_seen(mesh, trial, e)[0]
         made, gain = swap_downhill_at(mesh, trial, queue, open_patch, e, floor)
-        for i in range(made):
+        for i in range(made if trial.source.shape[0] == 0 else 0):
             enter(queue, np.int64(mesh.cavity.made[i]))
         if made > 0:
             swaps, lowered = swaps + 1, lowered + gain
