@@ -346,6 +346,9 @@ class Shapes(NamedTuple):
     around: bool  # an axis, all of them: the coefficient is divided by x, and a law has |grad u| / x
 
 
+VALUE, BLOCK, PLACE = range(3)  # wanted of an element: its value, derivatives by a block too, and by a position too
+
+
 @record
 class Block(NamedTuple):
     """Room for the unknowns that change with a node, or with an edge: d elements, u unknowns, b functions."""
@@ -359,6 +362,7 @@ class Block(NamedTuple):
     part: np.ndarray  # (b,): of one more
     bend: np.ndarray  # (5, 3, 2): as of `Shapes`, of the same five
     across: np.ndarray  # (b, 2): of each function, D times its gradient turned
+    added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
     stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then its Cholesky factor
     rest: np.ndarray  # (u,): first derivatives; then solved for with the factor
     mixed: np.ndarray  # (u, 2): second ones by the unknown and the position; then solved for with the factor
@@ -374,7 +378,7 @@ class Block(NamedTuple):
         numbers = np.empty(1, dtype=np.int32), np.empty(1), place, sign
         local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
         table, mixed, spoke = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
-        rooms = spoke, local[:4], local[4], np.empty((5, 3, 2)), across
+        rooms = spoke, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
         return cls(*numbers, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
 
 

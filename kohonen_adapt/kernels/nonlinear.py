@@ -16,19 +16,20 @@ def stored(laws, law, s):
     """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
     table = laws.table
     last = table.shape[1] - 1
-    begin = math.ldexp(0.5, laws.first)
-    end = math.ldexp(begin, last // STEPS)
-    if not s > begin:
+    mantissa, exponent = math.frexp(s)
+    octave = np.int64(exponent) - laws.first
+    if octave < 0 or not s > 0.0:
+        begin = math.ldexp(0.5, laws.first)
         rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
         bend = (rate - chord) / begin
         return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
-    if s >= end:  # of a flat triangle without bound
+    if octave >= last // STEPS or s == math.inf:  # of a flat triangle without bound
+        end = math.ldexp(0.5, laws.first + last // STEPS)
         return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
-    mantissa, exponent = math.frexp(s)
     place = (2.0 * mantissa - 1.0) * STEPS
     step = np.int64(place)
-    i = (np.int64(exponent) - laws.first) * STEPS + step
-    width, t = math.ldexp(0.5 / STEPS, exponent), place - step
+    i = octave * STEPS + step
+    width, t = 0.5 / STEPS * (s / mantissa), place - step  # a power of 2
     low, low_rate = table[law, i, DENSITY], table[law, i, RATE]
     high, high_rate = table[law, i + 1, DENSITY], table[law, i + 1, RATE]
     chord = (high - low) / width

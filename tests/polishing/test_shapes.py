@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
-from kohonen_adapt.kernels.arrays import FREE, SLIDING
+from kohonen_adapt.kernels.arrays import FREE, PLACE, SLIDING
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
@@ -115,7 +115,7 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = np.array(derivatives(room, v, x + dx, y + dy)), at.value()
+            star, value = np.array(derivatives(room, v, x + dx, y + dy, PLACE)), at.value()
             tri.position[v] = x, y
             block = room.block
             stiffness = np.tril(block.stiffness[:count, :count])

@@ -7,7 +7,7 @@ that x D stands in the place of the doubled area D wherever that of the energy w
 v by the linear function of v there, so x D has second derivatives, too. Source and flux keep D.
 """
 
-from kohonen_adapt.kernels.arrays import HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, NEAR_AXIS, SIXTH_SOURCE
+from kohonen_adapt.kernels.arrays import HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, NEAR_AXIS, SIXTH_SOURCE, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
 
@@ -98,7 +98,7 @@ def columns_at(bend, c, ax, ay, bx, by):
 
 
 @inner_kernel
-def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by):
+def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
     """Add the derivatives of e as `add_element` does; its first corner stands at x, its sides are bent so."""
     trial, block, points, around = descent.trial, descent.block, descent.points, descent.shapes.around
     place, sign, across = block.place, block.sign, block.across
@@ -146,7 +146,7 @@ def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by):
         xx += weight * (x_x * x_x + x_y * x_y) + bent * square_x * square_x - 2.0 * carried * lead * ey
         xy += weight * (x_x * y_x + x_y * y_y) + bent * square_x * square_y + carried * lead * ex
         yy += weight * (y_x * y_x + y_y * y_y) + bent * square_y * square_y
-        for i in range(functions):
+        for i in range(functions if wanted > VALUE else 0):
             row = place[j, i]
             if row < 0:
                 continue

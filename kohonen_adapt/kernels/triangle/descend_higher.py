@@ -25,6 +25,7 @@ from kohonen_adapt.kernels.arrays import (
     HALF_FLUX_X,
     HALF_FLUX_Y,
     SIXTH_SOURCE,
+    VALUE,
     Block,
     Constraints,
     Descent,
@@ -37,8 +38,8 @@ from kohonen_adapt.kernels.arrays import (
     Trials,
 )
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.records import record
+from kohonen_adapt.kernels.triangle.by_law import add_by_law
 from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.varying_source import with_source
@@ -134,78 +135,25 @@ def clear(block):
 
 
 @inner_kernel
-def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
+def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
     """Add the derivatives of e by the unknowns of the block, numbered in its row j, and of its first corner's position.
 
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy).
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). What is not `wanted` need not hold.
     """
-    place, sign, across, slope = block.place, block.sign, block.across, reference.slope
-    size, total, by_x, by_y, xx, xy, yy, mean = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    functions, ex, ey = slope.shape[1], bx - ax, by - ay
-    doubled = ax * by - ay * bx
-    inverse, law = 1.0 / doubled, trial.laws.number[e]
-    load, half = 6.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
-    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-    for q in range(0 if law < 0 else reference.plain, reference.plain if law < 0 else slope.shape[0]):
-        share, along, aside = reference.weight[q], 0.0, 0.0
-        for i in range(functions):
-            along += local[i] * slope[q, i, 0]
-            aside += local[i] * slope[q, i, 1]
-        difference = along - aside
-        nx, ny = aside * ax - along * bx, aside * ay - along * by
-        qx, qy = inverse * nx, inverse * ny
-        weight, bent = share * half * inverse, 0.0
-        energy = 0.5 * weight * (nx * nx + ny * ny)
-        # derivatives of n by x, y less q times those of the doubled area
-        x_x, x_y = difference + qx * ey, qy * ey
-        y_x, y_y = -qx * ex, difference - qy * ex
-        if law >= 0:
-            density, rate, bend = stored(trial.laws, law, qx * qx + qy * qy)
-            weight, energy = share * rate * inverse, 0.5 * share * doubled * density
-            bent = 2.0 * share * bend * inverse
-            rest = 0.5 * share * (density - rate * (qx * qx + qy * qy))
-            by_x -= rest * ey
-            by_y += rest * ex
-        square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
-        push = share * (flux_y * nx - flux_x * ny)
-        size += energy + abs(push)
-        total += energy - push
-        half_square = 0.5 * (qx * nx + qy * ny)
-        by_x += weight * (difference * nx + half_square * ey) - share * difference * flux_y
-        by_y += weight * (difference * ny - half_square * ex) + share * difference * flux_x
-        xx += weight * (x_x * x_x + x_y * x_y) + bent * square_x * square_x
-        xy += weight * (x_x * y_x + x_y * y_y) + bent * square_x * square_y
-        yy += weight * (y_x * y_x + y_y * y_y) + bent * square_y * square_y
-        for i in range(functions):
-            row = place[j, i]
-            if row < 0:
-                continue
-            g1, g2 = sign[j, i] * slope[q, i, 0], sign[j, i] * slope[q, i, 1]
-            ix, iy = g2 * ax - g1 * bx, g2 * ay - g1 * by
-            across[i, 0], across[i, 1] = ix, iy
-            square = qx * ix + qy * iy
-            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy)
-            turn = g1 - g2
-            block.mixed[row, 0] += (
-                weight * (x_x * ix + x_y * iy + nx * turn) + bent * square_x * square - share * flux_y * turn
-            )
-            block.mixed[row, 1] += (
-                weight * (y_x * ix + y_y * iy + ny * turn) + bent * square_y * square + share * flux_x * turn
-            )
-            for other in range(i + 1):
-                column = place[j, other]
-                if column >= 0:
-                    product = weight * (ix * across[other, 0] + iy * across[other, 1])
-                    product += bent * square * (qx * across[other, 0] + qy * across[other, 1])
-                    block.stiffness[max(row, column), min(row, column)] += product
+    ex, ey, doubled, load, mean = bx - ax, by - ay, ax * by - ay * bx, 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
+    if trial.laws.number[e] >= 0:
+        part = add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
+    else:
+        part = add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
+    size, total, by_x, by_y, xx, xy, yy = part
     if load != 0.0:
-        for i in range(functions):
+        for i in range(reference.slope.shape[1]):
             mean += reference.mean[i] * local[i]
-            if place[j, i] >= 0:
-                pulled = load * sign[j, i] * reference.mean[i]
-                block.rest[place[j, i]] -= pulled * doubled
-                block.mixed[place[j, i], 0] += pulled * ey
-                block.mixed[place[j, i], 1] -= pulled * ex
+            if wanted > VALUE and block.place[j, i] >= 0:
+                pulled = load * block.sign[j, i] * reference.mean[i]
+                block.rest[block.place[j, i]] -= pulled * doubled
+                block.mixed[block.place[j, i], 0] += pulled * ey
+                block.mixed[block.place[j, i], 1] -= pulled * ex
         by_x += load * mean * ey
         by_y -= load * mean * ex
         size += abs(load * mean * doubled)
@@ -214,22 +162,75 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by):
 
 
 @inner_kernel
-def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by):
+def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+    """Add the derivatives of e, of linear material, without its source.
+
+    Returns the same as `add_element`.
+    """
+    place, sign, across, slope = block.place, block.sign, block.across, reference.slope
+    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    functions, ex, ey = slope.shape[1], bx - ax, by - ay
+    doubled = ax * by - ay * bx
+    inverse, half = 1.0 / doubled, trial.data[e, HALF_COEFFICIENT]
+    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    for q in range(reference.plain):
+        share, along, aside = reference.weight[q], 0.0, 0.0
+        for i in range(functions):
+            along += local[i] * slope[q, i, 0]
+            aside += local[i] * slope[q, i, 1]
+        difference = along - aside
+        nx, ny = aside * ax - along * bx, aside * ay - along * by
+        qx, qy = inverse * nx, inverse * ny
+        weight = share * half * inverse
+        energy = 0.5 * weight * (nx * nx + ny * ny)
+        # derivatives of n by x, y less q times those of the doubled area
+        x_x, x_y = difference + qx * ey, qy * ey
+        y_x, y_y = -qx * ex, difference - qy * ex
+        push = share * (flux_y * nx - flux_x * ny)
+        size += energy + abs(push)
+        total += energy - push
+        half_square = 0.5 * (qx * nx + qy * ny)
+        by_x += weight * (difference * nx + half_square * ey) - share * difference * flux_y
+        by_y += weight * (difference * ny - half_square * ex) + share * difference * flux_x
+        xx += weight * (x_x * x_x + x_y * x_y)
+        xy += weight * (x_x * y_x + x_y * y_y)
+        yy += weight * (y_x * y_x + y_y * y_y)
+        for i in range(functions if wanted > VALUE else 0):
+            row = place[j, i]
+            if row < 0:
+                continue
+            g1, g2 = sign[j, i] * slope[q, i, 0], sign[j, i] * slope[q, i, 1]
+            ix, iy = g2 * ax - g1 * bx, g2 * ay - g1 * by
+            across[i, 0], across[i, 1] = ix, iy
+            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy)
+            turn = g1 - g2
+            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) - share * flux_y * turn
+            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + share * flux_x * turn
+            for other in range(i + 1):
+                column = place[j, other]
+                if column >= 0:
+                    product = weight * (ix * across[other, 0] + iy * across[other, 1])
+                    block.stiffness[max(row, column), min(row, column)] += product
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by, wanted):
     """Add the derivatives of an element in the place of e, its first corner at (x, y), its sides curved by `bend`."""
     if descent.shapes.around or is_curved(bend):
-        part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by)
+        part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted)
     else:
-        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by)
+        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by, wanted)
     if descent.trial.data.shape[1] > CONSTANTS:
-        return with_source(part, descent, e, j, local, np.bool_(True), bend, x, y, ax, ay, bx, by)
+        return with_source(part, descent, e, j, local, np.bool_(True), bend, x, y, ax, ay, bx, by, wanted)
     return part
 
 
 @inner_kernel
-def derivatives(descent, v, x, y):
+def derivatives(descent, v, x, y, wanted):
     """The functional of the star of v, were it at (x, y), with all derivatives by its position and its block.
 
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy).
+    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). What is not `wanted` need not hold.
     """
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
     node, own = descent.elements.node, block.own[0]
@@ -243,12 +244,14 @@ def derivatives(descent, v, x, y):
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         if descent.shapes.special[e]:
             gather_bends(descent.shapes, e, k, block.bend[0])
-            part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by)
+            part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by, wanted)
         else:
-            part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by)
+            part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by, wanted)
         if descent.trial.data.shape[1] > CONSTANTS:
             special = descent.shapes.special[e]
-            part = with_source(part, descent, e, row - begin, local, special, block.bend[0], x, y, ax, ay, bx, by)
+            part = with_source(
+                part, descent, e, row - begin, local, special, block.bend[0], x, y, ax, ay, bx, by, wanted
+            )
         size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
         xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
     return size, total, by_x, by_y, xx, xy, yy

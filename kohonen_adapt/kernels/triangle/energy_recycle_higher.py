@@ -5,7 +5,7 @@ As in `energy_recycle.py`. A collapse leaves sides that begin straight.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import OWN, SLIDING
+from kohonen_adapt.kernels.arrays import BLOCK, OWN, SLIDING, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
@@ -111,7 +111,7 @@ def merged_bends(descent, v, gone, row, bend):
 
 
 @inner_kernel
-def derivatives_of_merged(descent, v, w, gone, own):
+def derivatives_of_merged(descent, v, w, gone, own, wanted):
     """Value of the functional around v, were it merged into w, and the derivatives in the block; inf if overturned."""
     position, star, block = descent.position, descent.star, descent.block
     x, y, total = position[w, 0], position[w, 1], 0.0
@@ -127,7 +127,7 @@ def derivatives_of_merged(descent, v, w, gone, own):
         merged_bends(descent, v, gone, row, block.bend[4])
         if not is_valid(block.bend[4], ax, ay, bx, by):
             return np.inf
-        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, y, ax, ay, bx, by)[1]
+        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, y, ax, ay, bx, by, wanted)[1]
     return total
 
 
@@ -139,7 +139,7 @@ def merged_functional(descent, v, w, own):
     """
     block, gone = descent.block, rows_with(descent.star, v, w)
     number_merged(descent, v, w, gone)
-    total = derivatives_of_merged(descent, v, w, gone, own)
+    total = derivatives_of_merged(descent, v, w, gone, own, BLOCK)
     if not total < np.inf:
         return np.inf
     solved, square = factorise(block, 0)
@@ -147,7 +147,7 @@ def merged_functional(descent, v, w, own):
         return np.inf
     solve_upper(block, 0, 0.0, 0.0)
     if descent.trial.bent[v]:
-        return derivatives_of_merged(descent, v, w, gone, own)
+        return derivatives_of_merged(descent, v, w, gone, own, VALUE)
     return total - 0.5 * square
 
 
@@ -173,7 +173,7 @@ def weigh_collapses(mesh, descents, offers, most, floor, first, last):
         for i in range(descents.number):
             descent = descents.one if i == 0 else descents.other
             number_block(descent, v)
-            size, total = derivatives(descent, v, position[v, 0], position[v, 1])[:2]
+            size, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
             before += total - ROUNDING * size
         for j in range(star.start[v], star.start[v + 1]):
             e = np.int64(star.element[j])

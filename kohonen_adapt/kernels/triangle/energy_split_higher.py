@@ -7,6 +7,7 @@ these.
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import BLOCK, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
@@ -69,16 +70,15 @@ def value_on(descent, e, own):
     node, position, block = descent.elements.node, descent.position, descent.block
     a, b, x, y = node[e, 1], node[e, 2], position[node[e, 0], 0], position[node[e, 0], 1]
     ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-    block.place[0] = -1
     gather(node, descent.trial.value, descent.modes, e, 0, own, block.part)
     gather_bends(descent.shapes, e, 0, block.bend[4])
     if not is_valid(block.bend[4], ax, ay, bx, by):
         return -np.inf
-    return add_bent(descent, e, 0, block.part, block.bend[4], x, y, ax, ay, bx, by)[1]
+    return add_bent(descent, e, 0, block.part, block.bend[4], x, y, ax, ay, bx, by, VALUE)[1]
 
 
 @inner_kernel
-def derivatives_of_split(descent, e, k, x, y):
+def derivatives_of_split(descent, e, k, x, y, wanted):
     """Sum of magnitudes and value of the functional of the halves, whose coefficients stand in `Block.local`."""
     node, position, block = descent.elements.node, descent.position, descent.block
     clear(block)
@@ -94,8 +94,8 @@ def derivatives_of_split(descent, e, k, x, y):
         if not (is_valid(block.bend[row], cx, cy, ax, ay) and is_valid(block.bend[row + 1], bx, by, cx, cy)):
             return size, np.inf
         after, bend = row + 1, block.bend
-        one = add_bent(descent, at, row, block.local[row], bend[row], x, y, cx, cy, ax, ay)
-        two = add_bent(descent, at, after, block.local[after], bend[after], x, y, bx, by, cx, cy)
+        one = add_bent(descent, at, row, block.local[row], bend[row], x, y, cx, cy, ax, ay, wanted)
+        two = add_bent(descent, at, after, block.local[after], bend[after], x, y, bx, by, cx, cy, wanted)
         size, total = size + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0
@@ -137,7 +137,7 @@ def change_by_split(descent, e, k, x, y):
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
     number_split(block, descent.modes.side.shape[2], other >= 0, known)
-    size, before = derivatives_of_split(descent, e, k, x, y)
+    size, before = derivatives_of_split(descent, e, k, x, y, BLOCK)
     if not before < np.inf:
         return -np.inf, size
     solved, square = factorise(block, first)
@@ -150,7 +150,7 @@ def change_by_split(descent, e, k, x, y):
                 block.local[j, i] += block.sign[j, i] * block.still[block.place[j, i]]
     gain = 0.5 * square
     if bent:
-        gain = before - derivatives_of_split(descent, e, k, x, y)[1]
+        gain = before - derivatives_of_split(descent, e, k, x, y, VALUE)[1]
     if special or bent:
         gain += was - before
     return gain, size

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import CONSTANTS
+from kohonen_adapt.kernels.arrays import BLOCK, CONSTANTS, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, put_bends, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
@@ -154,8 +154,8 @@ def least_of_pair(descent, e, row, special, p, q, r, s):
     """
     block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
     number_pair(block, descent.modes.side.shape[2])
-    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s)
-    for _ in range(NEWTON if bent else 1):
+    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, BLOCK)
+    for step in range(NEWTON if bent else 1):
         solved, square = factorise(block, 0)
         if not solved:
             return size, total
@@ -163,7 +163,7 @@ def least_of_pair(descent, e, row, special, p, q, r, s):
         change_pair(block, local, row, 1.0)
         if not bent:
             return size, total - 0.5 * square
-        _, after = derivatives_of_pair(descent, e, row, special, p, q, r, s)
+        _, after = derivatives_of_pair(descent, e, row, special, p, q, r, s, BLOCK if step + 1 < NEWTON else VALUE)
         if after > total:
             change_pair(block, local, row, -1.0)
             return size, total
@@ -188,7 +188,7 @@ def number_pair(block, degrees):
 
 
 @inner_kernel
-def derivatives_of_pair(descent, e, row, special, p, q, r, s):
+def derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted):
     """Sum of magnitudes and value of the functional of (r, p, q) and (s, q, p), with its derivatives in the block."""
     block = descent.block
     clear(block)
@@ -200,12 +200,12 @@ def derivatives_of_pair(descent, e, row, special, p, q, r, s):
         bx, by = descent.position[b, 0] - x, descent.position[b, 1] - y
         local = block.local[row + j]
         if special:
-            part = add_bent(descent, e, j, local, block.bend[row + j], x, y, ax, ay, bx, by)
+            part = add_bent(descent, e, j, local, block.bend[row + j], x, y, ax, ay, bx, by, wanted)
         else:
-            part = add_element(descent.trial, descent.reference, block, e, j, local, ax, ay, bx, by)
+            part = add_element(descent.trial, descent.reference, block, e, j, local, ax, ay, bx, by, wanted)
             if descent.trial.data.shape[1] > CONSTANTS:
                 bend = block.bend[row + j]
-                part = with_source(part, descent, e, j, local, np.bool_(False), bend, x, y, ax, ay, bx, by)
+                part = with_source(part, descent, e, j, local, np.bool_(False), bend, x, y, ax, ay, bx, by, wanted)
         size, total = size + part[0], total + part[1]
     return size, total
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import DIRECTION_X, DIRECTION_Y, FREE, HELD, OWN
+from kohonen_adapt.kernels.arrays import BLOCK, DIRECTION_X, DIRECTION_Y, FREE, HELD, OWN, PLACE, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING, TRIES, newton_step, value_on_chain
@@ -47,7 +47,7 @@ def eliminated(descent, v, chain, first):
     """
     block, place = descent.block, descent.constraints.chains.place
     mixed, rest = block.mixed, block.rest
-    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, descent.position[v, 0], descent.position[v, 1])
+    size, now, by_x, by_y, xx, xy, yy = derivatives(descent, v, descent.position[v, 0], descent.position[v, 1], PLACE)
     if chain >= 0:
         tx, ty = place[chain, DIRECTION_X], place[chain, DIRECTION_Y]
         rate = descent.trial.on_chain[chain, 1] if first else 0.0
@@ -123,13 +123,13 @@ def move(descents, v, chain, first, floor):
 def improve(descent, v, first):
     """Change the block by Newton's step, or beside nonlinear material half as far until the functional falls."""
     x, y, bent = descent.position[v, 0], descent.position[v, 1], descent.trial.bent[v]
-    before, length = derivatives(descent, v, x, y)[1], 1.0
+    before, length = derivatives(descent, v, x, y, BLOCK)[1], 1.0
     if not factorise(descent.block, first)[0]:
         return
     solve_upper(descent.block, first, 0.0, 0.0)
     change_block(descent, v, first, length, 0.0)
     for _ in range(TRIES if bent else 0):
-        if derivatives(descent, v, x, y)[1] <= before:
+        if derivatives(descent, v, x, y, VALUE)[1] <= before:
             return
         change_block(descent, v, first, -0.5 * length, 0.0)
         length *= 0.5
@@ -147,13 +147,13 @@ def gain_at(descents, v, first, x, y, length, now):
     descent, gain = descents.one, now
     if descent.trial.bent[v]:
         change_block(descent, v, first, 1.0, length)
-        gain -= derivatives(descent, v, x, y)[1]
+        gain -= derivatives(descent, v, x, y, VALUE)[1]
         if not gain > 0.0:
             change_block(descent, v, first, -1.0, -length)
         return gain
     for i in range(descents.number):
         descent = descents.one if i == 0 else descents.other
-        gain -= derivatives(descent, v, x, y)[1]
+        gain -= derivatives(descent, v, x, y, BLOCK)[1]
         solved, square = factorise(descent.block, first)
         if not solved:
             return 0.0

@@ -7,7 +7,7 @@ collapses evaluate the polynomial of the element whose row they use, before and 
 of `kernels/arrays.py`; without a varying source there are CONSTANTS of them.
 """
 
-from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
+from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, VALUE, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import kind_of
 
@@ -45,7 +45,7 @@ def source_at(data, e, x, y):
 
 
 @inner_kernel
-def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by):
+def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by, wanted):
     """Return what `add_element` returned, `part`, with the varying source, whose derivatives are added to the block.
 
     The first corner is at (x, y). Sides are curved by `bend` if the element is `special`.
@@ -72,7 +72,7 @@ def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by)
             value = points.value[kind, q, i]
             level += local[i] * value
             row = block.place[j, i]
-            if row >= 0:
+            if wanted > VALUE and row >= 0:
                 value *= block.sign[j, i]
                 block.rest[row] -= share * f * doubled * value
                 block.mixed[row, 0] -= rate_x * value
