@@ -17,6 +17,8 @@ NO_ARRAYS = {
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
     "Neurons": {"elements", "star", "constraints"},
+    "Points": {"plain"},
+    "Reference": {"plain"},
     "Shapes": {"around"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},

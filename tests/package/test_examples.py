@@ -14,7 +14,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.loop.table import energy_error
+from kohonen_adapt.loop.table import energy_norm_error
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 
@@ -114,7 +114,7 @@ def test_own_problem_shows_an_energy_error_that_is_near_the_truth(own_problem):
     result = own_problem[1]
     for step in result.history:
         error = np.sqrt(0.2140758 - step.energy_norm**2)  # that of the exact solution is known
-        assert energy_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.1)
+        assert energy_norm_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.1)
     assert "Energy-norm error %" in str(result)
 
 
@@ -122,7 +122,7 @@ def test_l_shape_shows_an_energy_error_that_is_near_the_truth(l_shape):
     """It said 6.8 % where the error was 1.9 %."""
     _, result, errors = l_shape
     for step, error in zip(result.history, errors, strict=True):
-        assert energy_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.15)
+        assert energy_norm_error(step) == pytest.approx(100.0 * error / step.energy_norm, rel=0.15)
 
 
 def test_magnet_has_a_smaller_error_at_the_same_nodes_and_the_same_geometry(magnet):
