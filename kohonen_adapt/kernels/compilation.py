@@ -14,15 +14,15 @@ from typing import Any, ClassVar
 
 import numba
 from numba import config
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    InTreeCacheLocator,
-    UserProvidedCacheLocator,
-)
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 from kohonen_adapt.kernels.compiler import InnerCompiler, KernelCompiler, Loop
+
+try:
+    from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator
+except ImportError:  # numba 0.61
+    from numba.core.caching import _InTreeCacheLocator as InTreeCacheLocator
+    from numba.core.caching import _UserProvidedCacheLocator as UserProvidedCacheLocator
 
 __all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
 
