@@ -8,7 +8,7 @@ import numpy as np
 from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
@@ -127,7 +127,7 @@ def location(mesh: Mesh, x: Floats) -> str:
     """Name the boundary or the subdomains that hold a point, and its coordinates."""
     corners = mesh.p[:, : mesh.nvertices]
     node = int(np.argmin(np.sum((corners - x[:, None]) ** 2, axis=0)))
-    at = f"({', '.join(f'{c:.6g}' for c in x)})"
+    at = point_text(x)
     sets = named_sets(mesh.boundaries)
     names = [name for name, facets in sets.items() if np.any(mesh.facets[:, facets] == node)]
     if names:
