@@ -1,8 +1,8 @@
-"""Integrate the energy of a B-H law over an element with straight sides.
+"""Energy of a nonlinear B-H law on elements with straight sides.
 
-The formulas are those of `descend_higher.py`. Derivatives by coefficients are linear in the gradients (g1, g2) of the
-functions on the reference triangle, second ones bilinear: of every point two or three numbers are multiplied by
-them, which costs little where laws need many points.
+The formulas are those of `descend_higher`. First derivatives by the coefficients are linear in the gradients (g1,
+g2) of the functions on the reference triangle, second derivatives are bilinear. Two or three numbers per
+quadrature point therefore serve all functions, which keeps the many points of a law cheap.
 """
 
 from kohonen_adapt.kernels.arrays import BLOCK, HALF_FLUX_X, HALF_FLUX_Y, VALUE
@@ -12,10 +12,6 @@ from kohonen_adapt.kernels.nonlinear import stored
 
 @inner_kernel
 def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
-    """Add the derivatives of e without its source.
-
-    Returns the same as `add_element`.
-    """
     slope, added, place, law = reference.slope, block.added, block.place, trial.laws.number[e]
     size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     functions, ex, ey = slope.shape[1], bx - ax, by - ay
@@ -57,11 +53,11 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         if wanted == BLOCK:
             continue
         difference = along - aside
-        # derivatives of n by x, y less q times those of the doubled area
+        # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
         square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
-        carried = share * (rate * (qx * qx + qy * qy) - 0.5 * density)  # by the area
+        carried = share * (rate * (qx * qx + qy * qy) - 0.5 * density)  # factor of the derivatives of the area
         by_x += weight * difference * nx + carried * ey - share * difference * flux_y
         by_y += weight * difference * ny - carried * ex + share * difference * flux_x
         xx += weight * (x_x * x_x + x_y * x_y) + bent * square_x * square_x
@@ -81,7 +77,6 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
 
 @inner_kernel
 def put_added(block, j, functions):
-    """Add derivatives by the coefficients of row j to those by the unknowns."""
     place, sign, added = block.place, block.sign, block.added
     for i in range(functions):
         row = place[j, i]

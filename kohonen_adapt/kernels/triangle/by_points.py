@@ -1,27 +1,28 @@
-"""Integrate a functional over elements with curved sides, and around an axis, at points of their own.
+"""Functionals of elements with curved sides, or around an axis, by quadrature.
 
-The formulas are those of `descend_higher.py`, whose two sides of an element, a - x_v and b - x_v, are here the columns
-of the Jacobian of the quadratic map at every point: they change with v just so, as curved sides are opposite to v or
-go with it. Around the axis x = 0 the coefficient is divided by x, and a law has |grad u| / x; both say no more than
-that x D stands in the place of the doubled area D wherever that of the energy was. x at the point changes with that of
-v by the linear function of v there, so x D has second derivatives, too. Source and flux keep D.
+The formulas are those of `descend_higher`, except that the columns of the Jacobian of the quadratic map replace
+the edge vectors a - x_v and b - x_v at every point. The columns depend on x_v in the same way as the edge vectors,
+because the midside offsets of curved sides stay constant.
+
+Around the axis x = 0 the coefficient is divided by x, and a law depends on |grad u| / x. The energy therefore has
+x D in place of the doubled area D, while the source and the flux keep D. The radius x of a point depends linearly
+on x_v, so x D also has second derivatives.
 """
 
 from kohonen_adapt.kernels.arrays import HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, NEAR_AXIS, SIXTH_SOURCE, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
 
-# Of the determinant of the straight element: what the least Bernstein coefficient of the bent one may fall to. Beside
-# facets of 15 degrees every element of quality .3, the default floor, keeps more, beside facets of 30, the longest that
-# moving makes, those of quality .6; equilateral ones keep .8 there. So elements are held back where they are thin and
-# facets few, and a determinant varies little enough for quadrature and for the conditioning of quadratic elements.
+# Minimum Bernstein coefficient of the Jacobian determinant of a curved element, as a fraction of the determinant with
+# straight sides, for accurate quadrature and well-conditioned quadratic elements. On facets of 15 degrees every element
+# of quality 0.3, the default floor, satisfies the bound, on facets of 30 degrees every element of quality 0.6.
 LEAST = 0.25
-SURELY = 1.0 + 1e-9  # times that: what moves leave is given back with the very sides that it was judged by
+SURELY = 1.0 + 1e-9  # safety factor of `LEAST` for rounding, so that an accepted element passes a later check
 
 
 @inner_kernel
 def kind_of(x, ax, bx):
-    """The kind of an element around an axis, see `Points`, its first corner at x, the others at x + ax and x + bx."""
+    """Return the row of `Points` for corners at radii `x`, `x + ax`, `x + bx`."""
     near = NEAR_AXIS * max(x, x + ax, x + bx)
     first, second, third = x <= near, x + ax <= near, x + bx <= near
     count = (1 if first else 0) + (1 if second else 0) + (1 if third else 0)
@@ -34,14 +35,12 @@ def kind_of(x, ax, bx):
 
 @inner_kernel
 def gather_bends(shapes, e, k, bend):
-    """The bends of the sides of e, turned so that its corner k comes first."""
     for i in range(3):
         bend[i, 0], bend[i, 1] = shapes.bend[e, (k + i) % 3, 0], shapes.bend[e, (k + i) % 3, 1]
 
 
 @inner_kernel
 def put_bends(shapes, e, k, bend):
-    """Bend the sides of e, beginning with the one opposite to its corner k."""
     for i in range(3):
         shapes.bend[e, (k + i) % 3, 0], shapes.bend[e, (k + i) % 3, 1] = bend[i, 0], bend[i, 1]
     shapes.special[e] = shapes.around or is_curved(bend)
@@ -49,7 +48,6 @@ def put_bends(shapes, e, k, bend):
 
 @inner_kernel
 def is_curved(bend):
-    """Whether a side is."""
     for i in range(3):
         if bend[i, 0] != 0.0 or bend[i, 1] != 0.0:
             return True
@@ -58,9 +56,10 @@ def is_curved(bend):
 
 @inner_kernel
 def is_valid(bend, ax, ay, bx, by):
-    """Whether the Jacobian of an element is positive all over, as its Bernstein coefficients, of order 2, say it is.
+    """Return True if the Jacobian determinant of an element is surely positive.
 
-    They are products of what its columns are at the corners, where they are affine between.
+    The columns of the Jacobian are affine, so the determinant is quadratic. Its six Bernstein coefficients must exceed
+    `LEAST` times the determinant of the element with straight sides. Elements without curved sides are accepted.
     """
     if not is_curved(bend):
         return True
@@ -77,14 +76,12 @@ def is_valid(bend, ax, ay, bx, by):
 
 @inner_kernel
 def valid_at(position, bend, v, a, b):
-    """Whether the element of three nodes, with its sides bent so, has a positive Jacobian."""
     x, y = position[v, 0], position[v, 1]
     return is_valid(bend, position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y)
 
 
 @inner_kernel
 def columns_at(bend, c, ax, ay, bx, by):
-    """The columns of the Jacobian at corner c."""
     times = 4.0 if c == 0 else -4.0
     if c == 2:
         px, py = ax + 4.0 * (bend[0, 0] - bend[1, 0]), ay + 4.0 * (bend[0, 1] - bend[1, 1])
@@ -99,7 +96,6 @@ def columns_at(bend, c, ax, ay, bx, by):
 
 @inner_kernel
 def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
-    """Add the derivatives of e as `add_element` does; its first corner stands at x, its sides are bent so."""
     trial, block, points, around = descent.trial, descent.block, descent.points, descent.shapes.around
     place, sign, across = block.place, block.sign, block.across
     size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -124,7 +120,7 @@ def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
             level += local[i] * points.value[kind, q, i]
         doubled, ex, ey, difference = px * ry - py * rx, rx - px, ry - py, along - aside
         inverse = 1.0 / (radius * doubled)
-        fall_x, rise_y = radius * ey - lead * doubled, radius * ex  # of x D
+        fall_x, rise_y = radius * ey - lead * doubled, radius * ex  # derivatives of x D
         nx, ny = aside * px - along * rx, aside * py - along * ry
         qx, qy = inverse * nx, inverse * ny
         half_square = 0.5 * (qx * nx + qy * ny)

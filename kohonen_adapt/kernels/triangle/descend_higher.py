@@ -1,16 +1,17 @@
-"""Derive Ritz functionals of functions of order 2 or 3 by the position of a node and by what changes with it.
+"""Derivatives of functionals of order 2 and 3 by a node and its unknowns.
 
-On an element (v, a, b), counter-clockwise with doubled area D, whose functions have the gradients (g1, g2) on the
-reference triangle, u = sum U_i phi_i has at a quadrature point of weight w
+On an element (v, a, b), counter-clockwise with doubled area D, the functions have gradients g = (g1, g2) on the
+reference triangle. At a quadrature point of weight w the function u = sum U_i phi_i satisfies
 
     n = G2 (a - x_v) - G1 (b - x_v),    G = sum U_i g_i,    J grad u = n / D up to sign,
 
-affine in the position of v as of order 1, so that the derivatives of `descend.py` hold at every point with the share w
-of the element, and those by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in place of dn / dw. What
-changes with a node is one block: its value, the coefficients of its sides, and the bubbles of its elements. They are
-eliminated by Cholesky's method, so that a node moves to where the least value over all of them is lower. Of two
-functions whose functionals are added up, a solution and the dual one of a goal, each has its block: they meet in the
-position alone, so that what is left of either once its block is eliminated adds up, too.
+where J turns by a right angle. As at order 1, n is affine in x_v, so the derivatives of `descend` hold at every point with the fraction w of the
+element. Derivatives by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in place of dn / dw.
+
+The unknowns that change with a node form one block: the value of the node, the coefficients of its sides and the
+bubbles of its elements. Cholesky's method eliminates the block, so a node moves to where the minimum over the
+block is lower. A primal and a dual function have a block each. The blocks couple only through the position, so the
+functionals are added after elimination.
 """
 
 import math
@@ -44,16 +45,16 @@ from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.varying_source import with_source
 
-EVEN, ODD, BUBBLE = 3, 6, 9  # the first functions of each kind
+EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 
 
 @record
 class Descents(NamedTuple):
-    """The functions of whose functionals the sum is lowered: one, or a solution and the dual one of a goal."""
+    """One function, or a primal and a dual function, with a common mesh."""
 
     one: Descent
-    other: Descent  # of linear material
-    number: int  # 1 if the other is not there, else 2
+    other: Descent  # in linear materials
+    number: int  # 1 without a dual function, else 2
 
     @classmethod
     def of(
@@ -64,7 +65,6 @@ class Descents(NamedTuple):
         shapes: tuple[Reference, Points, Shapes],
         most: int,
     ) -> "Descents":
-        """Those of one or two functions on a mesh, with room for so many elements around a node."""
         one, other = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
         first = Descent(*mesh, trials.one, modes[0], *shapes, one)
         second = Descent(*mesh, trials.other, modes[-1], *shapes, other)
@@ -73,7 +73,6 @@ class Descents(NamedTuple):
 
 @inner_kernel
 def number_block(descent, v):
-    """Number the unknowns of the block of v, its own value first, in all elements around it."""
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     place, sign, degrees = block.place, block.sign, modes.side.shape[2]
     begin, spokes = star.start[v], 0
@@ -105,16 +104,13 @@ def number_block(descent, v):
 
 @inner_kernel
 def value_near(descent, v):
-    """What values around v are taken relative to: the one there, but 0 around an axis, where no constant is a function.
-
-    What that adds to the load depends on the area of a star, or of two elements, which is the same before and after.
-    """
+    # An offset of all values only adds a constant to the functional of the star, because the star, or
+    # the pair of elements, has a constant area. Around an axis constants are no functions of the space.
     return 0.0 if descent.shapes.around else descent.trial.value[v]
 
 
 @inner_kernel
 def gather(node, value, modes, e, k, own, local):
-    """The coefficients of e, turned so that its corner k comes first, relative to the value `own`."""
     degrees = modes.side.shape[2]
     for i in range(3):
         corner = (k + i) % 3
@@ -127,7 +123,6 @@ def gather(node, value, modes, e, k, own, local):
 
 @inner_kernel
 def clear(block):
-    """Set the derivatives by the unknowns to zero."""
     for i in range(block.unknowns[0]):
         block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
         for j in range(i + 1):
@@ -136,9 +131,23 @@ def clear(block):
 
 @inner_kernel
 def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
-    """Add the derivatives of e by the unknowns of the block, numbered in its row j, and of its first corner's position.
+    """Add the derivatives of element `e` to the block and return its functional.
 
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). What is not `wanted` need not hold.
+    Parameters
+    ----------
+    j
+        Row of the block with the unknowns of the element.
+    local
+        Coefficients of the element, shape (functions,), beginning at the node that moves.
+    ax, ay, bx, by
+        Vectors from that node to the next two corners, counter-clockwise.
+    wanted
+        VALUE, BLOCK or PLACE. Derivatives beyond the level `wanted` are undefined.
+
+    Returns
+    -------
+    size, total, by_x, by_y, xx, xy, yy
+        Sum of magnitudes of all terms, functional, and its derivatives by the position of the node.
     """
     ex, ey, doubled, load, mean = bx - ax, by - ay, ax * by - ay * bx, 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
     if trial.laws.number[e] >= 0:
@@ -163,10 +172,6 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
 
 @inner_kernel
 def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
-    """Add the derivatives of e, of linear material, without its source.
-
-    Returns the same as `add_element`.
-    """
     place, sign, across, slope = block.place, block.sign, block.across, reference.slope
     size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     functions, ex, ey = slope.shape[1], bx - ax, by - ay
@@ -183,7 +188,7 @@ def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         qx, qy = inverse * nx, inverse * ny
         weight = share * half * inverse
         energy = 0.5 * weight * (nx * nx + ny * ny)
-        # derivatives of n by x, y less q times those of the doubled area
+        # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
         push = share * (flux_y * nx - flux_x * ny)
@@ -216,7 +221,6 @@ def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
 
 @inner_kernel
 def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by, wanted):
-    """Add the derivatives of an element in the place of e, its first corner at (x, y), its sides curved by `bend`."""
     if descent.shapes.around or is_curved(bend):
         part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted)
     else:
@@ -228,10 +232,7 @@ def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by, wanted):
 
 @inner_kernel
 def derivatives(descent, v, x, y, wanted):
-    """The functional of the star of v, were it at (x, y), with all derivatives by its position and its block.
-
-    Returns (sum of magnitudes, value, by x, y, by xx, xy, yy). What is not `wanted` need not hold.
-    """
+    """Return the sum of `add_element` over the star of node `v` moved to (x, y)."""
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
     node, own = descent.elements.node, block.own[0]
     clear(block)
@@ -259,7 +260,6 @@ def derivatives(descent, v, x, y, wanted):
 
 @inner_kernel
 def stays_valid(descent, v, x, y):
-    """Whether the elements around v with curved sides have a positive Jacobian, and would with v at (x, y)."""
     position, star, bend = descent.position, descent.star, descent.block.bend[0]
     for row in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
@@ -273,9 +273,10 @@ def stays_valid(descent, v, x, y):
 
 @inner_kernel
 def factorise(block, first):
-    """Factorise the stiffness of the unknowns from `first` on, and solve with the lower factor; False without one.
+    """Replace the stiffness from row `first` on by its Cholesky factor L.
 
-    `rest` and `mixed` become L^-1 of what they were. Returns whether it went, and the square of the new `rest`.
+    `rest` and `mixed` are multiplied by L^-1. Return True if the stiffness is positive definite, and the squared norm
+    of the new `rest`.
     """
     stiffness, rest, mixed, square = block.stiffness, block.rest, block.mixed, 0.0
     for i in range(first, block.unknowns[0]):
@@ -304,7 +305,6 @@ def factorise(block, first):
 
 @inner_kernel
 def solve_upper(block, first, along_x, along_y):
-    """Solve for the change of the unknowns where the node stays, `still`, and what a step (x, y) adds, `follow`."""
     stiffness, count = block.stiffness, block.unknowns[0]
     for i in range(count - 1, first - 1, -1):
         still, follow = -block.rest[i], -along_x * block.mixed[i, 0] - along_y * block.mixed[i, 1]
@@ -316,7 +316,6 @@ def solve_upper(block, first, along_x, along_y):
 
 @inner_kernel
 def change_block(descent, v, first, still, follow):
-    """Add these multiples of `still` and `follow` to the unknowns of the block, wherever they stand."""
     trial, modes, star, block = descent.trial, descent.modes, descent.star, descent.block
     place, begin, degrees = block.place, star.start[v], modes.side.shape[2]
     if first == 0:

@@ -1,6 +1,6 @@
-"""Weigh collapses for functions of order 2 or 3, new coefficients eliminated, against splits, and do both in pairs.
+"""Exchange of splits for collapses by functionals of order 2 or 3.
 
-As in `energy_recycle.py`. A collapse leaves sides that begin straight.
+The method is that of `energy_recycle`, with the new coefficients eliminated. A collapse leaves new sides straight.
 """
 
 import numpy as np
@@ -32,11 +32,6 @@ from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, 
 
 @inner_kernel
 def number_merged(descent, v, w, gone):
-    """Number the sides between w and the nodes around v, were v merged into w, and bubbles, none of them known yet.
-
-    Of sides that are given, or are there already, opposite to v in one of the elements that go, nothing is unknown;
-    `gone` are the `rows_with` w, here and below.
-    """
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     place, sign, degrees, begin, spokes = block.place, block.sign, modes.side.shape[2], star.start[v], 0
     for row in range(begin, star.start[v + 1]):
@@ -71,9 +66,10 @@ def number_merged(descent, v, w, gone):
 
 @inner_kernel
 def merged_coefficients(descent, v, w, gone, row, own):
-    """The coefficients of an element of the star of v, were it merged into w, in `Block.part`: w first.
+    """Set `Block.part` to coefficients of an element with `v` merged into `w`.
 
-    The unknown ones are those of `Block.still`.
+    The order begins with `w`. Coefficients of sides opposite to `v` in the removed elements, rows `gone`, are reused,
+    and the unknowns are those of `Block.still`.
     """
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
@@ -97,7 +93,6 @@ def merged_coefficients(descent, v, w, gone, row, own):
 
 @inner_kernel
 def merged_bends(descent, v, gone, row, bend):
-    """The bends of the sides of that element, w first."""
     shapes, star, node = descent.shapes, descent.star, descent.elements.node
     e = np.int64(star.element[row])
     gather_bends(shapes, e, corner_of(node, e, v), bend)
@@ -112,7 +107,6 @@ def merged_bends(descent, v, gone, row, bend):
 
 @inner_kernel
 def derivatives_of_merged(descent, v, w, gone, own, wanted):
-    """Value of the functional around v, were it merged into w, and the derivatives in the block; inf if overturned."""
     position, star, block = descent.position, descent.star, descent.block
     x, y, total = position[w, 0], position[w, 1], 0.0
     clear(block)
@@ -133,9 +127,10 @@ def derivatives_of_merged(descent, v, w, gone, own, wanted):
 
 @inner_kernel
 def merged_functional(descent, v, w, own):
-    """The least functional around v, were it merged into w, inf where an element is overturned.
+    """Return the minimum of the functional around `v` merged into `w`.
 
-    Leaves the best unknowns in `Block.still`; beside nonlinear material those after one step of Newton's method.
+    The value is inf if an element is inverted. The minimiser is left in `Block.still`. In nonlinear materials the
+    minimum is approximated by one step of Newton's method.
     """
     block, gone = descent.block, rows_with(descent.star, v, w)
     number_merged(descent, v, w, gone)
@@ -153,7 +148,6 @@ def merged_functional(descent, v, w, own):
 
 @inner_kernel
 def merged_functionals(descents, v, w):
-    """The least sum of functionals around v, numbered before, were it merged into w; inf where that cannot be."""
     total = 0.0
     for i in range(descents.number):
         descent = descents.one if i == 0 else descents.other
@@ -163,7 +157,6 @@ def merged_functionals(descents, v, w):
 
 @inner_kernel
 def weigh_collapses(mesh, descents, offers, most, floor, first, last):
-    """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
     position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.one.star
     for v in range(first, last):
         offers.cost[v] = np.inf
@@ -181,21 +174,18 @@ def weigh_collapses(mesh, descents, offers, most, floor, first, last):
             for i in range(2):
                 w = np.int64(star.behind[j] if i else star.ahead[j])
                 c = elements.chain[e, (k + 2 - i) % 3]
-                # everyone around a free node is ahead of it once; along a chain there are two
+                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
                 if c != constraints.chain[v, OWN] if sliding else i == 1:
                     continue
                 cost = merged_functionals(descents, v, w) - before
-                # the checks take longer
+                # after the cost, because the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
 
 
 @kernel
 def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
-    """Weigh splits of the edges of the elements `first` to `last`, or collapses of such nodes that cost below `most`.
-
-    One loop for both, so that what they share is compiled once.
-    """
+    # one kernel, because both branches share code that is compiled once
     if edges:
         weigh_splits(mesh, descents, offers, floor, first, last)
     else:
@@ -204,9 +194,9 @@ def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
 
 @kernel
 def exchange_higher(mesh, descents, offers, edges, nodes, floor):
-    """Split edges, the largest gain first, each for the cheapest collapse that is left, while that costs less.
+    """Split edges in exchange for cheaper collapses, in the order of `edges`.
 
-    As `exchange` does; coefficients are put in where elements changed. Returns how many pairs, and what they took off.
+    Return the number of pairs and the decrease of the functionals. See `exchange` for order 1.
     """
     elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
@@ -218,7 +208,7 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
         locked[other if other >= 0 else e] = True
         at = cheapest_left(mesh, offers, nodes, at, gain, floor)
         if at < 0:
-            return pairs, lowered  # what follows gains less
+            return pairs, lowered  # later edges gain less
         v = nodes[at]
         w, at = np.int64(offers.into[v]), at + 1
         lowered += gain - offers.cost[v]
@@ -243,7 +233,6 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
 
 @inner_kernel
 def put_merged(descent, v, w):
-    """Put the best coefficients into the elements that are left when v goes into w, while they still have v."""
     star, modes, node = descent.star, descent.modes, descent.elements.node
     own, bend, gone = value_near(descent, v), descent.block.bend[4], rows_with(star, v, w)
     merged_functional(descent, v, w, own)

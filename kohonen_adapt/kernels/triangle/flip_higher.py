@@ -1,4 +1,7 @@
-"""Flip edges where that lowers Ritz functionals of functions of order 2 or 3, what is inside the pair eliminated."""
+"""Edge flips that decrease functionals of order 2 or 3.
+
+The coefficients inside the two elements are eliminated before and after a flip.
+"""
 
 import numpy as np
 
@@ -24,12 +27,11 @@ from kohonen_adapt.kernels.triangle.flip_linear import mark_beside
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.varying_source import with_source
 
-NEWTON = 2  # steps for the coefficients inside two elements of nonlinear material
+NEWTON = 2  # Newton steps for the coefficients inside two elements of nonlinear material
 
 
 @kernel
 def descend_flips_higher(descents, floor, gainful, first, last, marks):
-    """Flip or mark edges of the elements `first` to `last` as `descend_flips` does; returns (gain, flips)."""
     position, elements, gain, flips = descents.one.position, descents.one.elements, 0.0, 0
     for e in range(first, last):
         gainful[e] &= not marks
@@ -51,7 +53,6 @@ def descend_flips_higher(descents, floor, gainful, first, last, marks):
 
 @inner_kernel
 def flip_with_modes(descents, e, k, other):
-    """Flip the edge opposite to corner k of e, and put in the coefficients that `gain_of_flip` has just found."""
     elements, shapes, bend = descents.one.elements, descents.one.shapes, descents.one.block.bend
     j = corner_towards(elements.neighbour, other, e)
     k1, j1 = (k + 1) % 3, (j + 1) % 3
@@ -70,7 +71,6 @@ def flip_with_modes(descents, e, k, other):
 
 @inner_kernel
 def put(modes, e, k, local):
-    """Put coefficients into e that begin with its corner k."""
     degrees = modes.side.shape[2]
     for i in range(3):
         for d in range(degrees):
@@ -81,9 +81,9 @@ def put(modes, e, k, local):
 
 @inner_kernel
 def gain_of_flip(descents, e, k, other):
-    """What a flip of the edge opposite to corner k of e takes off the functionals; 0 where it is nothing but rounding.
+    """Return the decrease of the functionals by a flip, or 0 if negligible.
 
-    Leaves the coefficients of the elements after it in the last two rows of `Block.local`, corner p or q first.
+    Rows 2 and 3 of `Block.local` then contain the coefficients of the flipped elements (p, s, r) and (q, r, s).
     """
     gain, size = 0.0, 0.0
     for i in range(descents.number):
@@ -94,7 +94,6 @@ def gain_of_flip(descents, e, k, other):
 
 @inner_kernel
 def change_by_flip(descent, e, k, other):
-    """What a flip takes off one functional, nothing where it cannot be, and the sum of the magnitudes."""
     elements, position, local = descent.elements, descent.position, descent.block.local
     p, q, r, s = corners_around(elements.node, e, k, other)
     if not (area_of(position, r, p, s) > 0.0 and area_of(position, s, q, r) > 0.0):
@@ -120,13 +119,11 @@ def change_by_flip(descent, e, k, other):
 
 @inner_kernel
 def area_of(position, a, b, c):
-    """Doubled signed area of the triangle of three nodes."""
     return orientation(position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1])
 
 
 @inner_kernel
 def turn(local, degrees):
-    """Begin the elements (p, s, r) and (q, r, s), in rows 2 and 3, with what is known of (r, p, q) and (s, q, p)."""
     for one in range(2):
         this, that, new = local[one], local[1 - one], local[2 + one]
         new[:] = 0.0
@@ -138,7 +135,6 @@ def turn(local, degrees):
 
 @inner_kernel
 def turn_bends(bend):
-    """The same of the bends of their sides: those outside of the pair keep theirs, the one inside is straight."""
     for one in range(2):
         for c in range(2):
             bend[2 + one, 0, c] = 0.0
@@ -147,10 +143,10 @@ def turn_bends(bend):
 
 @inner_kernel
 def least_of_pair(descent, e, row, special, p, q, r, s):
-    """The least functional of (r, p, q) and (s, q, p) over their inner coefficients, and its magnitudes.
+    """Return the magnitudes and the minimum of the functional of two elements.
 
-    The coefficients stand in this row of `Block.local` and the next one, and are changed to the best; if one of them is
-    `special`, the bends of their sides stand likewise.
+    The elements (r, p, q) and (s, q, p) have their coefficients in `Block.local[row : row + 2]`, which are replaced by
+    the minimiser. If `special`, the same rows of `Block.bend` are the midside offsets.
     """
     block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
     number_pair(block, descent.modes.side.shape[2])
@@ -173,7 +169,6 @@ def least_of_pair(descent, e, row, special, p, q, r, s):
 
 @inner_kernel
 def number_pair(block, degrees):
-    """Number the inner unknowns of two elements whose first corners are opposite to the edge."""
     place, sign = block.place, block.sign
     block.unknowns[0] = 4 if degrees == 2 else degrees
     for j in range(2):
@@ -189,7 +184,6 @@ def number_pair(block, degrees):
 
 @inner_kernel
 def derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted):
-    """Sum of magnitudes and value of the functional of (r, p, q) and (s, q, p), with its derivatives in the block."""
     block = descent.block
     clear(block)
     size, total = 0.0, 0.0
@@ -212,7 +206,6 @@ def derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted):
 
 @inner_kernel
 def change_pair(block, local, row, times):
-    """Add a multiple of the change that was solved for to the inner coefficients of both elements."""
     for j in range(2):
         for i in range(EVEN, local.shape[1]):
             if block.place[j, i] >= 0:

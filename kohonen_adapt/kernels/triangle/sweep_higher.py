@@ -1,4 +1,4 @@
-"""Sweep nodes downhill with what changes with them eliminated: free ones in the plane, others along straight chains."""
+"""Descent of nodes at order 2 or 3, with the unknowns of the star eliminated."""
 
 import numpy as np
 
@@ -19,15 +19,16 @@ from kohonen_adapt.kernels.triangle.geometry import may_move
 
 @kernel
 def descend_nodes_higher(descents, order, floor):
-    """Move nodes, in the given order, to where the functionals of their stars are lower; returns the gain of the moves.
+    """Move nodes in the given order and return the gain by the moves.
 
-    The coefficients around a node follow; as of order 1, what better ones at the same place gain does not count.
+    Free nodes move in the plane, nodes on straight boundaries along the boundary. Decreases by new coefficients alone
+    do not count.
     """
     kinds, chains, fixed = descents.one.constraints.kind, descents.one.constraints.chain, descents.one.trial.fixed
     gain = 0.0
     for node in order:
         v = np.int64(node)
-        kind, first = kinds[v], 1 if fixed[v] else 0  # of the unknowns that are free
+        kind, first = kinds[v], 1 if fixed[v] else 0  # first free unknown
         for i in range(descents.number):
             descent = descents.one if i == 0 else descents.other
             number_block(descent, v)
@@ -40,10 +41,15 @@ def descend_nodes_higher(descents, order, floor):
 
 @inner_kernel
 def eliminated(descent, v, chain, first):
-    """The functional of the star of v with its derivatives by the position, its block at its best.
+    """Return the derivatives by the position with the block eliminated.
 
-    Those by x are along a straight chain where v slides on one, -1 for none, and a given value changes with the place.
-    Returns (whether the best could be found, sum of magnitudes, value, by x, y, by xx, xy, yy).
+    Along segment `chain`, if not -1, the derivatives by x are those by the parameter, and a Dirichlet value changes
+    with the parameter.
+
+    Returns
+    -------
+    solved, size, now, by_x, by_y, xx, xy, yy
+        True if the elimination succeeded, followed by the values of `add_element`.
     """
     block, place = descent.block, descent.constraints.chains.place
     mixed, rest = block.mixed, block.rest
@@ -69,10 +75,6 @@ def eliminated(descent, v, chain, first):
 
 @inner_kernel
 def move(descents, v, chain, first, floor):
-    """Move a node by a step with its blocks eliminated, or half as far until it is a gain; returns the gain.
-
-    Steps are in the plane, or along a straight chain, where given values are looked up.
-    """
     one, other, position, constraints = descents.one, descents.other, descents.one.position, descents.one.constraints
     size, now, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(descents.number):
@@ -121,7 +123,6 @@ def move(descents, v, chain, first, floor):
 
 @inner_kernel
 def improve(descent, v, first):
-    """Change the block by Newton's step, or beside nonlinear material half as far until the functional falls."""
     x, y, bent = descent.position[v, 0], descent.position[v, 1], descent.trial.bent[v]
     before, length = derivatives(descent, v, x, y, BLOCK)[1], 1.0
     if not factorise(descent.block, first)[0]:
@@ -139,10 +140,10 @@ def improve(descent, v, first):
 
 @inner_kernel
 def gain_at(descents, v, first, x, y, length, now):
-    """What the functionals of the star, `now` in all, are lower with v at (x, y), the blocks changed as a step of that
-    length says.
+    """Return the decrease of the functionals by a move of node `v` to (x, y).
 
-    Where all is linear the best values there are put in; where not, and it is no gain, those of before.
+    In linear materials the elimination for the new position is left in the block. In nonlinear materials the unknowns
+    are changed by `still` plus `length` times `follow`, and changed back if the decrease is not positive.
     """
     descent, gain = descents.one, now
     if descent.trial.bent[v]:
