@@ -5,8 +5,9 @@ reference triangle. At a quadrature point of weight w the function u = sum U_i p
 
     n = G2 (a - x_v) - G1 (b - x_v),    G = sum U_i g_i,    J grad u = n / D up to sign,
 
-where J turns by a right angle. As at order 1, n is affine in x_v, so the derivatives of `descend` hold at every point with the fraction w of the
-element. Derivatives by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in place of dn / dw.
+where J turns by a right angle. As at order 1, n is affine in x_v, so the derivatives of `descend` hold at every point
+with the fraction w of the element. Derivatives by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in
+place of dn / dw.
 
 The unknowns that change with a node form one block: the value of the node, the coefficients of its sides and the
 bubbles of its elements. Cholesky's method eliminates the block, so a node moves to where the minimum over the
