@@ -1,1 +1,1 @@
-"""The polish: nodes move to where the energy of the solution is lower."""
+"""Polish by descent of the energy of the discrete solution."""

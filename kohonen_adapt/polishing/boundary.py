@@ -1,4 +1,7 @@
-"""Improve the values on boundaries with a Robin condition, of which the loops over stars know nothing."""
+"""Robin terms of a functional, and the best values on their boundaries.
+
+The kernels, which see vertex stars only, do not include Robin terms.
+"""
 
 from dataclasses import dataclass
 
@@ -22,20 +25,20 @@ __all__ = ["BoundaryTerms"]
 
 @dataclass(frozen=True)
 class BoundaryTerms:
-    """What Robin conditions add to a functional, on a triangulation wherever its other nodes have gone.
+    """Robin terms of a functional on a moving triangulation.
 
     Attributes
     ----------
     ritz
-        The functional as its user states it.
+        User-defined functional.
     reference
-        Functions of the elements, and where they are integrated.
+        Shape functions and quadrature points.
     number
-        Region number, in its tables, of every region of the triangulation, (nregions,).
+        Index of every region in the tables of the functional, (nregions,).
     chains
-        Those with a condition, (c,) bool, by the name of the boundary.
+        Curve segments of every named Robin boundary, (c,) bool.
     given
-        Chains whose values are given, (c,) bool.
+        Curve segments with Dirichlet values, (c,) bool.
     """
 
     ritz: Ritz
@@ -46,20 +49,20 @@ class BoundaryTerms:
 
     @property
     def on(self) -> Mask:
-        """Chains with a condition, (c,)."""
+        """Curve segments with a Robin condition, (c,)."""
         return np.any([np.zeros(len(self.given), dtype=np.bool_), *self.chains.values()], axis=0)
 
     def nodes(self, triangulation: Triangulation) -> Mask:
-        """Nodes on these chains, (n,)."""
         elements, found = triangulation.elements, np.zeros(triangulation.nnodes, dtype=np.bool_)
         if self.chains:
             found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
         return found
 
     def value(self, chain: Ints, corners: Floats, coefficients: Floats, bend: Floats | None = None) -> float:
-        """What the conditions add for a function of these coefficients, (m, b), on elements with corners (m, 3, 2).
+        """Return the Robin terms of a function, summed over all elements.
 
-        Their sides are on these chains, (m, 3), and bent so much, (m, 3, 2).
+        `chain` (m, 3) holds the curve segment of every side, `corners` (m, 3, 2) and `coefficients` (m, b) belong to
+        the elements, and `bend` (m, 3, 2) holds the midside offsets.
         """
         total = 0.0
         for name, chains in self.chains.items():
@@ -68,9 +71,10 @@ class BoundaryTerms:
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
-        """Take the values on these chains, all at once, that make the functional least; sides are bent so, (m, 3, 2).
+        """Set the values on Robin boundaries to the minimiser of the functional.
 
-        In nonlinear material that is a step with the secant coefficients, which is kept if it lowers the functional.
+        All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the step
+        is undone if the functional rises. `bend` holds the midside offsets, shape (m, 3, 2).
         """
         unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((0, 3), dtype=int), 0)
         if not count:
@@ -88,7 +92,7 @@ class BoundaryTerms:
             near.add(trial, -change)
 
     def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
-        """The number of every coefficient of elements, (m, b), -1 for what does not change; and how many."""
+        """Return the unknown of every coefficient, (m, b), -1 if fixed, and their count."""
         elements = triangulation.elements
         free = self.nodes(triangulation) & ~trial.fixed
         count, functions = int(free.sum()), self.reference.slope.shape[1]
@@ -101,12 +105,11 @@ class BoundaryTerms:
         return unknown, count
 
     def _total(self, near: "Near") -> float:
-        """The functional of some elements, with what conditions add at them."""
         own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.bend)
         return own + self.value(near.chain, near.corners, near.coefficients, near.bend)
 
     def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
-        """The second derivatives of the functional by the unknowns, secant where it is nonlinear, and the first."""
+        """Return the Hessian, with secant coefficients if nonlinear, and the gradient."""
         parts = [(near.unknown, *self._of_elements(near))]
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)
@@ -124,7 +127,7 @@ class BoundaryTerms:
         return total, right
 
     def _of_elements(self, near: "Near") -> tuple[Floats, Floats]:
-        """Derivatives of the functional of elements by their coefficients: second, (m, b, b), and first, (m, b)."""
+        """Return the second (m, b, b) and first (m, b) derivatives by coefficients."""
         (m, b), kind = near.coefficients.shape, np.zeros(len(near.rows), dtype=int)
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
@@ -134,7 +137,6 @@ class BoundaryTerms:
         return stiffness, rest
 
     def _of_kind(self, near: "Near", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
-        """Return the same of these rows, all of one kind, which have these points."""
         ritz, (m, b) = self.ritz, (len(rows), near.coefficients.shape[1])
         corners, bend, number = near.corners[rows], near.bend[rows], near.number[rows]
         doubled, x, _, slope = fields_at(points, kind, corners, bend, near.coefficients[rows])
@@ -155,7 +157,7 @@ class BoundaryTerms:
 
 @dataclass(frozen=True)
 class Near:
-    """The elements that touch boundaries with conditions, and a function on them."""
+    """Elements at Robin boundaries, and a function on them."""
 
     rows: Ints  # (k,): their numbers
     node: Ints  # (k, 3)
@@ -170,14 +172,16 @@ class Near:
     def of(
         cls, tri: Triangulation, trial: TrialFunction, bend: Floats, rows: Ints, unknown: Ints, number: Ints
     ) -> "Near":
-        """Take these rows of a triangulation and a function, all but the bends (k, 3, 2), which are of these rows."""
+        """Take `rows` of the arrays of a mesh and a function.
+
+        `bend` (k, 3, 2) and `unknown` (k, b) have these rows only.
+        """
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
         modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
         coefficients = local_coefficients(trial.values[node], modes)
         return cls(rows, node, chain, number[region], tri.position[node], bend, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:
-        """Change the function by the changes of the unknowns, wherever these stand."""
         e, i = np.nonzero(self.unknown >= 0)
         at_nodes, more = i < 3, change[self.unknown[e, i]]
         v, first = np.unique(self.node[e[at_nodes], i[at_nodes]], return_index=True)
@@ -188,6 +192,5 @@ class Near:
 
 
 def sides_on(chain: Ints, chains: Mask) -> tuple[Ints, Ints]:
-    """Elements and corners opposite to sides on some chains, for the chains of all sides, (m, 3)."""
     e, k = np.nonzero(on_chains(chain, chains))
     return e, k

@@ -1,4 +1,4 @@
-"""Find out what values a function has along every chain of outlines, and which are those of pairs."""
+"""Dirichlet values and periodic signs on curve segments."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ __all__ = ["hold_unpaired", "line_of_chains", "nodes_of_chains", "signs_of_chain
 
 
 def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> None:
-    """Let values on the boundaries of pairs be given where the mesh does not have them as pairs."""
+    """Set Dirichlet flags on periodic boundaries that the mesh does not pair."""
     for name in (name for names in ritz.signs for name in names):
         sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
         solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True
@@ -23,7 +23,6 @@ def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulat
 
 
 def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
-    """What `Functional` calls sign."""
     sign, chains = np.zeros(len(outline.constraints.chains.length)), outline.constraints.chains
     for names, times in ritz.signs.items():
         for name in names:
@@ -32,7 +31,6 @@ def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
 
 
 def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The chain and the end nodes of every facet on one, a row for each end."""
     elements = triangulation.elements
     e, k = np.nonzero(elements.chain >= 0)
     node = np.concatenate([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]])
@@ -42,9 +40,9 @@ def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], ND
 def line_of_chains(
     triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
 ) -> tuple[Floats, Floats]:
-    """The straight line between the values at the ends of every chain, (c, 2), and how far values lie off it, (c,).
+    """Return linear functions (c, 2) on curve segments and deviations (c,) of values.
 
-    On curves it is constant.
+    A linear function is stored as the value at the start and the rate along the segment. The rate is 0 on curves.
     """
     chains = outline.constraints.chains
     way = triangulation.position[node] - chains.origin[chain]

@@ -1,8 +1,9 @@
-"""Count what lies between chords and curves with the material that is there, so that functionals bound the true one.
+"""Energy of the slivers between chords and curves, at order 1.
 
-A P1 function on a mesh whose facets are chords is a function on the true domain, too: beyond its facet an element goes
-on up to the curve. Its true functional is that of the polygons and, for every sliver between chord and curve,
-``area (psi_true - psi_chord)(grad u)`` with the gradient of the element that covers the sliver, or goes on into it.
+A P1 function on a mesh whose facets are chords extends to the true domain, because elements are extended from
+the chord to the curve. The functional of the true domain is that of the polygons plus, for every sliver,
+``area (psi_true - psi_chord)(grad u)``, with the gradient of the element that covers the sliver or is
+extended into the sliver.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ FLAT = 1e-9  # of its length: a facet that is no farther off its curve is on it
 
 
 class Slivers(NamedTuple):
-    """What lies between chords and curves, in order of the elements that have it, a row each."""
+    """Regions between chords and curves, one per row, sorted by element."""
 
     element: Ints  # (s,)
     corner: Ints  # (s,): opposite to the chord
@@ -35,20 +36,22 @@ class Slivers(NamedTuple):
 
 @dataclass(frozen=True)
 class Chords:
-    """The curves of which the slivers are known, on a triangulation wherever its nodes have gone.
+    """Curves whose slivers contribute to the functional, on a moving triangulation.
 
     Attributes
     ----------
     outline
-        What tells where the curves are.
+        Boundaries and interfaces, which define the curves.
     constants
         Coefficient, source and flux of every region of the triangulation, (nregions, 4).
     known
-        Curves whose slivers can be counted, (c,) bool.
+        Curve segments whose slivers can be counted, (c,) bool.
     given
-        Of those the ones with given values, (c,) bool: these are the same all along, and are what goes on beyond.
+        Curve segments with Dirichlet values, (c,) bool. On `known` segments these are constant, and slivers have
+        the same values.
     cut
-        Of the known the ones that a source ends at, (c,) bool: that of a given total is another one on every polygon.
+        `known` curve segments at which a source ends, (c,) bool. The polygon changes the area of the source
+        there.
     """
 
     outline: Outline
@@ -61,10 +64,10 @@ class Chords:
     def of(
         cls, triangulation: Triangulation, outline: Outline, constants: Floats, curves: Mask, given: Mask, level: Floats
     ) -> "Chords":
-        """Find out which of some curves, (c,), have slivers that can be counted, where values are given on chains.
+        """Select the curve segments whose slivers can be counted.
 
-        They are `level`, (c,), where they are the same all along the chain, nan elsewhere. Beyond the chords they go on
-        as what they are, if the mesh is on one side of the curve only, which is convex, and a source does nothing.
+        `level` (c,) is the constant Dirichlet value of a segment, nan if there is no constant. Slivers at Dirichlet
+        values are counted only on the convex outer boundary, and only if the source times `level` is 0.
         """
         if not curves.any():
             return cls(outline, constants, curves, given, curves)
@@ -78,14 +81,14 @@ class Chords:
         return cls(outline, constants, known, given, cut_sources(triangulation, outline, constants, known))
 
     def moving(self, triangulation: Triangulation) -> Mask:
-        """Nodes that the polish moves along these curves: those on which no source ends, (n,)."""
+        """Return the nodes that move along `known` curves at which no source ends, (n,)."""
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
         slides = constraints.kind == SLIDING
         found[slides] = (self.known & ~self.cut)[constraints.own_chain[slides]]
         return found
 
     def slivers(self, triangulation: Triangulation) -> Slivers:
-        """All that change the functional, as the mesh is now."""
+        """Return the slivers that change the functional."""
         elements = triangulation.elements
         e, k = np.nonzero(on_chains(elements.chain, self.known & ~self.given))
         other, inwards = elements.neighbour[e, k], leans_in(triangulation, self.outline, e, k)
@@ -96,7 +99,7 @@ class Chords:
         return Slivers(e, k, change[rows], off_chords(triangulation, self.outline.constraints, e, k))
 
     def value(self, triangulation: Triangulation, values: Floats) -> float:
-        """What a function with these values at the nodes, (n,), adds to its functional on the polygons."""
+        """Return the functional of all slivers for nodal values of shape (n,)."""
         if not self.known.any():
             return 0.0
         e, k, change, off = self.slivers(triangulation)
@@ -109,7 +112,6 @@ class Chords:
 
 
 def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, known: Mask) -> Mask:
-    """Which of some curves, (c,), a source ends at, where facets are off them."""
     elements, found = triangulation.elements, np.zeros(len(known), dtype=np.bool_)
     e, k = np.nonzero(on_chains(elements.chain, known))
     other, source = elements.neighbour[e, k], constants[elements.region, 1]
@@ -122,13 +124,17 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
 
 
 def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
-    """Whether curves are on the element's own side of their chords, sides k of elements e, (f,)."""
+    """Return True, per side `k` of element `e`, if the curve is inside the element."""
     (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline.constraints, e, k)
     way = triangulation.position[b] - triangulation.position[a]
     return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0
 
 
 def segment_areas(way: Floats, off: Floats) -> Floats:
-    """Areas between chords (s, 2) and curves so far off their middles, (s, 2): of arcs up to 30 degrees to 2e-4."""
+    """Return the areas between chords and curves, for vectors of shape (s, 2).
+
+    `way` is the vector along the chord, `off` the vector from its midpoint to the curve. The relative error for
+    arcs up to 30 degrees is below 2e-4.
+    """
     length, height = np.hypot(*way.T), np.hypot(*off.T)
     return height * (2.0 / 3.0 * length + height**2 / (2.0 * length))

@@ -1,7 +1,8 @@
-"""Move nodes along curves to where the functional, with what chords cut off, is lower.
+"""Energy descent of nodes on curves, with the slivers between chords and curves.
 
-They are few, so no compiled loop is needed: nodes of which no two share an element move at once, each by Newton's
-method in its parameter, from values at three parameters with its own value eliminated.
+Nodes on curves are few, so no compiled loop is needed. Nodes without a common element move at the same time,
+each by Newton's method in the curve parameter, with derivatives by finite differences and the nodal value
+eliminated.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,6 @@ FARTHEST = 0.4  # of that way: how far a node may go in a sweep, less than half 
 
 
 def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFunction) -> float:
-    """Move nodes on curves whose slivers are known; returns the gain of the moves. The values of the nodes follow."""
     triangulation, gain = movable.triangulation, 0.0
     nodes = np.flatnonzero(functional.chords.moving(triangulation))
     if not len(nodes):
@@ -40,7 +40,7 @@ def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFun
 
 
 def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
-    """How far it is in the parameter to the next node on some curves, (n,); inf elsewhere."""
+    """Return the parameter distance to the next node on a curve, (n,), inf elsewhere."""
     elements, constraints = movable.triangulation.elements, movable.constraints
     e, k = np.nonzero(on_chains(elements.chain, known))
     chain, ends = elements.chain[e, k], elements.ends(e, k)
@@ -52,7 +52,7 @@ def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
 
 
 class Part(NamedTuple):
-    """One functional: the values of its function, (n,), and its constants at rows and slivers of `Stars`."""
+    """Nodal values and constants of one functional on `Stars`."""
 
     values: Floats
     constants: Floats  # (r, 4)
@@ -60,7 +60,7 @@ class Part(NamedTuple):
 
 
 class Stars(NamedTuple):
-    """The elements around some nodes, no two of which share one, a row each, and the slivers that these have."""
+    """Disjoint vertex stars, with the slivers of their elements."""
 
     movable: MovableMesh
     parts: list[Part]
@@ -79,7 +79,6 @@ class Stars(NamedTuple):
     def of(
         cls, movable: MovableMesh, functional: Functional, trial: TrialFunction, node: Ints, slivers: Slivers
     ) -> "Stars":
-        """Gather the stars of nodes, with the slivers that their elements have."""
         triangulation, constraints = movable.triangulation, movable.constraints
         star, elements, position = triangulation.star, triangulation.elements, triangulation.position
         count = star.start[node + 1] - star.start[node]
@@ -104,21 +103,17 @@ class Stars(NamedTuple):
         return cls(movable, parts, node, given, owner, ahead, behind, reach, holder, ends, chain, parameter)
 
     def points(self, parameter: Floats) -> Floats:
-        """Where the nodes are at parameters (k,)."""
         chains, chain = self.movable.constraints.chains, self.movable.constraints.own_chain[self.node]
         return self.movable.outline.points_on(chain, within(parameter, chains.length[chain], chains.closed[chain]))
 
     def sides(self, x: Floats) -> tuple[Floats, Floats]:
-        """The ways from the nodes at x (k, 2) to those ahead and behind, (r, 2) each."""
         position = self.movable.triangulation.position
         return position[self.ahead] - x[self.owner], position[self.behind] - x[self.owner]
 
     def totals(self, rows: Floats) -> Floats:
-        """Sums over the rows of every node, (k,)."""
         return added(self.owner, rows, len(self.node))
 
     def worst(self, x: Floats) -> Floats:
-        """The least quality around each node at x, (k,)."""
         a, b = self.sides(x)
         quality = 2.0 * np.sqrt(3.0) * cross(a, b) / (np.sum(a**2 + b**2 + (b - a) ** 2, axis=1))
         least = np.full(len(self.node), np.inf)
@@ -126,7 +121,6 @@ class Stars(NamedTuple):
         return least
 
     def may_be(self, x: Floats, before: Floats) -> Mask:
-        """Whether nodes may go from some places to others, (k, 2): by the quality rule and the reach of the curves."""
         after, now = self.worst(x), self.worst(before)
         lengths = (np.hypot(*np.stack(self.sides(place)).T) for place in (x, before))
         new, old = lengths
@@ -135,7 +129,10 @@ class Stars(NamedTuple):
         return sound & (self.totals(too_long.astype(float)) == 0.0)
 
     def measured(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
-        """The least functional around each node at parameters (k,), its magnitudes, and the change of every value."""
+        """Return functional and magnitude of terms per star, and value changes per part.
+
+        `parameter` (k,) places the nodes. The nodal values minimise the functional unless they are Dirichlet values.
+        """
         x = self.points(parameter)
         own = self.ends == self.node[self.owner[self.holder]][:, None]
         at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
@@ -157,9 +154,10 @@ class Stars(NamedTuple):
         return total, size, changes
 
     def _of_part(self, part: Part, x: Floats, area: Floats, off: Floats, touches: Floats) -> tuple[Floats, ...]:
-        """Value and magnitude of one functional around each node, and its derivatives by the node's value, (k,) each.
+        """Return value, magnitude, and first and second derivative by the nodal value.
 
-        Slivers have these areas, offs and shares of the node's value in that at the middle of their chord.
+        `area`, `off` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape function at
+        the midpoint of the chord.
         """
         (a, b), own, holder = self.sides(x), part.values[self.node][self.owner], self.holder
         doubled, ua, ub = cross(a, b), part.values[self.ahead], part.values[self.behind]
@@ -177,7 +175,6 @@ class Stars(NamedTuple):
 def summed(
     constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats | float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Value, magnitude and derivatives by the node's value of every row, of these areas and functions."""
     coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
     stored, pulled, pushed = (
         0.5 * coefficient * np.sum(slope**2, axis=1),
@@ -191,7 +188,6 @@ def summed(
 
 
 def moved(stars: Stars, near: Floats) -> float:
-    """Move the nodes of some stars, as far as the next ones in the parameter allow, (k,); returns the gain."""
     movable, node = stars.movable, stars.node
     start, short = movable.constraints.parameter[node], SHORT * near
     now, size, stay = stars.measured(start)
@@ -224,15 +220,12 @@ def moved(stars: Stars, near: Floats) -> float:
 
 
 def added(owner: Ints, rows: Floats, count: int) -> Floats:
-    """Sums of rows by their owner, (count,)."""
     return np.bincount(owner, rows, count).astype(np.float64)
 
 
 def within(parameter: Floats, length: Floats, closed: Mask) -> Floats:
-    """Parameters on chains of these lengths, where loops begin anew."""
     return np.where(closed, parameter - np.floor(parameter / length) * length, np.clip(parameter, 0.0, length))
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """The third component of cross products of vectors (r, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -1,10 +1,10 @@
-"""Count what lies between faces of tetrahedra and curved surfaces with the material that is there.
+"""Energy of the slivers between faces of tetrahedra and curved surfaces.
 
-A P1 function on a mesh whose faces are chords of a sphere, cylinder or cone is a function in the true domain, too. Its
-true functional is that of the mesh and for every sliver between face and surface ``S = volume (psi_true - psi_face)``
-of the gradient of the element that covers the sliver, or goes on into it. Where values are given linearly on an outer
-surface the linear function goes on, so that it is what is given on the surface itself. Counted is ``S + |S|``, as
-`kernels/tetrahedron/slivers.py` says, where loops over stars have the same.
+A P1 function on a mesh whose faces are inscribed in a sphere, cylinder or cone extends to the true domain.
+The functional of the true domain is that of the mesh plus, for every sliver, ``S = volume (psi_true -
+psi_face)(grad u)``, with the gradient of the element that covers the sliver or is extended into the sliver. A
+linear Dirichlet function on an outer surface is extended as given. The polish adds ``S + |S|``, as
+`kernels/tetrahedron/slivers.py` explains.
 """
 
 from dataclasses import dataclass
@@ -25,20 +25,20 @@ __all__ = ["CurvedFaces"]
 
 @dataclass(frozen=True)
 class CurvedFaces:
-    """The curved patches of which slivers can be counted, wherever nodes and elements have gone.
+    """Curved surfaces whose slivers contribute to the functional.
 
     Attributes
     ----------
     patches
-        Where all of them are.
+        Geometry of all faces of the body (patches).
     ritz, number
-        The functional, and the number of every region in its tables, (nregions,).
+        The functional, and the index of every region in its tables, (nregions,).
     counted
-        Those whose slivers are, (p,) bool.
+        Patches whose slivers are counted, (p,) bool.
     follows
-        Those with given values, which go on as what they are, (p,) bool.
+        `counted` patches with Dirichlet values, which slivers continue linearly, (p,) bool.
     rate
-        Gradient of the given values, (p, 3).
+        Gradient of the Dirichlet values, (p, 3).
     """
 
     patches: Patches
@@ -59,9 +59,12 @@ class CurvedFaces:
         given: Mask,
         rate: Floats,
     ) -> "CurvedFaces":
-        """Find out whose slivers can be counted: of spheres, cylinders and cones at which no source ends, for that of a
-        given total is another one on every mesh; with given values of those that are linear, or zero beside a source,
-        on the outer side of the mesh, and convex. `linear` are the patches without given values, or with such.
+        """Select the patches whose slivers are counted.
+
+        Slivers are counted on spheres, cylinders and cones without Dirichlet values if no source ends there, because
+        the faces change the volume of the source. With Dirichlet values they are counted on the convex outer boundary
+        only, and beside a source only if all values are 0. `linear` selects patches without Dirichlet values, or with
+        linear Dirichlet values.
         """
         elements, values = tet.elements, np.asarray(ritz.values)
         counted = linear & np.isin(patches.shape, (SPHERE, CYLINDER, CONE))
@@ -78,7 +81,7 @@ class CurvedFaces:
         return cls(patches, ritz, number, counted, counted & given, rate)
 
     def value(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
-        """The sum of S + |S| of a function with these values at the nodes, (n,)."""
+        """Return the sum of S + abs(S) over all slivers for nodal values of shape (n,)."""
         e, k = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         outer, across = covered(position, elements, self.patches, e, k), elements.neighbour[e, k]
         has = outer | (across < 0)
@@ -97,7 +100,7 @@ class CurvedFaces:
 
 
 def covered(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
-    """Whether elements are on the outer sides of the surfaces of their faces opposite to corners k, (f,)."""
+    """Return True, per face `k` of element `e`, if the surface is inside the element."""
     corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
     middle = corners.mean(axis=1)
     out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -105,7 +108,7 @@ def covered(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k
 
 
 def volumes(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Floats:
-    """Volumes between faces and their surfaces, (f,): exact for a height that is a parabola."""
+    """Return the volumes between faces and surfaces, (f,), for a parabolic height."""
     corners, patch = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)], elements.patch[e, k]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     height = np.zeros(len(e))

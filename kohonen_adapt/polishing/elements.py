@@ -1,4 +1,4 @@
-"""Work out of elements what the polish looks up: curved sides, points around an axis, fluxes that vary inside."""
+"""Element data for the polish, such as curved sides and varying sources."""
 
 from collections.abc import Callable
 
@@ -49,14 +49,13 @@ FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
 
 
 def few_for_threads(order: int) -> int:
-    """How many elements or nodes are not worth another thread: the work grows as the cube of their unknowns."""
     return FEW // UNKNOWNS[order - 1] ** 3
 
 
 def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
-    """The points of a functional, and the shapes of all elements, in so many rows; those not in use are straight.
+    """Return quadrature points, and element shapes with `rows` rows.
 
-    For the displacements of the sides of those in use, (m, 3, 2).
+    `bent` (m, 3, 2) holds the midside offsets. Rows after m are straight.
     """
     bend = np.zeros((rows, 3, 2))
     bend[: len(bent)] = bent
@@ -66,17 +65,15 @@ def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
 
 
 def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
-    """The kinds of all elements around an axis, (m,); None in the plane."""
     return kinds_at_axis(triangulation.position[triangulation.elements.node, 0]) if ritz.axisymmetric else None
 
 
 def without_modes(m: int) -> Modes:
-    """The modes of functions of order 1, of which there are none."""
     return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), dtype=np.bool_))
 
 
 def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Modes | None) -> float:
-    """The largest gradient of a function, around an axis by x."""
+    """Return the largest gradient of a function, divided by x if axisymmetric."""
     node = triangulation.elements.node
     coefficients, corners = local_coefficients(values[node], modes), triangulation.position[node]
     kind = kinds_of(ritz, triangulation)
@@ -91,11 +88,11 @@ def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Mo
 
 
 def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """What `Trial` calls its data, (m, VARYING), where a function gives the flux, of the constants (m, CONSTANTS).
+    """Return `Trial.data` of shape (m, VARYING) for a flux that is a function.
 
-    The polynomial has the values of the function at the points of `inner_points` and at the middles between them. Its
-    mean over the element is that of the function over the three points, as in the functional itself. The function is
-    asked inside of elements only: an element moves by less than its size until it is asked again.
+    The quadratic polynomial of each element interpolates the flux at `inner_points` and at the midpoints between
+    them. Its mean over the element equals the mean of the flux over the three points, as in the functional. The
+    flux is sampled inside elements only, since an element moves by less than its size between two samplings.
     """
     points = inner_points(corners)
     sampled = flux_at(np.concatenate([points, 0.5 * (points + np.roll(points, -1, axis=1))], axis=1), number, flux)
@@ -112,9 +109,9 @@ def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[F
 def with_source(
     constants: Floats, corners: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike], order: int
 ) -> Floats:
-    """Return what `Trial` calls its data, (m, SOURCE_TERMS + terms), where a function gives the source.
+    """Return `Trial.data` of shape (m, SOURCE_TERMS + terms) for a varying source.
 
-    The polynomial of degree order + 2 is the best fit to the function at the points of the functional.
+    The polynomial of degree order + 2 is the best fit at the quadrature points of the functional.
     """
     share, _ = source_points(order)
     sampled = source_at(np.einsum("qk,dkm->dqm", share, corners), number, source)
@@ -127,9 +124,10 @@ def with_source(
 
 
 def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """The quadratic polynomial of values (6, m) at corners (2, 3, m) and then at the middles after each.
+    """Return the quadratic interpolant at the centroid.
 
-    Returns its value at the centre (m,), and gradient and Hessian there, by x, y, xx, xy and yy, (5, m).
+    `values` (6, m) belong to the corners `points` (2, 3, m), then to the midpoints after each corner. Returned
+    are the value (m,) and the derivatives by x, y, xx, xy and yy (5, m).
     """
     corner, middle = values[:3], values[3:]
     hat = np.stack(

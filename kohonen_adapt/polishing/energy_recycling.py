@@ -1,4 +1,4 @@
-"""Recycling by energy: nodes whose loss costs the functional little go where a new one lowers it more."""
+"""Recycling by energy, collapses at low cost paired with splits of larger gain."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -23,7 +23,7 @@ PART = 5_000  # elements or nodes per compiled call: Python hears Ctrl-C in betw
 
 
 class Exchange(NamedTuple):
-    """What recycling by energy has done."""
+    """Result of recycling by energy."""
 
     trial: TrialFunction  # the function that it leaves
     recycled: Recycled  # in all, that of before included
@@ -35,9 +35,9 @@ class Exchange(NamedTuple):
 def recycle_by_energy(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
 ) -> Exchange:
-    """Split edges and collapse others, in pairs, as long as a split gains more than its collapse costs.
+    """Split edges and collapse nodes in pairs while the gain exceeds the cost.
 
-    Outlines that nodes may not slide on, for the functional is not known there or would be another one, keep theirs.
+    Curve segments on which nodes are held keep their nodes.
     """
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
@@ -55,10 +55,6 @@ def recycle_by_energy(
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
-    """Room for what splits and collapses are worth, with those ruled out that would change what is given.
-
-    Where values are given linearly along a chain, halves of its edges have the same; of order 1 that gains nothing.
-    """
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
     is_open = ~(functional.held | movable.constraints.chains.paired)
     if functional.ritz.order == 1:
@@ -69,21 +65,19 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
 
 
 def in_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:
-    """A function with rows to spare, its dual likewise."""
     dual = trial.dual and in_rows(trial.dual, nodes, elements)
     modes = trial.modes and Modes(*(padded(array, elements, 0) for array in trial.modes))
     return TrialFunction(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False), modes, dual)
 
 
 def out_of_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFunction:
-    """A function on the rows of nodes and elements that are in use in the end, its dual likewise."""
     dual = trial.dual and out_of_rows(trial.dual, kept, used)
     modes = trial.modes and Modes(*(array[used] for array in trial.modes))
     return TrialFunction(trial.values[kept], trial.fixed[kept], modes, dual)
 
 
 class _Linear:
-    """Gains and costs of functions of order 1; threads have room of their own."""
+    """Gains and costs at order 1."""
 
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
@@ -106,7 +100,7 @@ class _Linear:
 
 
 class _Higher(_Linear):
-    """The same of functions of order 2 or 3, or around an axis."""
+    """Gains and costs at order 2 and 3, and at order 1 around an axis."""
 
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
@@ -137,15 +131,15 @@ class _Higher(_Linear):
 def judge_of(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
 ) -> _Linear:
-    """What knows gains and costs at the order of the function."""
     judge = _Linear if trial.modes is None else _Higher
     return judge(movable, functional, trial, mesh, offers)
 
 
 def weighed(judging: _Linear, offers: Offers) -> float:
-    """Work out all gains, and all costs below the largest of them, which is returned; threads share the work.
+    """Compute all gains and costs, and return the largest gain.
 
-    Each depends on the mesh as it is now alone, so none of them on the number of threads.
+    Costs above the largest gain are not computed. Gains and costs depend on the current mesh alone, and therefore
+    not on the number of threads.
     """
     mesh, cuts = judging.mesh, even_cuts(len(offers.cost), judging.few)
     own = [SurgeryScratch.of(len(mesh.position), len(mesh.elements.node)) for _ in cuts[1:]]
@@ -166,6 +160,5 @@ def weighed(judging: _Linear, offers: Offers) -> float:
 
 
 def in_order(values: Floats, below: float) -> Ints:
-    """The places of all values below a bound, in ascending order; of equal ones the first comes first."""
     found = np.flatnonzero(values < below)
     return found[np.argsort(values[found], kind="stable")]

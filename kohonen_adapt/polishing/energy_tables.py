@@ -1,4 +1,4 @@
-"""Laws of nonlinear material as tables for the kernels."""
+"""Energy tables of nonlinear laws for the kernels."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -22,8 +22,8 @@ ROUGH = 0.01  # of the largest energy: so far one may be from the integral of th
 class Tables(NamedTuple):
     """Energies over the square s of the gradient.
 
-    Each octave of s has `STEPS` equal steps; between them a cubic has the energies and their rates at both ends. What
-    that leaves out of the energy is below 1e-8 of it, at the sharpest bends, and over all s below 1e-10.
+    Each octave of s has `STEPS` equal steps. Between steps a cubic interpolates the energies and their
+    derivatives, with a relative error below 1e-8 at the sharpest bends and below 1e-10 on average.
     """
 
     first: int  # s begins with 2^(first - 1)
@@ -31,13 +31,13 @@ class Tables(NamedTuple):
 
 
 def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
-    """Tables of laws around the largest gradient that a solution has.
+    """Return the tables of laws for a largest gradient of the solution.
 
     Raises
     ------
     ValueError
-        If what a law returns has another shape or is not finite there, its field strength falls, or its energy is not
-        the integral of that.
+        If a law returns another shape or values that are not finite, if its field strength decreases, or if its
+        energy is not the integral of its field strength.
     """
     top = int(np.frexp(largest**2)[1])
     if not laws:
@@ -63,7 +63,6 @@ def _table(law: EnergyLaw, b: Floats) -> Floats:
 
 
 def _check(law: EnergyLaw, b: Floats, strength: Floats, energy: Floats) -> None:
-    """The energy of another field strength, or of one that falls, is not what the solution minimises."""
     if not (np.all(np.isfinite(strength)) and np.all(np.isfinite(energy))):
         raise ValueError(f"laws of Ritz must be finite up to b = {b[-1]:g}; {law!r} is not.")
     integral = np.cumsum(0.5 * (strength[:-1] + strength[1:]) * np.diff(b))

@@ -1,4 +1,4 @@
-"""Express a Ritz functional in terms of a movable mesh: constants by region, given values by chain."""
+"""Ritz functional on a movable triangulation."""
 
 from dataclasses import dataclass, replace
 
@@ -43,51 +43,48 @@ FOLLOWED = 2  # order up to which a parabola follows a curve as well as function
 
 @dataclass(frozen=True)
 class Functional:
-    """What the polish lowers: it holds for the triangulation as it is now, wherever its nodes and edges have gone.
+    """Functional that the polish lowers, valid while nodes and edges move.
 
     Attributes
     ----------
     solution
-        What minimises it on the mesh that it was stated on.
+        Minimiser of the functional on the input mesh.
     reference
-        Functions of the elements, and where they are integrated.
+        Shape functions and quadrature points.
     ritz
-        As its user states it.
+        User-defined functional.
     number
-        Region number, in its tables, of every region of the triangulation, (nregions,).
+        Index of every region in the tables of the functional, (nregions,).
     constants
-        Coefficient, source and flux of every region of the triangulation, (nregions, 4); no flux where that varies.
+        Coefficient, source and flux of every region, (nregions, 4). A source or flux that is a function is 0
+        here.
     given
-        Chains whose values are given, (c,) bool.
+        Curve segments with Dirichlet values, (c,) bool.
     linear
-        Of those, the ones on which the values are linear in arc length, on curves constant, so that nodes may slide on
-        them, (c,) bool.
+        `given` segments on which nodes may slide, (c,) bool. Values are linear in arc length, on curves constant.
     sign
-        Of paired chains whose pair the functional states: 1 or -1, what values on one side are times those on the
-        other, (c,); 0 on all other chains.
+        Sign of periodic pairs, (c,). Values on one side are `sign` times the values on the opposite side. 0 for
+        all other segments.
     boundary
-        What Robin conditions add: nodes there stay, for the functional is known on the facets that there are.
+        Robin terms. Nodes on Robin boundaries do not move.
     held
-        Chains whose nodes are not to slide: curves, given values that are not linear, Robin conditions, or a chain of
-        one facet between two nodes with given values, of which nobody can tell whether they are given on it, (c,) bool.
-        On curved sides, too: what a parabola leaves out of a curve is of the order of the squared error, and nodes went
-        to where it flatters. A magnet had 3 % more error of order 2, and a third more of order 3.
+        Segments on which nodes do not slide, (c,) bool: curves, nonlinear Dirichlet values, Robin boundaries, and
+        single facets between two Dirichlet nodes, which may or may not be Dirichlet facets.
     on_chain
-        Value at the origin of every chain and rate along it, (c, 2); true where `linear`.
+        Value at the start of every segment and rate along the segment, (c, 2), valid where `linear`.
     comparable
-        Whether values of the functional on moved meshes may be compared: the admissible functions are the same, because
-        outlines are straight, or sides bent to them up to what is of the order of the squared error, or what is between
-        chords and curves is known, and values are given on whole chains only and linearly there, on curves constant.
+        True if values of the functional on different meshes are comparable, because the set of admissible
+        functions does not depend on the mesh.
     law
-        Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
+        Index of the law of every region in the tables, (nregions,), -1 if linear.
     tables
-        The energies of the laws.
+        Energies of the laws.
     chords
-        What lies between chords and curves.
+        Slivers between chords and curves.
     dual
-        The functional of the dual solution of a goal, which is added to this; or None.
+        Functional of the dual solution of a goal, or None.
     share
-        That of the first, as `Ritz` has it, which is in the constants of both; None without a dual.
+        Weight of the primal functional, included in the constants of both, None without a dual.
     """
 
     solution: TrialFunction
@@ -110,14 +107,14 @@ class Functional:
 
     @classmethod
     def of(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None = None) -> "Functional":
-        """Look up the constants of every region and how values are given on every chain, of a dual solution likewise.
+        """Return the functional of `ritz`, including the functional of a dual solution.
 
-        The mesh is that of the movable one as it is now, where that is at hand.
+        `mesh` is the current mesh of `movable`, built if None.
 
         Raises
         ------
         ValueError
-            If `ritz` is of another mesh, or its constants change inside a region.
+            If `ritz` is of a different mesh, or its constants change inside a region.
         """
         parts = parts_of(ritz)
         general = any(part.axisymmetric or callable(part.source) for part in parts)
@@ -131,12 +128,12 @@ class Functional:
 
     @classmethod
     def of_solution(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri) -> "Functional":
-        """Look up the same for the solution of a problem, which is refused unless the functional is stationary there.
+        """Return the functional of a solution, which must be stationary.
 
         Raises
         ------
         ValueError
-            As `of` does, and if the functional is not stationary.
+            If `of` raises, or if the functional is not stationary at the solution.
         """
         functional = cls.of(ritz, movable, mesh)
         for one in filter(None, (functional, functional.dual)):
@@ -145,7 +142,10 @@ class Functional:
 
     @classmethod
     def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None, general: bool) -> "Functional":
-        """Look up the same of one functional, at order 1 for the `general` loops of all orders if they are needed."""
+        """Return the functional without a dual.
+
+        `general` selects the kernels of all orders also at order 1.
+        """
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
@@ -191,21 +191,20 @@ class Functional:
 
     @property
     def nearly(self) -> bool:
-        """Whether loops over stars know it nearly only: fluxes vary, or something is between chords and curves."""
+        """True if stars give the functional approximately (varying data or slivers)."""
         return self.varies or bool(self.chords.known.any())
 
     @property
     def varies(self) -> bool:
-        """Return True if flux or source vary inside regions, so that elements that move have another one."""
+        """True if a source or flux varies inside regions."""
         return self.has_varying_source or callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
 
     @property
     def has_varying_source(self) -> bool:
-        """True if the source of the functional or of its dual is a function."""
         return callable(self.ritz.source) or (self.dual is not None and self.dual.has_varying_source)
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> float:
-        """The functional of a function; sides are bent so much, (m, 3, 2)."""
+        """Return the functional for midside offsets `bend` of shape (m, 3, 2)."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
         total = value_on(corners, coefficients, number, self.ritz, bend)
@@ -216,7 +215,6 @@ class Functional:
         return total + self.dual.value(triangulation, trial.dual, bend)
 
     def beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
-        """What of it is between chords and curves."""
         own = self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return own
@@ -225,27 +223,23 @@ class Functional:
     def improve_on_boundary(
         self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None
     ) -> None:
-        """Take the best values where there are Robin conditions, of a dual function, too."""
         self.boundary.improve(triangulation, trial, bend)
         if self.dual is not None and trial.dual is not None:
             self.dual.improve_on_boundary(triangulation, trial.dual, bend)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
-        """A function and its dual, each as `trial` has it."""
         one = self.trial(triangulation, trial.values, trial.fixed)
         if self.dual is None or trial.dual is None:
             return Trials(one, one._replace(value=one.value[:0]))
         return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
-        """A function, what of it is given and the functional, for the kernels: sweeps change `values`, (n,)."""
         law, bent = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
         bent[triangulation.elements.node[law >= 0]] = True
         laws = Laws(law, self.tables.first, self.tables.energy)
         return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), bent, laws)
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
-        """What `Trial` calls its data, of the triangulation as it is now."""
         region = triangulation.elements.region
         constants = (self.constants / np.array([2.0, 6.0, 2.0, 2.0]))[region]
         corners = triangulation.position.T[:, triangulation.elements.node.T]
@@ -256,7 +250,7 @@ class Functional:
         return constants
 
     def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
-        """What each node may do, (n,), when those are held whose given values no formula would carry along."""
+        """Return the kind of every node, (n,), held if its Dirichlet value cannot follow."""
         kind, chain = outline.constraints.kind, outline.constraints.own_chain
         sliding = kind == SLIDING
         held = (kind == FREE) & fixed
@@ -265,17 +259,12 @@ class Functional:
 
 
 def is_plain(ritz: Ritz, outline: Outline) -> bool:
-    """Whether what is between chords and curves can be counted: not for laws, what varies inside, and an axis.
-
-    Beside pairs two stars are one, of whose slivers nothing is known.
-    """
     varies = callable(ritz.flux) or callable(ritz.source)
     plain = ritz.order == 1 and not (ritz.axisymmetric or varies or ritz.laws)
     return plain and not outline.constraints.chains.paired.any()
 
 
 def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri, general: bool) -> TrialFunction:
-    """The solution of a functional in the form of the kernels."""
     values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
     node = triangulation.elements.node
     if ritz.order == 1 and general:

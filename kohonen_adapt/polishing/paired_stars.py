@@ -1,8 +1,8 @@
-"""Descend nodes of periodic pairs: the stars of both, one carried to the other, are the star of one node.
+"""Energy descent of nodes on periodic boundaries.
 
-Where the function is the same on both boundaries or the other's negative, u(R x + t) = s u(x), the elements beyond the
-partner of a node are moved back onto it, their values multiplied by s. The loops over stars then see a whole star; the
-node slides along its chain, and its partner goes along.
+The solution satisfies u(R x + t) = s u(x) on a pair of boundaries. The elements around the partner of a node
+are moved back to the node, and their values are multiplied by s. The kernels then see one whole star. The
+node slides along its curve segment, and its partner moves with the node.
 """
 
 from typing import NamedTuple, Protocol
@@ -37,7 +37,7 @@ __all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "ti
 
 
 class Patch(NamedTuple):
-    """Whole stars of some nodes, each apart from the others, as the loops over stars take them."""
+    """Disjoint stars as a mesh of their own."""
 
     position: Floats
     elements: Elements
@@ -50,7 +50,7 @@ class Patch(NamedTuple):
 
 
 class Freedom(NamedTuple):
-    """What may change on chains: of every node what it may do there, and whether its value is given; and of pairs."""
+    """Kinds of nodes, Dirichlet nodes, and signs of curve segments."""
 
     kind: NDArray[np.int8]  # (n,)
     fixed: Mask  # (n,)
@@ -58,26 +58,26 @@ class Freedom(NamedTuple):
 
 
 class Descending(Protocol):
-    """What is known of the function on the whole mesh, and what descends it on a patch."""
+    """Function on the whole mesh, and its descent on a patch."""
 
     @property
     def trials(self) -> Trials:
-        """The function and its functional, of a goal two."""
+        """Primal and dual function with their functionals."""
 
     @property
     def modes(self) -> tuple[Modes, ...]:
-        """The other unknowns of each, of order 2 and 3."""
+        """Coefficients of sides and bubbles, of the primal and of the dual function."""
 
     @property
     def shapes(self) -> Shapes | None:
-        """Which elements have curved sides or are around an axis, None where none can."""
+        """Element shapes, None if all elements are straight and in the plane."""
 
     def descend_patch(self, patch: Patch) -> float:
-        """Move the nodes of a patch; returns the gain."""
+        """Move the nodes of a patch, and return the decrease of the functional."""
 
 
 class Couples(NamedTuple):
-    """Nodes inside paired chains, each with its partner, (k,); the motion x -> A x + b carries the first there."""
+    """Periodic pairs of nodes, with the motions x -> A x + b from node to partner."""
 
     node: Ints
     partner: Ints
@@ -87,7 +87,7 @@ class Couples(NamedTuple):
 
     @classmethod
     def of(cls, movable: MovableMesh, sign: Floats) -> "Couples":
-        """All whose chain has a sign, 1 or -1, (c,); 0 where nothing is known of the function there."""
+        """Return all pairs of nodes on curve segments with a sign."""
         constraints = movable.constraints
         node, partner = sliding_pairs(constraints)
         known = sign[constraints.own_chain[node]] != 0.0
@@ -96,15 +96,13 @@ class Couples(NamedTuple):
         return cls(node, partner, motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
 
     def some(self, rows: Ints) -> "Couples":
-        """Those in some rows."""
         return Couples(self.node[rows], self.partner[rows], self.turn[rows], self.shift[rows], self.sign[rows])
 
 
 def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
-    """Give the partners the values of their nodes, and the sides beyond the coefficients of those on this side.
+    """Set the values of partners, and coefficients of their sides, from the nodes.
 
-    Interpolated on either side, as after a move of the mesh, they are the same but for rounding, and on arcs no more
-    than near to one another.
+    After interpolation onto a moved mesh both sides differ by rounding, on arcs by more.
     """
     couples = Couples.of(movable, sign)
     for one in filter(None, (trial, trial.dual)):
@@ -122,10 +120,6 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
 
 
 def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
-    """Move nodes of pairs, whose chains have a sign, to where the functional around both is lower; returns the gain.
-
-    Values that are not given follow, also of nodes that are held.
-    """
     if not len(movable.constraints.twins.motions):
         return 0.0
     couples, gain = Couples.of(movable, freedom.sign), 0.0
@@ -141,7 +135,10 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
 
 
 def independent(of_corners: Ints, count: int) -> list[Ints]:
-    """Group numbers at corners, (m, 3), or -1: of no group an element has two; what it has twice is out."""
+    """Return groups of nodes, no two of one group in the same element.
+
+    `of_corners` (m, 3) holds the index of a node or -1. Nodes that an element has twice are in no group.
+    """
     beside: list[set[int]] = [set() for _ in range(count)]
     for a, b in ((0, 1), (1, 2), (2, 0)):
         both = (of_corners[:, a] >= 0) & (of_corners[:, b] >= 0)
@@ -161,7 +158,7 @@ def independent(of_corners: Ints, count: int) -> list[Ints]:
 
 
 class Gathered(NamedTuple):
-    """The elements around couples, a row each, ordered by couple; first corners are the couples' nodes."""
+    """Elements around pairs, one per row, sorted by pair, with the node first."""
 
     owner: Ints  # (r,): the couple
     element: Ints  # (r,)
@@ -171,7 +168,6 @@ class Gathered(NamedTuple):
 
     @classmethod
     def of(cls, movable: MovableMesh, couples: Couples) -> "Gathered":
-        """The stars of both nodes of every couple."""
         tri, centres = movable.triangulation, np.concatenate([couples.node, couples.partner])
         start, end = tri.star.start[centres], tri.star.start[centres + 1]
         which = np.repeat(np.arange(len(centres)), end - start)
@@ -185,21 +181,20 @@ class Gathered(NamedTuple):
         return cls(owner, element, (k[:, None] + step) % 3, beyond, mirrored)
 
     def nodes(self, movable: MovableMesh) -> Ints:
-        """The nodes at the corners, (r, 3)."""
         return movable.triangulation.elements.node[self.element[:, None], self.corner]
 
     def places(self, movable: MovableMesh, couples: Couples) -> Floats:
-        """Where the corners are, (r, 3, 2), those beyond moved back."""
+        """Return the corners, (r, 3, 2), moved back where they belong to a partner."""
         position = movable.triangulation.position[self.nodes(movable)]
         turn, shift = couples.turn[self.owner], couples.shift[self.owner]
         back = np.einsum("rkj,rji->rki", position - shift[:, None], turn)
         return np.where(self.beyond[:, None, None], back, position)
 
     def joints(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
-        """The corners, as rows and columns (2 k,), at the ends of the couples' chains here, and what they are beyond.
+        """Return the corners at the ends of the curve segments, here and at the partner.
 
-        Around a node they are the first and the last. The first here is the last beyond, where the mesh goes on; where
-        the pair folds it, as of Kelvin discs, it is the first.
+        Corners are rows and columns (2 k,). The first corner here is the last at the partner, except for pairs that
+        fold the mesh (Kelvin discs).
         """
         node, star = self.nodes(movable), (2 * self.owner + self.beyond) * movable.nnodes
         ahead, behind = star + node[:, 1], star + node[:, 2]
@@ -216,9 +211,9 @@ class Gathered(NamedTuple):
         return here, (np.concatenate(beyond), np.concatenate([to_first, to_last]))
 
     def numbers(self, movable: MovableMesh, couples: Couples) -> tuple[Ints, Ints]:
-        """The row in the patch of every corner, (r, 3), and for every row a corner, as 3 r + k, that it is.
+        """Return the patch node of every corner, (r, 3), and a corner 3 r + k of each.
 
-        The couples are the first rows.
+        The first patch nodes are those of the pairs.
         """
         node, count = self.nodes(movable), len(couples.node)
         key = (self.owner[:, None] * 2 + self.beyond[:, None]) * movable.nnodes + node
@@ -229,7 +224,6 @@ class Gathered(NamedTuple):
         return number.reshape(key.shape), found
 
     def patch(self, movable: MovableMesh, downhill: Descending, couples: Couples, freedom: Freedom) -> Patch:
-        """The stars as if all elements were on the side of the first nodes."""
         tri, constraints, count = movable.triangulation, movable.constraints, len(couples.node)
         number, found = self.numbers(movable, couples)
         node, times = self.nodes(movable), self.signs(couples)
@@ -254,7 +248,6 @@ class Gathered(NamedTuple):
     def trial(
         self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints, general: bool
     ) -> Trial:
-        """A function and its functional on the patch; without values if there is none."""
         laws, bent = trial.laws._replace(number=trial.laws.number[self.element]), np.zeros(len(found), dtype=np.bool_)
         bent[ends[laws.number >= 0]] = True
         values = trial.value
@@ -264,11 +257,13 @@ class Gathered(NamedTuple):
         return trial._replace(value=values, fixed=fixed, data=data, bent=bent, laws=laws)
 
     def signs(self, couples: Couples) -> Floats:
-        """What values are multiplied by, (r,)."""
         return np.where(self.beyond, couples.sign[self.owner], 1.0)
 
     def data(self, data: Floats, couples: Couples, general: bool) -> Floats:
-        """Return what `Trial` calls its data, carried along; in the `general` loops a source may vary, else a flux."""
+        """Return `Trial.data` of the patch.
+
+        `general` states that a function in `data` is a source, otherwise a flux.
+        """
         moved, beyond = data[self.element].copy(), self.beyond
         turn, shift, sign = (array[self.owner[beyond]] for array in (couples.turn, couples.shift, couples.sign))
         rows = moved[beyond]
@@ -294,18 +289,19 @@ class Gathered(NamedTuple):
         return moved
 
     def turns(self, degrees: int, times: Floats) -> Floats:
-        """What the coefficients of sides are multiplied by, (r, 1, degrees): odd ones change sign in a mirror."""
+        """Return factors of side coefficients, (r, 1, degrees).
+
+        Odd coefficients change sign in a mirrored element.
+        """
         odd = np.where(self.mirrored, -1.0, 1.0)
         return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
 
     def shapes(self, shapes: Shapes, couples: Couples) -> Shapes:
-        """The shapes of the elements, curved sides turned back."""
         bend = shapes.bend[self.element[:, None], self.corner]
         back = np.einsum("rkj,rji->rki", bend, couples.turn[self.owner])
         return Shapes(np.where(self.beyond[:, None, None], back, bend), shapes.special[self.element], shapes.around)
 
     def modes(self, movable: MovableMesh, modes: Modes, times: Floats, sign: Floats) -> Modes:
-        """The coefficients of sides and bubbles, with the sides of pairs no longer given."""
         at = self.element[:, None], self.corner
         chain = movable.triangulation.elements.chain[at]
         given = modes.given[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
@@ -313,7 +309,6 @@ class Gathered(NamedTuple):
         return Modes(side, modes.bubble[self.element] * times, given)
 
     def put_back(self, movable: MovableMesh, downhill: Descending, couples: Couples, patch: Patch) -> None:
-        """Take over where the nodes have gone, and the function there, on both sides."""
         constraints, count = movable.constraints, len(couples.node)
         parameter = patch.constraints.parameter[:count]
         for nodes, times in ((couples.node, np.ones(count)), (couples.partner, couples.sign)):

@@ -1,4 +1,4 @@
-"""Polish: move nodes to where the energy of the mesh's own solution is lower, which is where its error is lower."""
+"""Polish by descent of the energy."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -65,60 +65,64 @@ def polish(
     layers: Mapping[str, int] | None = None,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> Mesh:
-    """Move nodes to where the Ritz functional of the mesh's own solution is lower; the error follows.
+    """Move nodes by descent of the energy of the discrete solution.
 
-    For ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, or with the energies of nonlinear laws,
-    the discrete solution lies above the exact minimum by half the square of its error in the energy norm. A sweep moves
-    every node in turn, by Newton's method with what changes with it (its value; of order 2 and 3 also those of its
-    sides) eliminated, to where the functional of the elements around it is lower, and flips every edge whose flip
-    lowers it; of tetrahedra, swaps elements where that does. What a sweep leaves is a function on the new mesh with a
-    lower functional, so the solution on that mesh has a lower one still: the error has not grown.
+    For ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, or with the energies of nonlinear
+    laws, the functional of the discrete solution exceeds the exact minimum by half the squared error in the
+    energy norm. A sweep moves every node in turn by Newton's method to where the functional of the adjacent
+    elements is lower, with the value of the node (and at order 2 and 3 of its sides) eliminated. A sweep then
+    flips every edge whose flip lowers the functional, and swaps tetrahedra by the same rule. The result of a
+    sweep is a function on the new mesh with a lower functional. The solution on the new mesh is lower still, so
+    the error does not grow.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`; it is not modified. It is solved on once.
+        A `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, which is not modified. The problem is solved once.
     problem
-        Anything with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1 to 3,
-        on tetrahedra 1.
+        An object with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1
+        to 3, on tetrahedra of order 1.
     sweeps
-        How often every node may move.
+        Number of sweeps.
     topology
-        ``"flip"``: edges flip, and tetrahedra are swapped, where that lowers the functional, and the result need not be
-        Delaunay; ``"fixed"`` keeps ``mesh.t``.
+        ``"flip"`` flips edges and swaps tetrahedra if the functional decreases, so the result need not be
+        Delaunay. ``"fixed"`` keeps ``mesh.t``.
     min_quality, pinned, curves, periodic, layers, surfaces
-        What nodes may do: see `Rules`. Nodes slide on arcs and splines with chords for facets as the notes say.
+        Constraints on nodes and elements, see `Rules`. Nodes slide on arcs and splines with straight facets only
+        under the conditions in the notes.
     seed
-        An integer >= 0, as everywhere; nothing here is random.
+        An integer >= 0, for the same interface as other functions. The polish has no random part.
 
     Returns
     -------
     Mesh
-        With the same number of nodes and the same names: nodes never leave their region, outlines keep their shape. A
-        `MeshTri2` where that was given, or the problem is `curved`, and an outline is.
+        Mesh with the same number of nodes and the same names. Nodes stay in their region, and boundaries and
+        interfaces keep their shape. A `MeshTri2` if the input is one or the problem is `curved`, provided that a
+        boundary or interface is curved.
 
     Raises
     ------
     ValueError
-        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTet`, an argument is out of range, the problem has no
-        ``ritz``, or one that is for the plane only, or its constants change inside a region of the mesh.
+        If the mesh is not a valid `skfem.MeshTri` or `skfem.MeshTet`, an argument is out of range, the problem
+        has no ``ritz``, or one for the plane only, or its constants change inside a region of the mesh.
 
     Notes
     -----
-    Where facets are chords of curves, at order 1, what lies between is counted with the material that is there, and the
-    function goes on in it, so that the functional is one of the true domain. That needs linear material and a flux that
-    does not vary, no pairs, and values that are not given, or on the outside of a convex domain all along the same.
-    Other nodes on curves, and those whose given values are not linear along their piece of outline, stay where they
-    are: elsewhere the mesh would have another set of admissible functions, and a lower functional would say nothing
-    about the error. Energies of nonlinear material are looked up in
-    tables, which makes that true to 1e-10 of the functional. Nodes of tetrahedra stay where given values are not linear
-    on their face or along their edge of the body. They slide on spheres, cylinders and cones: what lies between these
-    and faces is counted twice where it adds to the functional, which is more than either domain has, of any material.
-    The next solution does not know of it, so that the descent is that of a bound there. They stay on surfaces that are
-    known by projections only, where a source ends at the surface, and where values are given on one inside the mesh or
-    around a hole.
+    At order 1, with straight facets on curves, the functional includes the slivers between chords and curves with
+    the material of the true domain. Slivers require linear material, a flux and source that do not vary, and no
+    periodic pairs. Dirichlet values must be constant, on the outer boundary of a convex domain. All other nodes
+    on curves are held, and so are nodes whose Dirichlet values are not linear along their curve segment. If they
+    moved, the set of admissible functions would change, and a lower functional would not imply a lower error.
 
-    The descent of nodal positions by the energy is that of P. Thoutireddy and M. Ortiz, "A variational r-adaption and
+    Energies of nonlinear material are tabulated with a relative error of 1e-10.
+
+    Nodes of tetrahedra are held where Dirichlet values are not linear on a face or along an edge of the body.
+    Nodes slide on spheres, cylinders and cones. Slivers between faces and these surfaces are counted twice where
+    they increase the functional, which is an upper bound for both domains and any material. The next solution
+    does not include the slivers. Nodes are held on surfaces that are defined by projections only, where a source
+    ends at the surface, and where a surface inside the mesh or around a hole has Dirichlet values.
+
+    Descent of nodal positions by the energy: P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).
 
     Examples
@@ -130,7 +134,7 @@ def polish(
     >>> coil = Material(current_density=1e6)
     >>> problem = Magnetostatics({"coil": coil, "air": Material()}, potential={"outer": 0.0})
     >>> better = ka.polish(mesh, problem)
-    >>> problem.solve(better).energy > problem.solve(mesh).energy  # nearer to the exact field's, from below
+    >>> problem.solve(better).energy > problem.solve(mesh).energy  # nearer to the exact energy, from below
     True
     """
     check_polish(problem, sweeps, topology, seed)
@@ -149,7 +153,6 @@ def polish(
 
 
 def check_polish(problem: Problem, sweeps: object, topology: object, seed: object) -> None:
-    """Refuse a problem that has no functional to descend, sweeps that cannot be counted, and what polish cannot do."""
     if topology not in ("fixed", "flip"):
         raise ValueError(f"topology must be 'fixed' or 'flip', for polish keeps every node; got {topology!r}.")
     check_count("seed", seed)
@@ -164,18 +167,16 @@ def check_polish(problem: Problem, sweeps: object, topology: object, seed: objec
 
 
 def without_functional(reason: NotOffered) -> ValueError:
-    """The error of a problem that has nothing to lower, for this reason."""
     return ValueError(f"polish needs the functional of the problem, which offers none: {reason}.")
 
 
 def descend_and_recycle(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled, plan: Sequence[int] = PLAN
 ) -> tuple[Recycled, float]:
-    """Sweep as often as the plan says, and between two of its numbers recycle nodes by energy; of order 2 and 3 it
-    goes on as `MORE` says.
+    """Sweep by the numbers in `plan`, with recycling by energy between the numbers.
 
-    Returns what was recycled in all, that of before included, and what moves, flips and recycling took off the
-    functional. A plan of one number keeps all nodes.
+    At order 2 and 3 up to `MORE` recyclings and sweeps follow. Returned are all recycled nodes, including those
+    of `recycled`, and the decrease of the functional. A plan of one number keeps all nodes.
     """
     eager = pays = len(plan) > 1
     gain = descend(movable, functional, trial, plan[0], eager)
@@ -191,13 +192,12 @@ def descend_and_recycle(
 
 
 def rounds(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
-    """Sweeps after every recycling that there may be, and whether the plan has them."""
+    """Return the sweeps after every recycling, with True if they are in `plan`."""
     more = MORE[order - 1] if len(plan) > 1 else 0
     return [(sweeps, True) for sweeps in plan[1:]] + [(plan[-1], False)] * more
 
 
 def still_pays(exchange: Exchange, before: Recycled, nodes: int, order: int) -> bool:
-    """Whether an exchange has done enough for another one: at order 1, with few of them, by how many pairs it was."""
     if order == 1:
         return exchange.recycled.splits - before.splits > SETTLED * nodes
     return exchange.lowered > PAYS * exchange.offered
@@ -206,11 +206,11 @@ def still_pays(exchange: Exchange, before: Recycled, nodes: int, order: int) -> 
 def descend(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int = SWEEPS, eager: bool = False
 ) -> float:
-    """Sweep nodes and edges of a mesh downhill from a function, which changes with them; see `sweep`.
+    """Sweep nodes and edges, and return the decrease of the functional.
 
-    Where flux or source vary, what elements know of it holds near where they were: it is worked out again after a few
-    sweeps, which are undone if they have not lowered the functional, as where the flux jumps inside a region. So
-    they are where something is between chords and curves, of which loops over stars do not know.
+    Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps,
+    which are undone if the functional has not decreased. The same holds with slivers between chords and curves,
+    which the kernels do not include.
     """
     if not functional.nearly:
         return sweep(movable, functional, trial, sweeps, eager)
@@ -232,7 +232,6 @@ def descend(
 def recycle_downhill(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
 ) -> Exchange:
-    """Recycle by energy as `recycle_by_energy` says; where the flux varies undone as in `descend`."""
     if not functional.nearly:
         return recycle_by_energy(movable, functional, trial, recycled)
     state, before = movable.state(), functional.value(movable.triangulation, trial)
@@ -245,7 +244,7 @@ def recycle_downhill(
 
 
 class Room(NamedTuple):
-    """What a polish of one kind of elements is made of."""
+    """Methods of the polish for one dimension."""
 
     taken_apart: Callable[..., Any]  # a mesh
     loops: Callable[[Problem], tuple[str, ...]]

@@ -1,4 +1,4 @@
-"""Sweep nodes and elements of a movable solid downhill from a function, and exchange nodes between the sweeps."""
+"""Energy descent on tetrahedra, with recycling between the sweeps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,10 +30,10 @@ SETTLED = 0.01  # share of the nodes: a recycling that exchanges fewer is the la
 def descend_in_space(
     movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int, eager: bool = False
 ) -> float:
-    """Sweep nodes and elements of a solid downhill from a function, which changes with them.
+    """Sweep nodes and swap elements, and return the decrease of the functional.
 
-    Elements come after nodes in every sweep; an `eager` one begins with them. Returns what that took off the
-    functional. Nodes keep their numbers.
+    Elements are swapped after the nodes of every sweep, with `eager` also before the first sweep. The numbering
+    of nodes does not change.
     """
     descent, gain = Descent.of(movable, functional, trial).lowered(sweeps, eager)
     descent.opened.hand_back(movable)
@@ -48,11 +48,12 @@ def descend_and_recycle_in_space(
     recycled: Recycled,
     plan: Sequence[int] = PLAN_IN_SPACE,
 ) -> tuple[Recycled, float]:
-    """Sweep as often as the plan says, and between two of its numbers exchange nodes by energy.
+    """Sweep by the numbers in `plan`, with recycling by energy between the numbers.
 
-    An exchange may raise the functional, for sweeps and swaps win more back; where they do not it is undone with them.
-    Returns what was recycled in all, that of before included, and what all of it took off the functional. A plan of one
-    number keeps all nodes; where some are exchanged, all are put in the order of a space-filling curve.
+    A recycling may raise the functional, since sweeps and swaps lower the functional afterwards. If they do not
+    lower the functional enough, recycling and sweeps are undone. Returned are all recycled nodes, including those
+    of `recycled`, and the decrease of the functional. A plan of one number keeps all nodes. Recycled meshes are
+    numbered along a space-filling curve.
     """
     eager = goes_on = len(plan) > 1
     descent, pairs = Descent.of(movable, functional, trial), 0
@@ -76,28 +77,27 @@ def descend_and_recycle_in_space(
 
 
 def loops_in_space(problem: Problem) -> tuple[str, ...]:
-    """The chapters of compiled loops that sweeps of tetrahedra need."""
     return "space ground", "space moves", "space polish"
 
 
 @dataclass(frozen=True)
 class Descent:
-    """A movable solid, opened, and a function on the rows of its nodes, of which loops lower the functional.
+    """Descent of a functional on an open mesh of tetrahedra.
 
     Attributes
     ----------
     opened
-        The arrays that change.
+        Mesh with spare rows, which changes.
     functional
-        What is lowered.
+        Functional that is lowered.
     trial
-        The function and its functional, as loops take them.
+        Function and functional for the kernels.
     floor
-        The quality that no change may leave anything below, unless it was there before.
+        Minimum quality. Elements below may not get worse.
     swaps
-        Whether elements may be swapped.
+        True if elements may be swapped.
     seen
-        What elements were when swaps were looked for, (rows, 2).
+        Volume and energy of elements at their last search for swaps, (rows, 2).
     """
 
     opened: OpenSolid
@@ -109,7 +109,6 @@ class Descent:
 
     @classmethod
     def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
-        """Open a solid, which changes when the rows are handed back only."""
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         rows = len(opened.mesh.position)
         own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False))
@@ -117,17 +116,14 @@ class Descent:
         return cls(opened, functional, own, movable.floor, movable.flips, seen)
 
     def copy(self) -> "Descent":
-        """The solid and the function as they are now, which later changes leave alone."""
         trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
         return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
 
     def came_from(self, recycled: Recycled) -> None:
-        """Know nodes by what they were before they were recycled."""
         origins, n = self.opened.mesh.origins, len(recycled.old)
         origins.old[:n], origins.hint[:n] = recycled.old, recycled.hint
 
     def descend(self, sweeps: int, eager: bool) -> float:
-        """Sweep so often, and swap after every sweep, before them, too, if `eager`; returns the functional's fall."""
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
         parts = self.opened.parts()
         gain = self.swap(parts) if eager else 0.0
@@ -137,8 +133,9 @@ class Descent:
         return gain
 
     def lowered(self, sweeps: int, eager: bool) -> tuple["Descent", float]:
-        """The descent after so many sweeps, and the functional's fall; as it was where swaps, which know nearly all of
-        the functional only, have raised it.
+        """Return the descent after some sweeps, and the decrease of the functional.
+
+        If the functional is approximate and has not decreased, the state before the sweeps is returned.
         """
         if not self.functional.nearly:
             return self, self.descend(sweeps, eager)
@@ -152,27 +149,23 @@ class Descent:
         return (self, fallen) if fallen > 0.0 else (before, 0.0)
 
     def value(self) -> float:
-        """The functional of the function as it is now."""
         return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, self.trial.value)
 
     def swap(self, parts: Parts) -> float:
-        """Swap where that is allowed and lowers the functional; returns by how much."""
         if not self.swaps:
             return 0.0
         self.sample_source()
         return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
 
     def recycle(self) -> tuple[int, float]:
-        """Exchange nodes by energy; returns how many, and what that took off the functional, or added if negative."""
+        """Exchange nodes, and return their count and the decrease of the functional."""
         self.sample_source()
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 
     def sample_source(self) -> None:
-        """Work out a source that varies where the nodes are now."""
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
-        """Move every node once, the parts of the mesh side by side, and then what is at their cuts."""
         mesh, star = self.opened.mesh, self.opened.star()
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)

@@ -1,4 +1,4 @@
-"""Look up the constants and laws of a functional for every region of a mesh."""
+"""Constants and laws of a functional by region of a mesh."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,11 @@ LINEAR = 1e-9  # of the range of all values: given values this near to a linear 
 
 
 class VariesInside(ValueError):
-    """The constants of a functional change inside a region of the mesh."""
+    """Error for constants that change inside a region of the mesh."""
 
 
 def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int64]:
-    """The number in the tables of the functional of every region, (nregions,), for the regions of elements (m,)."""
+    """Return the table index of every region, (nregions,), for element regions (m,)."""
     first = first_of_regions(region)
     number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
@@ -40,12 +40,11 @@ def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int6
 
 
 def first_of_regions(region: NDArray[np.int32]) -> NDArray[np.intp]:
-    """The first element of every region, for the regions of elements (m,)."""
     return np.unique(region, return_index=True)[1]
 
 
 def constants_of(ritz: Ritz, number: NDArray[np.int64], dim: int = 2) -> Floats:
-    """Coefficient, source and flux of regions of these numbers, (nregions, 2 + dim)."""
+    """Return coefficient, source and flux per region, (nregions, 2 + dim)."""
     flux = np.zeros(dim) if callable(ritz.flux) else flux_table(np.asarray(ritz.flux), dim)
     tables = (ritz.coefficient, 0.0 if callable(ritz.source) else ritz.source, *flux)
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
@@ -53,7 +52,7 @@ def constants_of(ritz: Ritz, number: NDArray[np.int64], dim: int = 2) -> Floats:
 
 
 def laws_of_regions(ritz: Ritz, number: NDArray[np.int64], largest: float) -> tuple[NDArray[np.int32], Tables]:
-    """The law of every region as a place among tables, -1 for none, and these, around the largest gradient."""
+    """Return the table index of every region, -1 without law, and the tables."""
     distinct: list[EnergyLaw] = []
     law = np.full(len(number), -1, dtype=np.int32)
     for place, row in enumerate(number if ritz.laws else ()):

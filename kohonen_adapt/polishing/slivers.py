@@ -1,4 +1,4 @@
-"""Say how long facets on arcs may become until what they cut off would hold more energy than a node is worth."""
+"""Longest facets on arcs whose slivers hold less energy than one node saves."""
 
 import numpy as np
 
@@ -17,12 +17,12 @@ SHARE = 0.01  # of the squared estimate, a tenth of it in the energy norm: what 
 
 
 def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats:
-    """The longest facets that may be made at the nodes that slide on arcs, (n,); 0 at all others.
+    """Return the longest facet allowed per node that slides on an arc, shape (n,).
 
-    Between an arc of radius r and its chord of length l there is ``l^3 / (12 r)`` of the wrong material, between it and
-    a curved side, the parabola through its ends and its middle, ``l^5 / (960 r^3)``. Twice what that does to the
-    functional is to be no more than an equal share of a hundredth of the squared estimate, nor than one node's share in
-    all of that: what fewer facets save would be lost again elsewhere.
+    The area between an arc of radius r and its chord of length l is ``l^3 / (12 r)``, between the arc and a
+    curved side (the parabola through the ends and the midpoint) ``l^5 / (960 r^3)``. Twice the change of the
+    functional per facet is at most ``estimate^2 / n`` and ``SHARE estimate^2 / f``, for n nodes and f facets on
+    arcs. All other nodes have 0. All other nodes have 0.
     """
     triangulation, constraints = movable.triangulation, movable.constraints
     elements, chains = triangulation.elements, constraints.chains
@@ -45,12 +45,13 @@ def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats
 
 
 def shift_per_area(ritz: Ritz, triangulation: Triangulation, e: Ints, k: Ints) -> Floats:
-    """By how much the functional changes at most per area that an edge leaves to its other side, (f,).
+    """Return the largest change of the functional per area lost by an edge, (f,).
 
-    The edges are those opposite to corners k of elements e. It is the jump of ``W - q_n du/dn`` with W all that is
-    integrated and q its derivative by grad u (J. D. Eshelby, Phil. Trans. R. Soc. A 244, 1951), the parts of it taken
-    as if they added up. The slope along the edge is the same on both sides, and so is q_n of the exact solution: here
-    the mean of both by 1 / coefficient, for the side of the smaller one tells it better.
+    Edges are opposite to corners `k` of elements `e`. The change is the jump of ``W - q_n du/dn``, with the
+    density W of the functional and its derivative q by grad u (J. D. Eshelby, Phil. Trans. R. Soc. A 244, 1951).
+    The parts of the jump are added as magnitudes. The tangential derivative is continuous, and so is q_n of the
+    exact solution. The estimate of q_n is the mean of both sides weighted by 1 / coefficient, because the side of
+    the smaller coefficient is more accurate.
     """
     values, position, elements = np.asarray(ritz.values), triangulation.position, triangulation.elements
     a, b = elements.ends(e, k)
@@ -72,7 +73,10 @@ def shift_per_area(ritz: Ritz, triangulation: Triangulation, e: Ints, k: Ints) -
 
 
 def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
-    """Coefficient, source, flux and gradient of elements (2, f), as (6, 2, f); in nonlinear material it is H / b."""
+    """Return coefficient, source, flux and gradient of elements (2, f), (6, 2, f).
+
+    The coefficient of nonlinear material is H / b.
+    """
     e = sides.ravel()
     node, number = triangulation.elements.node[e], np.zeros(e.size, dtype=np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]

@@ -1,4 +1,4 @@
-"""Express a Ritz functional in terms of a movable solid: constants by region, given values by patch and ridge."""
+"""Ritz functional on movable tetrahedra."""
 
 from dataclasses import dataclass
 
@@ -40,43 +40,42 @@ PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0])
 
 @dataclass(frozen=True)
 class SolidFunctional:
-    """What the polish lowers on tetrahedra: it holds for the mesh as it is now, wherever its nodes and elements go.
+    """Functional that the polish lowers on tetrahedra, valid while nodes move.
 
-    Rows of places are those of patches (p) and then of ridges (r).
+    Rows of Dirichlet data are faces of the body (patches, p), then edges of the body (ridges, r).
 
     Attributes
     ----------
     solution
-        What minimises it on the mesh that it was stated on.
+        Minimiser of the functional on the input mesh.
     ritz
-        As its user states it.
+        User-defined functional.
     number
-        Region number, in its tables, of every region of the tetrahedralization, (nregions,).
+        Index of every region in the tables of the functional, (nregions,).
     data
-        What `Trial` calls so, (nregions, 5).
+        `Trial.data`, (nregions, 5).
     patches
-        How many there are.
+        Number of patches.
     given
-        Patches and ridges on which values are given, (p + r,) bool.
+        Patches and ridges with Dirichlet values, (p + r,) bool.
     held
-        Those whose nodes are not to slide, and that are not to be given other nodes: curved ones of which is not known
-        what their faces, which are chords, cut off; given values that are not linear there, or that only some of the
-        nodes have; or no node within a patch whose values all are given, so that nobody can tell whether they are on
-        it. So are ridges of such patches.
+        Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: curved patches whose
+        slivers are not counted, Dirichlet values that are not linear or not on all nodes, and patches without an
+        inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches. Ridges of
+        held patches are held.
     rate
-        Gradient of the given values along them, (p + r, 3); true where `given` and not `held`.
+        Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `given` and not `held`.
     comparable
-        Whether values of the functional on moved meshes may be compared: the admissible functions are the same, for of
-        all curved surfaces is known what faces cut off, and values are given on whole patches and ridges only, and
-        linearly there.
+        True if values of the functional on different meshes are comparable, because the set of admissible
+        functions does not depend on the mesh.
     law
-        Place of the law of every region in the tables, (nregions,) of int32; -1 where the region is linear.
+        Index of the law of every region in the tables, (nregions,), -1 if linear.
     tables
-        The energies of the laws.
+        Energies of the laws.
     faces
-        What lies between faces and curved surfaces.
+        Slivers between faces and curved surfaces.
     share
-        None, for there is no dual.
+        None, because there is no dual.
     """
 
     solution: TrialFunction
@@ -97,16 +96,16 @@ class SolidFunctional:
 
     @classmethod
     def of(cls, ritz: Ritz, movable: MovableSolid, mesh: MeshTet | None = None) -> "SolidFunctional":
-        """Look up the constants of every region, and how values are given on every patch and ridge.
+        """Return the functional of `ritz` on `movable`.
 
-        The mesh is that of the movable one as it is now, where that is at hand.
+        `mesh` is the current mesh of `movable`, built if None.
 
         Raises
         ------
         NotOffered
-            If it has what is for the plane only.
+            If `ritz` has terms for the plane only.
         ValueError
-            If it is of another mesh, or its constants change inside a region.
+            If `ritz` is of a different mesh, or its constants change inside a region.
         """
         if unknown_in_space(ritz):
             raise NotOffered(unknown_in_space(ritz))
@@ -131,12 +130,14 @@ class SolidFunctional:
 
     @classmethod
     def of_solution(cls, ritz: Ritz, movable: MovableSolid, mesh: MeshTet) -> "SolidFunctional":
-        """Look up the same for the solution of a problem, which is refused unless the functional is stationary there.
+        """Return the functional of a solution, which must be stationary.
 
         Raises
         ------
-        NotOffered, ValueError
-            As `of` does, and a ValueError if the functional is not stationary.
+        NotOffered
+            If `of` raises.
+        ValueError
+            If `of` raises, or if the functional is not stationary at the solution.
         """
         functional = cls.of(ritz, movable, mesh)
         check_in_space(ritz, mesh, np.asarray(ritz.values), np.asarray(ritz.fixed))
@@ -144,27 +145,26 @@ class SolidFunctional:
 
     @property
     def nearly(self) -> bool:
-        """True if loops know nearly all of it only: not a source that varies, or what is beyond faces of a curve."""
+        """True if stars give the functional approximately (varying source or slivers)."""
         return self.has_varying_source or bool(self.faces.counted.any())
 
     @property
     def has_varying_source(self) -> bool:
-        """True if the source is a function."""
         return callable(self.ritz.source)
 
     def trial(self, values: Floats, fixed: Mask) -> Trial:
-        """A function, what of it is given and the functional, for the kernels: loops change `values`, (n,).
+        """Return the function for the kernels, which change `values` (n,) in place.
 
-        A source that varies is zero until `sample_source`.
+        A varying source is 0 until `sample_source`.
         """
         laws = Laws(self.law, self.tables.first, self.tables.energy)
         source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
         return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows, source)
 
     def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
-        """Work out a source that varies around every node and in every region, weighted by the node's function.
+        """Set a varying source per node and region, weighted by the shape function.
 
-        Loads of nodes are those of the functional then.
+        The nodal loads equal those of the functional.
         """
         if not callable(self.ritz.source):
             return
@@ -177,7 +177,7 @@ class SolidFunctional:
         trial.source[:] = np.divide(load, total, out=np.zeros(shape), where=total > 0.0)
 
     def freedom(self, freedom: Freedom, fixed: Mask) -> Freedom:
-        """What nodes may do when those are held whose given values no formula would carry along."""
+        """Return the freedom of nodes, held if their Dirichlet values cannot follow."""
         number = freedom.number
         held = freedom.pinned | ((number == INSIDE) & fixed)
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
@@ -187,11 +187,9 @@ class SolidFunctional:
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:
-        """The functional of a function, with what is counted between faces and curved surfaces."""
         return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial.values)
 
     def value_on(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
-        """The same of values at nodes, (n,), of elements some rows of which may be in no use."""
         used = elements.node[:, 0] >= 0
         node, number = elements.node[used].T, self.number[elements.region[used]]
         own = value_in_space(position.T[:, node], values[node], number, self.ritz)
@@ -199,7 +197,6 @@ class SolidFunctional:
 
 
 def steepest(tet: Tetrahedralization, values: Floats) -> float:
-    """The largest gradient of a function."""
     node = tet.elements.node[tet.used].T
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(tet.position.T[:, node]), values[node])
     return float(np.sqrt(np.sum(slope**2, axis=0).max(initial=0.0)))

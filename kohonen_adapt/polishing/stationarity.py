@@ -1,7 +1,8 @@
-"""Refuse a solution at which its Ritz functional is not stationary.
+"""Check that a Ritz functional is stationary at the discrete solution.
 
-The derivative of the functional by an unknown is the residual of the discrete equations there. It is small beside the
-terms of which it is the sum, or at least beside the largest terms anywhere, as after an iterative solver.
+The derivative of the functional by an unknown is the residual of the discrete equation. The residual must be
+small compared to the terms in its sum, or compared to the largest terms anywhere, as after an iterative
+solver.
 """
 
 import numpy as np
@@ -30,7 +31,9 @@ OF_LARGEST = 1e-3
 def check_in_plane(
     ritz: Ritz, mesh: Mesh, movable: MovableMesh, solution: TrialFunction, boundary: BoundaryTerms, sign: Floats
 ) -> None:
-    """Refuse a solution on triangles that is not stationary; `sign` (c,) is that of `Functional`.
+    """Raise an error if the solution on triangles is not stationary.
+
+    `sign` (c,) is `Functional.sign`.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def check_in_plane(
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
-    """Refuse a solution on tetrahedra that is not stationary.
+    """Raise an error if the solution on tetrahedra is not stationary.
 
     Raises
     ------
@@ -85,13 +88,12 @@ def numbers_of(ritz: Ritz, count: int) -> Ints:
 
 
 def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats, Floats]:
-    """Add up the derivatives of all elements by unknown, (count,) each."""
     total, size, doubt = (np.bincount(index.ravel(), part.ravel(), count).astype(np.float64) for part in parts)
     return total, size, doubt
 
 
 def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
-    """Return the index of the unknown of every coefficient of elements, (m, functions), and where unknowns are."""
+    """Return the unknown of every coefficient, (m, functions), and all positions."""
     columns, places, corners = [node], [mesh.p[:, : mesh.nvertices].T], mesh.p.T[node]
     count = len(places[0])
     if functions > 3:
@@ -107,7 +109,6 @@ def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
 
 
 def check_residual(total: Floats, size: Floats, doubt: Floats, free: Mask, place: Floats, mesh: Mesh) -> None:
-    """Refuse residuals of free unknowns that are no rounding; `place` (unknowns, d) says where they are."""
     allowed = OF_TERMS * size + OF_LARGEST * size.max(initial=0.0) + doubt
     excess = np.where(free, np.abs(total) - allowed, -np.inf)
     wrong = int(np.count_nonzero(excess > 0.0))
@@ -124,7 +125,6 @@ def check_residual(total: Floats, size: Floats, doubt: Floats, free: Mask, place
 
 
 def location(mesh: Mesh, x: Floats) -> str:
-    """Name the boundary or the subdomains that hold a point, and its coordinates."""
     corners = mesh.p[:, : mesh.nvertices]
     node = int(np.argmin(np.sum((corners - x[:, None]) ** 2, axis=0)))
     at = point_text(x)

@@ -1,4 +1,4 @@
-"""Find out what values are given on every patch and ridge, and whether they are linear there."""
+"""Dirichlet values on faces and edges of a body."""
 
 from dataclasses import dataclass
 
@@ -14,18 +14,19 @@ __all__ = ["GivenValues", "given_on"]
 
 @dataclass(frozen=True)
 class GivenValues:
-    """What values are given on places, (k,): on patches, then on ridges.
+    """Dirichlet values of faces (patches), then of edges (ridges) of a body, (k,).
 
     Attributes
     ----------
     given
-        Whether values are, at some of the nodes that slide there at least.
+        True if all nodes, or some of the sliding nodes, have Dirichlet values.
     linear
-        Whether they are at all nodes, and linear from node to node.
+        True if all nodes have Dirichlet values, which are linear in the position.
     unknown
-        Whether nobody can tell: no node slides there, and all nodes have given values, on ridges some of the patches'.
+        True if Dirichlet values are ambiguous, because no node slides there and all nodes of the patch, or some
+        nodes of the patches of the ridge, have Dirichlet values.
     rate
-        Their gradient along the place, (k, 3), where they are linear.
+        Gradient of `linear` values, (k, 3).
     """
 
     given: Mask
@@ -35,7 +36,6 @@ class GivenValues:
 
 
 def given_on(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, values: Floats, fixed: Mask) -> GivenValues:
-    """What is given at which nodes, (n,), by patches and ridges of a movable solid as it is now."""
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
     patch, node = nodes_of_patches(tet)
@@ -54,7 +54,6 @@ def given_on(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, valu
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
-    """Every patch with every node of its faces, once."""
     elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
     node = elements.node[e[:, None], FACES[k]]
@@ -64,9 +63,10 @@ def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
 
 
 def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom) -> Ints:
-    """Every ridge, counted on from the patches, with the nodes that slide on it and those held beside them, (2, k).
+    """Return ridges and their nodes, shape (2, k).
 
-    A node is beside another one on a ridge if as many patches have the edge between them as meet in the ridge.
+    Ridges are numbered after the patches. Their nodes are those that slide on the ridge, and held end nodes. A
+    held node is an end if as many patches have the edge to a sliding node as meet in the ridge.
     """
     elements, n = tet.elements, tet.nnodes
     patches, slides = len(surfaces.shape), freedom.number == ON_RIDGE
@@ -85,9 +85,9 @@ def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom
 
 
 def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> tuple[Floats, Floats]:
-    """Gradients of the linear functions nearest to values at positions (q, 3) of places (q,), and how far off they are.
+    """Return gradients (k, 3) and deviations (k,) of least-squares linear fits.
 
-    Of places that are not `wanted`, (k,), neither is known: they have zeros.
+    `place` (q,) is the patch or ridge of every position (q, 3). Rows that are not `wanted` are 0.
     """
     rate, off = np.zeros((len(wanted), 3)), np.zeros(len(wanted))
     low, high = np.full(len(wanted), np.inf), np.full(len(wanted), -np.inf)

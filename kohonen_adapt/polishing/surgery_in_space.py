@@ -1,4 +1,4 @@
-"""Swap elements of an open solid, and exchange its nodes, where that lowers a functional."""
+"""Swaps and recycling of tetrahedra by energy."""
 
 import numpy as np
 
@@ -29,10 +29,10 @@ MARGIN = 0.2
 def swap_in_space(
     opened: OpenSolid, parts: Parts, functional: SolidFunctional, trial: Trial, seen: Floats, floor: float
 ) -> float:
-    """Swap until no swap lowers the functional of a function on the rows of nodes; returns what that took off.
+    """Swap while the functional decreases, and return the decrease.
 
-    `seen` (m, 2) has what elements were when they were looked at; those are looked at again that have changed since.
-    Edges on patches go where that changes no given value, and not the domain.
+    `seen` (m, 2) holds volume and energy of elements at their last search. Elements that have changed since are
+    searched again. Edges on patches change only if the domain and the Dirichlet values stay the same.
     """
     mesh, queue = opened.mesh, opened.queue
     free = (mesh.surfaces.shape == PLANE) & ~functional.held[: functional.patches]
@@ -45,10 +45,10 @@ def swap_in_space(
 
 
 def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, floor: float) -> tuple[int, float]:
-    """Split edges and collapse others, in pairs, as long as a split is worth its collapse.
+    """Split edges and collapse nodes in pairs while the gain exceeds the cost.
 
-    Returns how many pairs, and what they took off the functional, or added to it if that is negative. What they make
-    waits for its turn of being swapped.
+    Returned are the number of pairs and the decrease of the functional, negative for an increase. New elements
+    enter the queue of swaps.
     """
     mesh, offers = opened.mesh, offers_of(opened.mesh, functional, trial)
     most = weighed(mesh, trial, offers, floor**3)
@@ -67,10 +67,6 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
 
 
 def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
-    """Room for what splits and collapses are worth, with those ruled out that would change what is given.
-
-    Where values are given linearly a split would take nothing off.
-    """
     patches, rows = slice(functional.patches), len(mesh.position)
     removable = (functional.freedom(mesh.freedom, trial.fixed).number != HELD) & (mesh.pool.anchor >= 0)
     lone = trial.fixed & ~on_patches(mesh, functional.given[patches])
@@ -80,7 +76,6 @@ def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -
 
 
 def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
-    """Whether nodes are on some of the patches, (n,)."""
     found, patch = np.zeros(len(mesh.position), dtype=np.bool_), mesh.elements.patch
     e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(some, False)[patch])
     found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
@@ -88,9 +83,10 @@ def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
 
 
 def weighed(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: float) -> float:
-    """Work out all gains, and all costs below what the largest of them is worth, which is returned; threads share it.
+    """Compute all gains and costs, and return the largest worthwhile cost.
 
-    Each depends on the mesh as it is now alone, so none of them on the number of threads.
+    Larger costs are not computed. Gains and costs depend on the current mesh alone, and therefore not on the
+    number of threads.
     """
     cuts = even_cuts(len(mesh.position), FEW)
     rows = len(mesh.position), len(mesh.elements.node)

@@ -1,4 +1,7 @@
-"""Sweep nodes and edges of a mesh downhill on all threads, in parts that do not depend on their number."""
+"""Parallel sweeps of energy descent over nodes and edges.
+
+Parts of the mesh do not depend on the number of threads.
+"""
 
 from typing import Protocol
 
@@ -36,25 +39,26 @@ SWEEPS = 8
 
 
 class Downhill(Descending, Protocol):
-    """What a sweep is made of, at one order of elements; `thread` is the one that calls."""
+    """Methods of a sweep for one order of elements."""
 
     few: int  # elements that are not worth another thread
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
-        """Move nodes in this order; returns the gain."""
+        """Move nodes in the given order, and return the decrease of the functional."""
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
-        """Mark elements from `first` to `last` with an edge whose flip gains, or flip edges of those that are marked.
+        """Mark elements with an edge whose flip gains, or flip edges of marked elements.
 
-        Returns the gain and how many.
+        Returned are the decrease of the functional and the number of flips.
         """
 
 
 def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:
-    """Sweep nodes and edges of a mesh downhill from a function, which changes with them.
+    """Sweep nodes and edges, and return the decrease by moves and flips.
 
-    Edges come after nodes in every sweep; an `eager` one begins with them, so that nodes of no use are seen sooner.
-    Returns what moves and flips took off the functional; what better values alone gained is not in it.
+    Edges are flipped after the nodes of every sweep. With `eager` they are also flipped before the first sweep,
+    so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
+    boundaries.
     """
     outline, gain = movable.outline, 0.0
     freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
@@ -81,7 +85,6 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
 
 
 def loops_of(problem: Problem) -> tuple[str, ...]:
-    """The chapters of compiled loops that sweeps need, as far as a problem says that it is around an axis."""
     higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
     return "ground", "polish of higher order" if higher else "polish"
 
@@ -111,7 +114,7 @@ class _Linear:
 
 
 class Higher:
-    """Sweeps of functions of order 2 or 3, or around an axis; every thread has room of its own."""
+    """Sweeps at order 2 and 3, and at order 1 around an axis."""
 
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
@@ -150,10 +153,6 @@ def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction
 
 
 def flip_downhill(movable: MovableMesh, downhill: Downhill) -> float:
-    """One sweep over the edges, where they may flip; returns what that took off the functional.
-
-    Threads find the edges whose flip would gain; the flips, which are few, come one after the other.
-    """
     if not movable.flips:
         return 0.0
     gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)

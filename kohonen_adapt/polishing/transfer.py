@@ -1,4 +1,4 @@
-"""Interpolate a solution onto the moved mesh, with what of it is given."""
+"""Interpolation of a solution onto the moved mesh, with its Dirichlet mask."""
 
 import numpy as np
 
@@ -28,11 +28,11 @@ __all__ = ["carried"]
 
 
 def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, hint: Ints) -> TrialFunction:
-    """Interpolate the solution of a functional onto what became of its mesh.
+    """Interpolate the solution of a functional onto the moved mesh.
 
-    Nodes are known by where they are, not by their numbers: held ones by the old node in their place, sliding ones by
-    their chain, free ones by the old element that holds them. `before` is the mesh of the solution, which does not
-    move; `hint` (n,) is an element of it near every node, of a region that the node touches.
+    Held nodes take the value of the old node at the same position, sliding nodes that of their curve segment, and
+    free nodes that of the old element around them. Node numbers may differ. `before` is the unmoved mesh of the
+    solution, and `hint` (n,) is an old element near every node, in a region that touches the node.
     """
     constraints, solution = movable.constraints, functional.solution
     kind, chain = constraints.kind, constraints.own_chain
@@ -56,7 +56,7 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
 
 
 class Old:
-    """The solution of a functional on its mesh, which has not moved."""
+    """Solution of a functional on the unmoved mesh."""
 
     def __init__(self, functional: Functional, before: MovableMesh) -> None:
         self.functional, self.triangulation = functional, before.triangulation
@@ -69,10 +69,10 @@ class Old:
             )
 
     def located(self, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
-        """The element that holds each point, (n,), and its barycentric coordinates there, (n, 3), none < 0.
+        """Return the element around each point, (n,), and barycentric coordinates (n, 3).
 
-        It is of the connected part of the mesh that the hint is of: another part, as a rotor that is drawn in its
-        stator, may lie where this one ends by the chords of its rim.
+        Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because chords
+        of different parts (rotor and stator) may overlap.
         """
         found = holding(self.triangulation, points, hint, across_outlines=False)
         elements = self.triangulation.elements
@@ -91,21 +91,21 @@ class Old:
         return found, share / share.sum(axis=1, keepdims=True)
 
     def values(self, element: Ints, share: Floats) -> Floats:
-        """The solution at barycentric coordinates (n, 3) of elements (n,)."""
         values, _, modes, _ = self.functional.solution
         part = None if modes is None else Modes(*(array[element] for array in modes))
         coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
         return evaluated(coefficients, share, None if self.kind is None else self.kind[element])
 
     def at(self, points: Floats, hint: Ints) -> Floats:
-        """The solution at points (n, 2), each near an element."""
+        """Return the solution at points (n, 2) near elements `hint`."""
         return self.values(*self.located(points, hint))
 
 
 def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fixed: Mask) -> Modes:
-    """The coefficients of sides and elements that interpolate the solution, given where the sides are.
+    """Return interpolated coefficients of sides and bubbles, and Dirichlet sides.
 
-    The points of an element are looked for from a hint of its own region; those of a side in one of its two elements.
+    Points of an element are searched from an old element in the same region, points of a side from either
+    adjacent element.
     """
     new, order = movable.triangulation, old.functional.ritz.order
     elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
@@ -129,7 +129,10 @@ def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fi
 
 
 def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
-    """Where sides have values of their own, counter-clockwise, (m, 3, order - 1, 2), and where elements do, (m, 2)."""
+    """Return the nodes of sides, (m, 3, order - 1, 2), and centroids (m, 2).
+
+    The nodes of a side are ordered counter-clockwise.
+    """
     corners, along = movable.triangulation.position[movable.triangulation.elements.node], np.arange(1, order) / order
     on_sides, middles = places_on_sides(corners, order), corners.mean(axis=1)
     if movable.curved:
@@ -140,9 +143,9 @@ def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
 
 
 def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Mask:
-    """Sides whose values are given, (m, 3): on chains where they are, and between nodes inside.
+    """Return the sides with Dirichlet values, (m, 3).
 
-    So are, as far as sweeps know, those on periodic chains and those with a Robin condition.
+    Sides on periodic or Robin boundaries are included, because sweeps must not change their coefficients.
     """
     elements, constraints = movable.triangulation.elements, movable.constraints
     given = on_chains(elements.chain, functional.given | functional.boundary.on | constraints.chains.paired)
@@ -152,12 +155,11 @@ def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Ma
 
 
 def straight_sides(functional: Functional, movable: MovableMesh) -> Mask:
-    """Sides on chains along which the given values are linear, (m, 3)."""
     return on_chains(movable.triangulation.elements.chain, functional.linear)
 
 
 def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Ints:
-    """An element of the old mesh for every new one, (m,), in its region and near it where a corner's hint is."""
+    """Return an old element in the same region, (m,), near one of the corners if any."""
     near = hint[new.elements.node]
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
@@ -165,7 +167,7 @@ def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Int
 
 
 def nearest_on_rim(triangulation: Triangulation, points: Floats, inside: Mask) -> Ints:
-    """The elements at the outer edges, of those inside (m,), that are nearest to points (n, 2)."""
+    """Return the boundary elements `inside` (m,) nearest to points (n, 2)."""
     e, k = np.nonzero(inside[:, None] & (triangulation.elements.neighbour < 0))
     start, end = (triangulation.position[nodes] for nodes in triangulation.elements.ends(e, k))
     way, to = end - start, points[:, None] - start

@@ -1,4 +1,4 @@
-"""Interpolate a solution onto the moved mesh of tetrahedra, with what of it is given."""
+"""Interpolation of a solution onto moved tetrahedra, with its Dirichlet mask."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,12 +19,12 @@ __all__ = ["carried_in_space"]
 def carried_in_space(
     functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, hint: Ints
 ) -> TrialFunction:
-    """Interpolate the solution of a functional onto what became of its mesh.
+    """Interpolate the solution of a functional onto the moved mesh.
 
-    Nodes are known by where they are, not by their numbers: held ones by the old node in their place, all others by the
-    old element that holds them. On patches and ridges with given values they have those: the linear function, or where
-    there is none what is given around them. `before` is the mesh of the solution, which does not move; `hint` (n,) is
-    an element of it near every node, of a region that the node touches.
+    Held nodes take the value of the old node at the same position, all others that of the old element around
+    them. Nodes on patches and ridges with Dirichlet values take the linear function, or without one the mean of
+    the surrounding Dirichlet values. Node numbers may differ. `before` is the unmoved mesh of the solution, and
+    `hint` (n,) is an old element near every node, in a region that touches the node.
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
     position = movable.tetrahedralization.position
@@ -51,15 +51,16 @@ def carried_in_space(
 
 
 def averages(weight: Floats, values: Floats, otherwise: Floats) -> Floats:
-    """Averages over rows (k, 4) with weights that need not add up to one; other values (k,) where they are all zero."""
+    """Return weighted means of rows (k, 4), `otherwise` (k,) if all weights are 0."""
     total = weight.sum(axis=1)
     return np.divide(np.sum(weight * values, axis=1), total, out=otherwise.copy(), where=total > 0.0)
 
 
 def located(old: Tetrahedralization, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
-    """The element that holds each point (n, 3), or is near it, and its barycentric coordinates there, (n, 4), none < 0.
+    """Return the element at each point, (n,), and barycentric coordinates (n, 4).
 
-    It is of the connected part of the mesh that the hint is of: bodies may touch without having nodes in common.
+    Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because bodies
+    may touch without common nodes.
     """
     found = holding(old, points, hint, across_outlines=False)
     part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
