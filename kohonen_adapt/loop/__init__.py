@@ -1,1 +1,1 @@
-"""The adaptive loop: solve, estimate, relocate, polish, stop."""
+"""Adaptive loop, with its result, history and checkpoints."""

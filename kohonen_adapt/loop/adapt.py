@@ -1,4 +1,4 @@
-"""Adapt a mesh to a problem: solve, estimate, relocate and polish, until it is enough."""
+"""Adaptive loop of solving, estimating, relocating and polishing."""
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -31,7 +31,7 @@ from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]
 
-TOPOLOGY = "recycle"  # the measured best
+TOPOLOGY = "recycle"  # smallest errors in the benchmarks
 SYNONYMS = {
     "iterations": "passes",
     "steps": "passes",
@@ -70,97 +70,108 @@ def adapt(
     progress: Callable[[int, str], Any] | None = None,
     checkpoint: str | PathLike[str] | None = None,
 ) -> AdaptResult:
-    """Adapt a mesh to a problem: nodes are moved and recycled to where the error is; how many there are is yours.
+    """Adapt a mesh to a problem at a given number of nodes.
 
-    Recycling renumbers nodes (`AdaptResult.nodes` tells how); `relocate`, and ``topology="flip"`` here, keep every one.
-    A pass solves, estimates the error per element, and lets the Kohonen map learn the density that would make the
-    error equal everywhere; then the polish moves nodes to where the energy of the solution, carried over, is lower, and
-    recycles more of them by what their loss would cost and a new one gain.
-    The mesh after the last pass is solved and estimated too, so `passes` relocations cost ``passes + 1`` solves. The
-    result is the best mesh seen, the input included.
+    A pass solves the problem, estimates the error of every element, relocates the nodes by a Kohonen map towards equal
+    errors of all elements, and polishes: nodes move, and are recycled, to lower the energy of the solution interpolated
+    onto the moved mesh. The mesh after the last pass is solved and estimated as well, so `passes` relocations cost
+    ``passes + 1`` solves. The result is the best mesh of the run, the input included.
+
+    Most runs need the first six keywords at most. By purpose:
+
+    - accuracy: `passes`, `rtol`, `atol`, `output_rtol`, `polish`
+    - number of nodes: `target_nodes`
+    - positions of nodes: `pinned`, `curves`, `surfaces`, `periodic`, `layers`, `topology`, `min_quality`, `schedule`,
+      `seed`
+    - records and display: `outputs`, `callback`, `progress`, `interim`, `checkpoint`
 
     Parameters
     ----------
     mesh
-        Of triangles or of tetrahedra; it is not modified. The corners of a `skfem.MeshTri2` are moved, as `relocate`
-        says.
+        Mesh of triangles or tetrahedra, not modified. The corners of a `skfem.MeshTri2` are moved, see `relocate`.
     problem
-        Anything with ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``, error indicators
-        of the energy norm, unsquared. Used where present: ``order`` (degree of the elements, 1), ``norm`` ("energy" or
-        "L2": the norm in which the error is to be small), ``solve_from(mesh, old_mesh, old_solution)`` (in place of
-        ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float``,
-        ``calibrated`` (False: whether the indicators are near the error itself, so that the table may say so), and
-        ``ritz(mesh, solution) -> kohonen_adapt.Ritz`` (the functional that the solution minimises; the polish needs
-        it), ``pairs`` (its periodic and antiperiodic boundaries), ``points`` (names to places of nodes that stay), and
-        ``curves(mesh)`` (what it knows to be round). ``curved`` (None): True asks for a `skfem.MeshTri2` where an
-        outline is curved, from order 2 on, the input included, False for straight elements; None takes what `mesh` is.
+        Object with the methods ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``,
+        unsquared error indicators in the energy norm. The optional methods and attributes are listed in `Problem`.
     passes
-        Number of relocations, at most; 0 solves and estimates the input.
-    rtol, atol
-        Stop when the estimate is at most ``atol + rtol * energy norm``; `rtol` needs the problem's ``energy_norm``.
-    schedule
-        How the map learns; None for the default, which fits itself to every pass. Of tetrahedra there are by default
-        no stages, as in `relocate`: presenting points to them after recycling costs error. With a polish their third
-        pass, and all after it, are left to the energy but while the mesh grows.
-    topology, min_quality, pinned, curves, layers, surfaces
-        What nodes may do: see `Rules`. ``topology=None`` takes the measured best, ``"recycle"``.
-    periodic
-        Pairs of boundaries that are one another's image: see `Rules`. None takes those of the problem, its ``pairs``;
-        ``()`` means none.
-    seed
-        An integer >= 0. Every pass draws its training points from a seed of its own, made from this one.
-    callback
-        Called with every `Pass`, the input's first; returning True stops the loop. What it raises is not caught.
-    polish
-        Whether to descend the energy after the map. Where the problem has no ``ritz``, ``norm = "L2"``, coefficients
-        that vary inside a region, or on tetrahedra elements of another degree than 1, there is no polish, and the
-        message says so.
+        Maximum number of relocations. With 0 the input is solved and estimated only.
+    rtol
+        Relative tolerance. The loop stops if the estimate is at most ``atol + rtol * energy norm``. The problem needs
+        the method ``energy_norm``.
     target_nodes
-        Grow to that many nodes by splitting edges, a share in every pass (edges around are flipped, with "fixed" too);
-        names are kept. None keeps their number. The last of several passes adds none, so that the estimate that places
-        its nodes knows as many; with a polish of order 1 in the plane, which puts right what fewer misplace, it adds
-        two thirds of them at most, and none up to 500. Where the quality rule allows no further split there are fewer,
-        and the message says so. Of tetrahedra nothing is swapped for it with "fixed".
+        Number of nodes to grow to, by splitting edges in every pass. None keeps the number of nodes. Usually the last
+        of several passes adds no nodes, so that the estimate that places its nodes has as many. With a polish at order
+        1 on triangles, which corrects misplaced nodes, the last pass adds up to two thirds of the nodes, and none below
+        500 nodes. If the quality rule forbids further splits, the mesh stays smaller and the message gives the reason.
+        Splits flip triangle edges nearby even with ``topology="fixed"``, but swap no tetrahedra.
+    pinned
+        Nodes that stay where they are, as node numbers and names of boundaries and subdomains, see `Rules`.
+    curves
+        Curves of named boundaries, on which their nodes slide, for triangles, see `Rules`.
     outputs
-        Name to a function of the solution that returns a finite float. Every `Pass` carries the values, and the table
-        shows them with their changes. Where a run stalls and the problem has better values to compare with
-        (``improved``), the message says what is worse than on the input.
+        Functions of the solution by name, each returning a finite float. Every `Pass` contains the values, and the
+        table shows the values with their changes. If a run stalls, the message lists the outputs that are less accurate
+        than on the input, provided that the problem has the method ``improved``.
+    atol
+        Absolute tolerance, added to that of `rtol`.
     output_rtol
-        Stop when no output has changed by more than this fraction of its value in the pass before. With `rtol` or
-        `atol` besides, both must be met. An output that is zero but for rounding (the force across a symmetry) never
-        settles: leave it out.
-    interim
-        Called after every pass with the result so far, which is what would come back if the loop ended there: write it,
-        and a process that is killed has not worked for nothing. What it raises is not caught.
+        Relative tolerance of the outputs. The loop stops if no output changes by more than this fraction in a pass.
+        With `rtol` or `atol` both criteria must be met. An output that is zero except for rounding errors, such as a
+        force across a symmetry, never meets the criterion and has to be left out.
+    polish
+        True to lower the energy after the map (energy descent). Without ``ritz``, with ``norm = "L2"``, with
+        coefficients that vary inside a region, or on tetrahedra with an order above 1, there is no polish, and the
+        message gives the reason.
+    surfaces
+        Surfaces of named boundaries of tetrahedra, see `Rules`.
+    periodic
+        Pairs of periodic boundaries, see `Rules`. None means ``pairs`` of the problem, ``()`` means no pairs.
+    layers
+        Numbers of element layers to preserve across thin subdomains, see `Rules`.
+    topology
+        ``"recycle"``, ``"flip"`` or ``"fixed"``, see `Rules`. None means ``"recycle"``, which renumbers the nodes (see
+        `AdaptResult.nodes`) and gives the smallest errors.
+    min_quality
+        Minimum quality of elements, see `Rules`.
+    schedule
+        Schedule of the map. None means the default, which depends on every pass. For tetrahedra the default has sweeps
+        and no stages, because training points after recycling increase the error. With a polish, only the first two
+        passes on tetrahedra are relocated by the map, and all passes that add nodes.
+    seed
+        Seed >= 0 of all random numbers. Every pass derives a seed from it.
+    callback
+        Function called with every `Pass`, the input first. Returning True stops the loop. Exceptions are not caught.
     progress
-        Called with the number of a pass and a step of it when that begins: "relocate", "polish", "solve", "estimate",
-        "checkpoint" or "solve again". What it raises is not caught.
+        Function called with the pass number and the name of a step at its beginning: "relocate", "polish", "solve",
+        "estimate", "checkpoint" or "solve again". Exceptions are not caught.
+    interim
+        Function called after every pass with the result so far, for example to save the result of a long run.
+        Exceptions are not caught.
     checkpoint
-        A folder, created if missing, that gets a file for every finished pass, whole or not at all. If it has passes
-        of this run (the same mesh and arguments; those that say when to end may differ, and `passes` too without
-        `target_nodes`), the loop goes on from the last of them: it hears its callback about each again, solves that
-        mesh again, and the best one if that is another; if this one fails, the last pass is the result. A linear
-        problem then has the same history and the same result, bit for bit, as without a break; a nonlinear one to the
-        accuracy of its solver.
+        Folder, created if missing, for a file per finished pass. If the folder has passes of this run, the loop resumes
+        after the last of them. Mesh and arguments must be the same, except those that end the loop; `passes` may differ
+        without `target_nodes`. The callback is called again for every stored pass. The mesh of the last pass, and of
+        the best one if different, is solved again; if the latter fails, the last pass is the result. For a linear
+        problem history and result are identical, bit for bit, to those of an uninterrupted run, for a nonlinear problem
+        up to the accuracy of the solver.
 
     Returns
     -------
     AdaptResult
-        The best pass, never worse than the input: the one of the lowest Ritz functional where the polish can compare
-        passes, else by estimate (with ``norm = "L2"`` by the square root of the sum of ``|K|`` times the squared
-        indicators); with the history, the status and a message. Print it for a table.
+        Best pass, with history, status and message. The best pass has the lowest Ritz functional if the polish makes
+        passes comparable, else the least estimate (with ``norm = "L2"`` the square root of the sum of ``|K|`` times the
+        squared indicators). It is never worse than the input. Printing the result shows a table.
 
     Raises
     ------
     ValueError
-        If an argument is out of range, the mesh has fewer layers than are to be kept, the problem lacks a method, its
-        indicators of the input mesh have the wrong shape or are not finite numbers >= 0, an output of it is not one
-        finite number, or the passes in `checkpoint` are damaged, of another run or of another problem.
+        If an argument is out of range, if the mesh has fewer layers than requested, if the problem lacks a method, if
+        the indicators of the input mesh have the wrong shape or are not finite numbers >= 0, if an output is not one
+        finite number, or if the passes in `checkpoint` are damaged, or of another run or problem.
     OSError
-        If `checkpoint` cannot be read; where it cannot be written, the loop ends like after any failure.
+        If `checkpoint` cannot be read. A failure to write ends the loop like other failures.
     Exception
-        Whatever the problem or an output raises on the first mesh it is asked to solve, Ctrl-C included. Later that
-        ends the loop, with the status ``FAILED`` and the exception in ``AdaptResult.error``, or ``STOPPED`` for Ctrl-C.
+        Exceptions of the problem and the outputs on the first mesh, and Ctrl-C. Later exceptions end the loop with the
+        status ``FAILED`` and the exception in ``AdaptResult.error``, and Ctrl-C with the status ``STOPPED``.
 
     Examples
     --------
@@ -194,7 +205,6 @@ def adapt(
 
 
 def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
-    """Solve and estimate; until it is enough relocate, polish, and solve and estimate again."""
     movable = adaptation.movable
     with history.ending_kept():
         solved = history.resumed() or history.add(adaptation.assess())

@@ -1,4 +1,4 @@
-"""Keep finished passes as files, so that a loop that was cut short goes on from the last of them."""
+"""Files of finished passes, from which an interrupted loop resumes."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -22,23 +22,23 @@ from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["Checkpoint"]
 
-FORMAT = 3  # of the files; another number is another format
+FORMAT = 3  # version of the file format
 
-STATE = "state "  # before the names of the arrays of a movable mesh
+STATE = "state "  # prefix of the names of mesh arrays
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A folder with one file for every finished pass of one run.
+    """Folder with a file for every finished pass of a run.
 
     Attributes
     ----------
     folder
-        Where the files are.
+        Path of the folder.
     run
-        What every pass depends on, name to text (`fingerprint`): passes of another run are refused.
+        Texts by name of everything that a pass depends on, see `fingerprint`. Passes of another run are refused.
     record
-        The class of the passes; every field of it is kept.
+        Class of the passes. Every field is stored, except the mesh.
     """
 
     folder: Path
@@ -49,14 +49,10 @@ class Checkpoint:
     def at(
         cls, folder: str | PathLike[str] | None, mesh: Mesh, problem: Problem, settings: Settings
     ) -> "Checkpoint | None":
-        """Create the folder if need be, and see that what is in it belongs to this run; None for None.
+        """Return the checkpoint in a folder, or None for None.
 
-        Raises
-        ------
-        ValueError
-            If `folder` is no path, a pass is missing between others, or the first is of another run or damaged.
-        OSError
-            If the folder cannot be created or read.
+        A missing folder is created. Raises ValueError if `folder` is no path, if a pass is missing, or if the first
+        pass is damaged or of another run, and OSError if the folder cannot be created or read.
         """
         if folder is None:
             return None
@@ -65,19 +61,14 @@ class Checkpoint:
         Path(folder).mkdir(parents=True, exist_ok=True)
         remove_drafts(Path(folder))
         checkpoint = cls(Path(folder), fingerprint(mesh, problem, settings))
-        for file in checkpoint._files()[:1]:  # the others are read when the loop goes through them
+        for file in checkpoint._files()[:1]:  # the loop reads the rest
             checkpoint._read(file)
         return checkpoint
 
     def passes(self, movable: MovableMesh | MovableSolid) -> Iterator[Pass]:
-        """The passes that are there, in order, the input's first; `movable` becomes the mesh of each in turn.
+        """Yield the stored passes in order, with `movable` set to the mesh of each.
 
-        Raises
-        ------
-        ValueError
-            If one is damaged, missing between others, or of another run.
-        OSError
-            If one cannot be read.
+        Raises ValueError if a pass is damaged, missing or of another run, and OSError if a file cannot be read.
         """
         for file in self._files():
             values, state = self._read(file)
@@ -93,12 +84,9 @@ class Checkpoint:
             yield self.record(mesh=mesh, **values)
 
     def keep(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
-        """Write a pass with the mesh as it is now, whole or not at all.
+        """Write a pass and the current mesh to a new file, all or nothing.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written.
+        Raises OSError if the file cannot be written.
         """
         arrays = {f"{STATE}{name}": array for name, array in movable.state().items()}
         about: dict[str, Any] = {"format": FORMAT, "run": self.run}
@@ -110,14 +98,12 @@ class Checkpoint:
             np.savez(stream, allow_pickle=False, **arrays)
 
     def _names(self) -> list[str]:
-        """The fields that are kept: all but the mesh, which comes from the arrays of the movable one."""
         return [each.name for each in fields(self.record) if each.name != "mesh"]
 
     def _file(self, number: int) -> Path:
         return self.folder / f"pass-{number:04d}.npz"
 
     def _files(self) -> list[Path]:
-        """The files of all passes, in order."""
         files = set(self.folder.glob("pass-*.npz"))
         wanted = [self._file(number) for number in range(len(files))]
         for file in wanted:
@@ -129,8 +115,8 @@ class Checkpoint:
         return wanted
 
     def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """The fields of a pass by name but for its mesh, and the state of that."""
-        whole = BytesIO(file.read_bytes())  # what goes wrong from here on is damage and not the disk
+        """Return the fields of a pass by name, and the arrays of the mesh."""
+        whole = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
         try:
             with np.load(whole, allow_pickle=False) as content:
                 _check_sizes(content, whole.getbuffer().nbytes)
@@ -154,14 +140,13 @@ class Checkpoint:
 
 
 def _check_sizes(content: Any, most: int) -> None:
-    """Raise ValueError if an archive unpacks to more than its own size, because `keep` does not compress."""
+    """Raise ValueError if the unpacked arrays are larger than the uncompressed file."""
     declared = sum(member.file_size for member in content.zip.infolist())
     if declared > most:
         raise ValueError(f"it would unpack to {declared} bytes, and has {most}")
 
 
 def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
-    """Raise ValueError if a field of a pass is not of its annotated type."""
     for name, value in values.items():
         if not _is_of(value, kinds[name]):
             raise ValueError(f"{name} must be {kinds[name]}; got {value!r}")
@@ -183,7 +168,6 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _plain(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
-    """The value of a field: JSON knows no tuples."""
     value = arrays[name] if name in arrays else about[name]
     return tuple(value) if isinstance(value, list) else value
 

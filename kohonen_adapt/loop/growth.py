@@ -1,4 +1,4 @@
-"""Say how many nodes the mesh of every pass has, from those of the input to those wanted."""
+"""Node counts of the passes of an adaptive loop."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -7,24 +7,24 @@ from kohonen_adapt.checks import is_count
 
 __all__ = ["Growth"]
 
-# Least nodes of the mesh whose estimate places those of the last pass, and how many times as many that has at most:
-# with fewer, or more at once, a polish does not always put them right. What one more pass would take off:
-# `python -m benchmarks growth`.
+# Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
+# larger factor the polish does not always correct misplaced nodes. Cost of another pass: `python -m benchmarks growth`.
 LEAST = 500
 ONCE = 3
 
 
 @dataclass(frozen=True)
 class Growth:
-    """From the nodes of the input to those wanted: by the same factor from pass to pass, up to those of the last but
-    one, whose estimate places those of the last.
+    """Geometric growth from `start` to `target` nodes.
+
+    The estimate on the mesh of the last pass but one, with `placing` nodes, places the nodes of the last pass.
 
     Attributes
     ----------
     start, placing, target
-        Nodes of the input, of the last pass but one, and of the last.
+        Number of nodes of the input, of the last pass but one, and of the last pass.
     passes
-        How many there are at most.
+        Maximum number of passes.
     """
 
     start: int
@@ -34,15 +34,10 @@ class Growth:
 
     @classmethod
     def of(cls, start: int, target: int | None, passes: int, corrected: bool) -> "Growth":
-        """Check the target of a mesh that starts with so many nodes.
+        """Return the growth for a target, None for no growth.
 
-        The last pass has all nodes from the start, so that the estimate that places them is made with as many; where
-        what it misplaces is `corrected`, that is one pass over all of them too many.
-
-        Raises
-        ------
-        ValueError
-            If it is not an integer, or below the number of nodes that there are.
+        If the polish corrects misplaced nodes (`corrected`), the last pass but one has fewer nodes than the target,
+        which saves a pass over all nodes. Raises ValueError if `target` is no integer or less than `start`.
         """
         if target is not None and not is_count(target):
             raise ValueError(f"target_nodes must be an integer >= 0, or None; got {target!r}.")
@@ -58,9 +53,9 @@ class Growth:
         return cls(start, min(target, max(LEAST, ceil(target / ONCE), evenly)), target, passes)
 
     def nodes(self, number: int, polished: bool = True) -> int:
-        """Nodes of the mesh of pass `number`, more than of the one before until all are there.
+        """Return the number of nodes of pass `number`.
 
-        Where it turns out not to be `polished` nothing corrects the last pass, which has all nodes from the start.
+        Without a polish the last pass adds no nodes, because nothing would correct their positions.
         """
         if number >= self.passes:
             return self.target
@@ -69,11 +64,9 @@ class Growth:
         return min(self.target, max(wanted, self.start + number))
 
     def goes_on(self, number: int) -> bool:
-        """Whether there are nodes to come after pass `number`."""
         return self.nodes(number) < self.target
 
     def shortfall(self, nodes: int) -> str:
-        """What to say where that many nodes is what it came to."""
         if nodes >= self.target:
             return ""
         return (

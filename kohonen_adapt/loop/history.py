@@ -1,4 +1,4 @@
-"""Keep the passes of a loop: the best of them, their files, who is told, and how the loop ended."""
+"""History of an adaptive loop, and the end of the loop."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,16 +29,16 @@ __all__ = ["History"]
 
 @dataclass(frozen=True)
 class Kept:
-    """The passes so far. Of the solutions two are kept, the last (for a warm start) and the best.
+    """Passes so far, with the solutions of the last and the best pass.
 
     Attributes
     ----------
     passes
-        In order, the input first.
+        All passes in order, the input first.
     last
-        The last of them.
+        Last pass, from which the next one may start warm.
     least, lowest
-        The best by worth, and by functional.
+        Pass with the least error measure, and pass with the lowest functional.
     """
 
     passes: tuple[Pass, ...] = ()
@@ -47,7 +47,6 @@ class Kept:
     lowest: Solved | None = None
 
     def extended(self, solved: Solved) -> "Kept":
-        """These and one more."""
         if self.least is None or self.lowest is None:
             return Kept((solved.record,), solved, solved, solved)
         least = solved if solved.record.worth < self.least.record.worth else self.least
@@ -55,13 +54,12 @@ class Kept:
         return Kept((*self.passes, solved.record), solved, least, lowest)
 
     def solved(self, before: Solved, now: Solved) -> "Kept":
-        """These with a pass solved that was not."""
         found: dict[str, Any] = {name: now for name in ("last", "least", "lowest") if getattr(self, name) is before}
         return replace(self, **found)
 
     @property
     def best(self) -> Solved:
-        """The pass of the lowest functional if all are comparable by it, else of the least worth."""
+        """Pass of the lowest functional if all compare, else of the least error measure."""
         best = self.lowest if all(step.comparable for step in self.passes) else self.least
         if best is None:
             raise RuntimeError("the history has no pass to give back.")
@@ -69,23 +67,22 @@ class Kept:
 
 
 def _lies_below(one: Pass, other: Pass) -> bool:
-    """Whether its functional is the lower one, as far as there are two."""
     return one.functional is not None and other.functional is not None and one.functional < other.functional
 
 
 class History:
-    """The passes of one run, and how it ended.
+    """Passes of one run and the reason for its end.
 
     Parameters
     ----------
     adaptation
-        The mesh, what is solved on it, and what every pass depends on.
+        Steps of a pass, with the mesh.
     stop
-        The stop test, asked once about every pass.
+        Stop test, called once for every pass.
     checkpoint
         Files of the passes, or None.
     interim
-        Called with the result so far after every pass.
+        Function called after every pass with the result so far, or None.
     """
 
     def __init__(
@@ -103,23 +100,20 @@ class History:
 
     @property
     def _steps(self) -> Steps:
-        """The steps of the pass in the making."""
         return self._adaptation.steps
 
     @property
     def growing(self) -> bool:
-        """Whether the pass in the making shall have more nodes than the last."""
         return self._adaptation.settings.growth.goes_on(self._steps.number - 1)
 
     @property
     def goes_on(self) -> bool:
-        """Whether there is another pass to make."""
         return self._ending is None
 
     def resumed(self) -> Solved | None:
-        """Go through the passes that were finished before and solve the last of them, unless the loop ended there.
+        """Return the last stored pass, solved again unless the loop ended there.
 
-        The mesh becomes that of this pass. None if there are none.
+        The mesh is set to the mesh of this pass. Return None if no pass is stored.
         """
         last = None
         for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
@@ -136,7 +130,7 @@ class History:
         return solved
 
     def add(self, solved: Solved) -> Solved:
-        """Keep a pass, hand over the result so far, write its file, and see whether that is enough."""
+        """Add a pass, call `interim`, write the checkpoint and apply the stop test."""
         self._kept = self._kept.extended(solved)
         self._steps.begun = True
         if self._interim:
@@ -150,7 +144,6 @@ class History:
         return solved
 
     def _record(self, solved: Solved) -> None:
-        """Keep a pass that has its file already, and see whether that is enough."""
         self._kept = self._kept.extended(solved)
         self._test()
 
@@ -161,12 +154,11 @@ class History:
         self._ending = self._stop(passes, self._kept.best.record, self.growing, stalled)
 
     def end_unmoved(self, work: Work) -> None:
-        """End the loop with the mesh there is: nothing moved or flipped, so there is nothing to solve again."""
         self._ending = not_moved(work, self._kept.best.record)
 
     @contextmanager
     def ending_kept(self) -> Iterator[None]:
-        """Let Ctrl-C, and an exception of a step, end the loop with what there is, once there is something."""
+        """Convert Ctrl-C and a failed step into an ending after the first solve."""
         try:
             yield
         except KeyboardInterrupt:
@@ -177,9 +169,9 @@ class History:
             self._ending = failed(failure, self._kept.best.record)
 
     def result(self) -> AdaptResult:
-        """Return the best pass with its solution, the history and the way the loop ended.
+        """Return the best pass with its solution, the history and the reason for the end.
 
-        If the best pass of a resumed run cannot be solved again, the result is the last pass.
+        The last pass replaces the best pass of a resumed run if the best pass cannot be solved again.
         """
         with self.ending_kept():
             self._solve_best()
@@ -194,7 +186,6 @@ class History:
         return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
 
     def _with_goal_error(self, result: AdaptResult) -> AdaptResult:
-        """Estimate the error of the goal, of the best pass alone because that takes longer than a pass."""
         best = result.best
         if best.goal is None:
             return result
@@ -207,7 +198,6 @@ class History:
         return replace(result, history=tuple(known if step is best else step for step in result.history))
 
     def _solve_best(self) -> None:
-        """Solve the best pass of another process again."""
         kept = self._kept
         best, last = kept.best, kept.last
         if best.solution is not UNSOLVED or last is None:

@@ -1,4 +1,4 @@
-"""Record a pass: the mesh after so many relocations, solved and estimated, in one flat record."""
+"""Record of a pass, which is a solved and estimated mesh."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
@@ -12,12 +12,12 @@ __all__ = ["Pass", "Status"]
 
 
 class Status(StrEnum):
-    """How the loop ended.
+    """Reason for the end of the loop.
 
-    ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all passes asked for are done.
-    ``STALLED``: no pass improves any more. ``NOT_MOVED``: nothing could move. ``STOPPED``: the callback returned True,
-    or Ctrl-C, or it is a result so far. ``FAILED``: an exception after the input mesh was estimated; it stands in
-    ``AdaptResult.error``.
+    ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all requested passes are done.
+    ``STALLED``: the last passes improved nothing. ``NOT_MOVED``: no node could move. ``STOPPED``: the callback returned
+    True, the user pressed Ctrl-C, or the result is interim. ``FAILED``: an exception was raised after the input mesh
+    was estimated, see ``AdaptResult.error``.
     """
 
     CONVERGED = auto()
@@ -30,66 +30,64 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Pass(Work):
-    """The mesh after ``number`` relocations, solved and estimated; number 0 is the input.
+    """Mesh after ``number`` relocations, with the figures of its solution.
 
-    Table, ``history.csv`` and checkpoints go over the fields of this record.
+    Pass 0 is the input. The table, ``history.csv`` and the checkpoints contain the fields of this record.
 
     Attributes
     ----------
     number
-        How many relocations made this mesh.
+        Number of relocations that made this mesh.
     mesh
         The mesh.
     indicators
-        (nelements,), what the problem's ``indicators`` returned for it, unsquared.
+        Unsquared indicators returned by the problem, shape (nelements,).
     nodes
-        (nnodes,), number in the input mesh of every node, -1 for a new one.
+        Index in the input mesh of every node, -1 for a new node, shape (nnodes,).
     unknowns
-        Number of values that the solution has, given ones included: of order 1 as many as nodes.
+        Number of unknowns, Dirichlet values included. At order 1 the number of nodes.
     estimate
         Square root of the sum of the squared indicators.
     worth
-        What passes are compared by where the functional does not compare: the estimate of the error in the problem's
-        norm.
+        Error measure that compares passes if the functional cannot: the estimated error in the problem's norm.
     energy_norm
-        Energy norm of the solution, None where the problem gives none.
+        Energy norm of the solution, None if the problem has no ``energy_norm``.
     calibrated
-        Whether the problem vouches for the scale of the estimate, see `Problem`.
+        True if the estimate is close to the error, see `Problem`.
     min_quality, mean_quality
-        Of the elements: 1 for an equilateral triangle, 0 for a flat one.
+        Quality of the elements: 1 for an equilateral triangle, 0 for a flat triangle.
     seconds
-        Wall time under the keys ``solve`` and ``estimate`` (on this mesh), ``relocate`` and ``polish`` (that made it).
+        Wall time in s: keys ``solve`` and ``estimate`` for this mesh, ``relocate`` and ``polish`` for the steps before.
     functional
-        Ritz functional of the solution, in the problem's unit of energy; None where there is no polish, or it is for
-        shapes only.
+        Value of the Ritz functional in the problem's unit of energy, None without a polish or with a functional that
+        only shapes elements.
     comparable
-        Whether its functional may be compared with that of other passes.
+        True if the functional can be compared with the functional of other passes.
     share
-        Of the solution in a functional with a dual, that of the first pass, see `Ritz`; None without a dual.
+        Weight of the primal functional if there is a dual, taken from the first pass, see `Ritz`. None without a dual.
     unpolished
-        Why there is no polish, or empty.
+        Reason for having no polish, or an empty string.
     goal, goal_error
-        Value of the problem's goal and its estimated error with its sign, of the best pass alone; None without them.
-        The square of the estimate is then the sum of the errors of the elements, in the unit of the goal.
+        Value of the problem's goal, and its estimated signed error for the best pass, else None. With a goal the square
+        of the estimate is the sum of the elements' errors in the unit of the goal.
     goal_unit
-        Unit of the goal's value, or empty.
+        Unit of the goal, or an empty string.
     sagitta
-        Largest distance between curves and their facets, mesh units; 0 for sides that follow them.
+        Largest distance between curves and their facets in mesh units, 0 for curved sides.
     outputs
-        Name to value of every output asked for.
+        Values of the requested outputs by name.
     quantization_errors
-        Mean distance of the training points to their winners, mesh units, one per epoch of the relocation that made
-        this mesh; empty for the input.
+        Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
+        the input.
     max_displacement
-        The farthest that this relocation moved a node, mesh units; 0 for the input.
+        Largest displacement of a node by the relocation in mesh units, 0 for the input.
     moved, why_still
-        How many nodes it moved or made; if none, why.
+        Number of moved or new nodes, and the reason if there are none.
     polish_gain
-        What moves, flips and recycling of the polish that made this mesh took off the functional of the solution
-        carried to it.
-        The map gained the rest of the difference to the pass before.
+        Decrease of the functional of the interpolated solution by the polish. The rest of the decrease since the pass
+        before is due to the map.
     splits, collapses
-        How often an edge was split and collapsed to make this mesh, by density and by energy.
+        Number of edge splits and edge collapses, by density and by energy.
     """
 
     number: int
@@ -116,12 +114,12 @@ class Pass(Work):
 
     @property
     def shown_estimate(self) -> float:
-        """The estimate as tables show it: with a goal its square, which is in the unit of the goal."""
+        """Estimate as shown in tables, with a goal its square in the unit of the goal."""
         return self.estimate if self.goal is None else self.estimate**2
 
     @property
     def estimate_text(self) -> str:
-        """The shown estimate with four digits and its unit."""
+        """Estimate as shown in tables, with four digits and a unit."""
         return f"{self.shown_estimate:.4g} {self.goal_unit}".rstrip()
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Give back what the loop found: the best pass, its solution, and how the loop got there."""
+"""Result of an adaptive loop."""
 
 from dataclasses import dataclass, field
 from html import escape
@@ -15,28 +15,30 @@ __all__ = ["AdaptResult"]
 
 @dataclass(frozen=True, eq=False)
 class AdaptResult:
-    """The best pass of a loop and how the loop got there; ``print(result)`` and a notebook show a table.
+    """Best pass of an adaptive loop, with the history of all passes.
+
+    ``print(result)`` and notebooks show the history as a table.
 
     Attributes
     ----------
     mesh
-        The mesh of the best pass.
+        Mesh of the best pass.
     solution
-        What the problem's ``solve`` returned for it.
+        Solution on this mesh, as returned by the problem's ``solve``.
     indicators
-        (nelements,), what its ``indicators`` returned, unsquared.
+        Unsquared indicators of this solution, shape (nelements,).
     estimate
         Square root of the sum of the squared indicators.
     history
-        Every pass in order; ``history[0]`` is the input.
+        All passes in order. ``history[0]`` is the input.
     status
-        How the loop ended.
+        Reason for the end of the loop.
     message
-        One sentence: how it ended and what to do.
+        Reason for the end of the loop, best pass and advice, as text.
     nodes
-        (nnodes,), index in the input mesh of every node, -1 for a new one.
+        Index in the input mesh of every node, -1 for a new node, shape (nnodes,).
     error
-        The exception that ended the loop if ``status`` is ``FAILED``, else None.
+        Exception that ended the loop if ``status`` is ``FAILED``, else None.
     """
 
     mesh: Mesh = field(repr=False)
@@ -51,7 +53,7 @@ class AdaptResult:
 
     @property
     def best(self) -> Pass:
-        """The pass that is the result."""
+        """Pass that is the result."""
         return next(step for step in self.history if step.mesh is self.mesh)
 
     def __str__(self) -> str:
@@ -59,6 +61,5 @@ class AdaptResult:
         return "\n".join([*table_lines(self.history, marks), self.message])
 
     def _repr_html_(self) -> str:
-        """The table, for notebooks."""
         bold = [' style="font-weight: bold"' * (step is self.best) for step in self.history]
         return f"{html_table(self.history, bold)}\n<p>The result is the pass in bold. {escape(self.message)}</p>"

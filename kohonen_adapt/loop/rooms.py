@@ -1,4 +1,4 @@
-"""Name what passes over triangles and over tetrahedra are made of, where that depends on the dimension."""
+"""Methods of the adaptive loop for triangles and for tetrahedra."""
 
 from skfem import Mesh
 
@@ -30,7 +30,6 @@ __all__ = ["ROOMS"]
 
 
 def loops_for_triangles(problem: Problem, settings: Settings) -> tuple[str, ...]:
-    """What `moved_triangles`, and the polish if there is one, call."""
     return *loops_in_plane(settings.rules.topology), *([*loops_of(problem), "carrying"] if settings.polish else [])
 
 
@@ -43,33 +42,33 @@ def moved_triangles(
     number: int,
     recycles: bool,
 ) -> Moved[MovableMesh]:
-    """Make pass `number` of a density of nodes by element; nodes are exchanged only if it `recycles`."""
+    """Return the relocation of pass `number` for a density (nelements,).
+
+    Nodes are exchanged only if the pass `recycles`.
+    """
     longest = None
-    if functional is not None and functional.dual is None:  # what arcs cost a goal is not known
+    if functional is not None and functional.dual is None:  # the effect of arcs on a goal is unknown
         longest = longest_on_arcs(functional.ritz, movable, estimate)
     topology, nodes = settings.rules.topology, settings.growth.nodes(number, functional is not None)
     return move(movable, density, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
 
 
 def corrects_triangles(problem: Problem) -> bool:
-    """Whether the polish puts nodes right that an estimate with fewer of them has misplaced.
-
-    Of order 1 that leaves 0.5 to 1 % of error after three passes or four, for a pass over all nodes:
-    `python -m benchmarks growth`. Of higher orders it leaves several, and of tetrahedra, whose long elements growth by
-    density makes round.
-    """
+    """Return True if the polish corrects nodes that the estimate misplaced."""
+    # At order 1 the misplaced nodes cost 0.5 to 1 % of the error after three or four passes, and save a pass over all
+    # nodes: `python -m benchmarks growth`. At higher orders they cost several per cent, and on tetrahedra as well,
+    # because growth by density shortens long elements.
     return has_functional(problem) and order_of(problem) == 1
 
 
 def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[Functional, float]:
-    """The functional, and its value with what is between chords and curves."""
+    """Return the functional and its value, with the energy between chords and curves."""
     functional = Functional.of_solution(ritz, movable, mesh)
     beyond = functional.beyond_chords(movable.triangulation, functional.solution)
     return functional, functional_value(mesh, ritz) + beyond
 
 
 def loops_for_tetrahedra(problem: Problem, settings: Settings) -> tuple[str, ...]:
-    """What `moved_tetrahedra`, and the polish if there is one, call."""
     moving = loops_in_space(settings.rules.topology, settings.schedule)
     return *moving, "space locating", *([*loops_of_solids(problem), "space carrying"] if settings.polish else [])
 
@@ -83,9 +82,9 @@ def moved_tetrahedra(
     number: int,
     recycles: bool,
 ) -> Moved[MovableSolid]:
-    """Make pass `number` of a density of nodes by element; where it does not recycle all is left to the energy.
+    """Return the relocation of pass `number` for a density (nelements,).
 
-    What moves nodes for a density would make the long elements round again that lower it.
+    Without recycling the mesh is unchanged, because the map shortens the long elements that lower the energy.
     """
     if not recycles:
         return Moved(movable.copy(), unchanged(movable.tetrahedralization), (), why_still(movable, settings.schedule))
@@ -94,7 +93,7 @@ def moved_tetrahedra(
 
 
 def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[SolidFunctional, float]:
-    """The functional, and its value with what is between faces and curved surfaces."""
+    """Return the functional and its value, with the energy below curved surfaces."""
     functional, tet = SolidFunctional.of_solution(ritz, movable, mesh), movable.tetrahedralization
     beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
     return functional, functional_value(mesh, ritz) + beyond

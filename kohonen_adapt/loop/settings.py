@@ -1,4 +1,4 @@
-"""Say what every pass depends on, and tell one run from another by it."""
+"""Settings of a run, and the fingerprint that distinguishes runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -20,7 +20,7 @@ from kohonen_adapt.som.schedule import Schedule, check_training
 __all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Settings", "fingerprint"]
 
 DIGEST = "sha256 "
-PASSES = 4  # by default
+PASSES = 4
 
 ONLY_ENDS = {"only ends": True}
 """Metadata of a setting that says when to end, and changes no pass."""
@@ -28,7 +28,7 @@ ONLY_ENDS = {"only ends": True}
 
 @dataclass(frozen=True)
 class Settings:
-    """What every pass depends on beside mesh and problem; see `adapt`."""
+    """Arguments of `adapt` that affect the passes."""
 
     rules: Rules
     schedule: Schedule | None
@@ -44,14 +44,14 @@ class Settings:
             raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
 
     def rng(self, number: int) -> np.random.Generator:
-        """The generator of the training points that make pass `number`."""
+        """Return the generator of the training points of pass `number`."""
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
 def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, str]:
-    """Name to text of everything that passes depend on, but for what the problem and its outputs work out.
+    """Return texts by name of everything that a pass depends on.
 
-    What only says when to end is not in it.
+    The results of the problem and of the outputs are not included, nor the settings that only end the loop.
     """
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
     texts = {
@@ -67,7 +67,6 @@ def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, s
 
 
 def _text(value: Any, mesh: Mesh) -> str:
-    """A text of a setting, whatever the type of its numbers and sequences."""
     if value is None:
         return "none"
     if isinstance(value, Growth):
@@ -84,12 +83,10 @@ def _text(value: Any, mesh: Mesh) -> str:
 
 
 def _number(value: Any) -> Any:
-    """A value without the type of its number."""
     return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
 
 
 def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
-    """Names and members in order, and which side of it an oriented facet looks to."""
     found: list[NDArray[Any]] = [np.array(sets is None)]
     for name, rows in (sets or {}).items():
         found += [
@@ -101,7 +98,7 @@ def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
 
 
 def _of_curves(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
-    """A curve is what it makes of the middles of its facets, which lie off it."""
+    """Return a digest of the curves, evaluated at the midpoints of their facets."""
     found: list[NDArray[Any]] = []
     for name, curve in sorted(curves.items()):
         ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
@@ -110,7 +107,7 @@ def _of_curves(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
 
 
 def digest(*arrays: NDArray[Any]) -> str:
-    """A text that tells arrays from others: of their types, shapes and bytes."""
+    """Return a hash of the types, shapes and bytes of arrays."""
     found = sha256()
     for array in map(np.ascontiguousarray, arrays):
         found.update(f"{array.dtype.str}{array.shape}".encode())

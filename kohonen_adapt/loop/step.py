@@ -1,4 +1,4 @@
-"""Do the steps of a pass: solve and estimate a mesh, relocate its nodes, polish."""
+"""Steps of a pass, which solve, estimate, relocate and polish."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ from kohonen_adapt.som.moved import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Room", "Solved"]
 
-WHILE_GROWING = 2  # numbers of the plan of a polish: what more of them do is undone by the nodes to come
+WHILE_GROWING = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -51,16 +51,16 @@ UNSOLVED = object()
 
 @dataclass(frozen=True)
 class Solved:
-    """A pass with what the next one starts from, which no file keeps.
+    """Pass with the data from which the next pass starts.
 
     Attributes
     ----------
     record
         The pass.
     solution
-        What the problem's ``solve`` returned; `UNSOLVED` in a process that did not solve it.
+        Solution returned by the problem, or `UNSOLVED` for a pass of an earlier process.
     functional
-        What the polish can lower, or None.
+        Functional for the polish, or None.
     """
 
     record: Pass
@@ -69,42 +69,42 @@ class Solved:
 
 
 class Room(NamedTuple):
-    """What passes over meshes of one kind of elements are made of."""
+    """Methods of the adaptive loop in one dimension."""
 
     dim: int
-    taken_apart: Callable[[Mesh, Rules, bool | None], Any]  # with bent sides if True, as it comes with None
-    loops: Callable[[Problem, Settings], tuple[str, ...]]  # chapters of `kernels/entries.py`
+    taken_apart: Callable[[Mesh, Rules, bool | None], Any]  # curved sides: True, False, None as in the input
+    loops: Callable[[Problem, Settings], tuple[str, ...]]  # groups of `kernels/entries.py`
     moved: Callable[..., Moved[Any]]  # as `moved_triangles`
-    stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # what the polish lowers, on a movable mesh, and its value
-    carried: Callable[..., Any]  # a solution, onto the moved mesh
-    lowered: Callable[..., Any]  # a functional, as `descend_and_recycle`
-    # Passes after which nodes are recycled by energy alone. A density knows of no directions: where the energy wants
-    # long elements, it goes on to move a fifth of all nodes in every pass, to where the energy takes them away again.
-    # How many are best is measured: `python -m benchmarks space-passes`.
+    stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # functional and its value
+    carried: Callable[..., Any]  # interpolates a solution onto the moved mesh
+    lowered: Callable[..., Any]  # as `descend_and_recycle`
+    # Number of passes with recycling by density; later passes recycle by energy alone. A density is isotropic: if long
+    # elements have the lowest energy, the density moves a fifth of all nodes in every pass to positions from which the
+    # energy removes them again. For the measured optimum run `python -m benchmarks space-passes`.
     by_density: int
-    corrects: Callable[[Problem], bool]  # whether a polish makes up for an estimate that places more nodes than it had
-    stalls: Callable[[tuple[Pass, ...]], bool]  # whether the last passes have gained nothing
-    plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between its numbers
+    corrects: Callable[[Problem], bool]  # True if the polish corrects misplaced nodes
+    stalls: Callable[[tuple[Pass, ...]], bool]  # True if the last passes improved nothing
+    plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between the entries
 
 
 @dataclass(frozen=True)
 class Adaptation:
-    """A mesh while it is adapted to a problem: what every step of a pass works on.
+    """Mesh and problem of a run, with the steps of a pass.
 
     Attributes
     ----------
     problem
-        What is solved.
+        Problem to solve.
     room
-        By what, where that depends on the dimension.
+        Methods for the dimension of the mesh.
     movable
-        The mesh as it is now; `relocate` and `polish` change it.
+        Current mesh, changed by `relocate` and `polish`.
     settings
-        What every pass depends on.
+        Settings of the run.
     steps
-        Times the steps, and knows which pass is in the making.
+        Timer of the steps, with the index of the pass in progress.
     order
-        Of the elements, as the problem says at first.
+        Degree of the elements, read from the problem once.
     """
 
     problem: Problem
@@ -115,16 +115,15 @@ class Adaptation:
     order: int
 
     def plan(self, functional: Functional) -> tuple[int, ...]:
-        """Sweeps of the polish, with recycling by energy between its numbers; a single one switches that off."""
+        """Return the sweeps of the polish between which nodes are recycled."""
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
         plan = self.room.plan if recycles else (SWEEPS,)
         return plan[:WHILE_GROWING] if self.settings.growth.goes_on(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
-        """Solve and estimate the mesh as it is now, made from the pass `before` by these moves; None for the input."""
         mesh = self.movable.mesh() if before else self.movable.start()
         with self.steps("solve"):
-            number_facets(mesh)  # for who solves wants to know them, and scikit-fem takes longer
+            number_facets(mesh)  # faster than scikit-fem, which numbers them otherwise in the solver
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
             indicators = estimate(self.problem, mesh, solution)
@@ -154,23 +153,19 @@ class Adaptation:
             goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
             outputs=self._outputs(solution),
-            seconds=self.steps.seconds,  # last, for outputs take their time, too
+            seconds=self.steps.seconds,  # last, because outputs add their time
         )
         return Solved(record, solution, functional)
 
     def assess_again(self, record: Pass) -> Solved:
-        """Solve a mesh that another process solved and estimated, to go on from there.
+        """Solve the mesh of a pass of an earlier process.
 
-        Raises
-        ------
-        ValueError
-            If its indicators are no longer those of before, so that it is another problem.
+        Raises ValueError if the indicators differ from the stored ones, which means another problem.
         """
         solution = solve_again(self.problem, record.mesh, record.indicators)
         return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
 
     def relocate(self, solved: Solved) -> Moved[Any]:
-        """Recycle and move nodes to where all elements would carry the same error."""
         with self.steps("relocate"):
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
             density = equidistributing(record.mesh, record.indicators, order, norm)
@@ -182,7 +177,7 @@ class Adaptation:
             return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
-        """Carry the last solution to the moved mesh and descend its functional; returns all moves, and its gain."""
+        """Polish the moved mesh, and return all moves and the decrease of the functional."""
         with self.steps("polish"):
             if solved.functional is None:
                 return moved, 0.0
@@ -192,26 +187,26 @@ class Adaptation:
             return replace(moved, recycled=recycled), gain
 
     def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
-        """Better values of the outputs, none where the problem has none to give."""
         outputs = self.settings.outputs
         try:
             return improved(self.problem, mesh, solution, outputs) if outputs else {}
-        except (Exception, KeyboardInterrupt):  # a remark more or less: the result is there, whatever goes wrong here
+        except (Exception, KeyboardInterrupt):  # a missing remark is no reason to lose the result
             return {}
 
     def goal_error(self, solution: Any) -> tuple[float | None, str]:
-        """Return the estimated error of the goal, None where that fails, and why it fails."""
+        """Return the estimated error of the goal or None, and the reason for None."""
         try:
             return goal_error_of(self.problem, solution), ""
-        except (Exception, KeyboardInterrupt) as error:  # the result is there, whatever happens to its error
+        except (Exception, KeyboardInterrupt) as error:  # an unknown error is no reason to lose the result
             return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
 
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
     ) -> tuple[Functional | None, float | None, str]:
-        """What the solution minimises, its value unless it only shapes elements, None without a polish, and why not.
+        """Return the functional, its value and the reason for having none.
 
-        A dual has its share of an earlier pass, where there is one.
+        The value is None without a polish, or if the functional only shapes elements. A dual gets the weight `share` of
+        an earlier pass.
         """
         if not self.settings.polish:
             return None, None, "it is switched off"
@@ -228,7 +223,6 @@ class Adaptation:
             return None, None, "coefficients vary inside a region of the mesh"
 
     def _outputs(self, solution: Any) -> dict[str, float]:
-        """The values of all outputs of a solution."""
         values = {}
         for name, function in self.settings.outputs.items():
             with self.steps("estimate", f"output {name!r}"):
@@ -237,7 +231,10 @@ class Adaptation:
 
 
 def numbers_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, in_input: int) -> Ints:
-    """Number in the input of every node of a mesh, -1 for a new one; those that layers have taken are the last."""
+    """Return the index in the input mesh of every node, -1 for a new node.
+
+    In the first mesh, nodes inserted for layers follow the `in_input` nodes of the input.
+    """
     if before is None or moved is None:
         return np.where(np.arange(nnodes) < in_input, np.arange(nnodes), -1)
     old = moved.recycled.old
@@ -245,6 +242,6 @@ def numbers_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: in
 
 
 def root_of_squares(values: Floats) -> float:
-    """Square root of the sum of squares, scaled so that neither tiny nor huge values are lost."""
+    """Return the square root of the sum of squares, free of overflow and underflow."""
     largest = values.max()
     return float(largest * np.linalg.norm(values / largest)) if largest > 0.0 else 0.0

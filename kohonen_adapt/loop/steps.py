@@ -1,4 +1,4 @@
-"""Time the steps of a pass, tell who listens, and name the step that failed."""
+"""Timer of the steps of a pass."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ TIMED = ("solve", "estimate", "relocate", "polish")
 
 
 class StepFailed(Exception):
-    """The failure of a step of pass `number`, with the exception as its cause."""
+    """Failure of a step of pass `number`, with the exception as the cause."""
 
     def __init__(self, step: str, number: int) -> None:
         super().__init__(step, number)
@@ -21,14 +21,14 @@ class StepFailed(Exception):
 
 
 class Steps:
-    """The steps of the pass in the making.
+    """Timer of the steps of the pass in progress.
 
     Attributes
     ----------
     number
-        Of that pass.
+        Index of the pass in progress.
     begun
-        Whether a mesh was solved in this process, so that there is something to give back if a step fails.
+        True after the first solve of this process, when a failure no longer leaves the loop without a result.
     """
 
     def __init__(self, progress: Callable[[int, str], Any] | None = None) -> None:
@@ -39,24 +39,22 @@ class Steps:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Wall time of the steps so far."""
+        """Wall time in s by step of this pass."""
         return {step: self._seconds.get(step, 0.0) for step in TIMED}
 
     def next_pass(self, number: int) -> None:
-        """Begin to count the seconds of pass `number`."""
         self.number, self._seconds = number, {}
 
     def begin(self, number: int, step: str) -> None:
-        """Tell who listens that a step of pass `number` begins."""
         if self._progress is not None:
             self._progress(number, step)
 
     @contextmanager
     def __call__(self, step: str, failing: str = "", number: int | None = None) -> Iterator[None]:
-        """Time one step; what goes wrong before a mesh was solved stays as it is, later it is a `StepFailed`.
+        """Time a step as a context manager.
 
-        That says what was `failing`, where it is not the step as a whole. The pass is the one in the making, if no
-        `number` of another is given.
+        Exceptions before the first solve pass unchanged, later exceptions are raised as `StepFailed`, which names
+        `failing` instead of the step if given.
         """
         number = self.number if number is None else number
         self.begin(number, step)

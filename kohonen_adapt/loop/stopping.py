@@ -1,4 +1,4 @@
-"""Decide when the loop ends, and say it in a sentence."""
+"""Stop test of the adaptive loop, and the messages of the result."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -28,29 +28,27 @@ __all__ = [
     "worse_outputs",
 ]
 
-# The estimate of a pass carries about one per cent of chance (other training points), so one pass without a gain says
-# little: the next one often gains again. Over the L-shape, example 22 of scikit-fem and a square magnet, at 225 to 3201
-# nodes, a loop that gave up after two ended 0.3 % above the best of ten passes on average, 1.6 % at worst; after one,
-# 0.5 and 2.6 %; after three, 0.2 and 1.6 %. A thousandth is less than a pass is worth.
+# The random training points scatter the estimate of a pass by about 1 %, so a pass without a decrease is often followed
+# by a pass with one. On the L-shape, example 22 of scikit-fem and a square magnet, with 225 to 3201 nodes, stopping
+# after two passes without a decrease gave an estimate 0.3 % (mean) and 1.6 % (maximum) above the best of ten passes;
+# after one pass 0.5 and 2.6 %, after three 0.2 and 1.6 %. A decrease by 0.1 % does not pay for a pass.
 STALL_PASSES = 2
 STALL_GAIN = 1e-3
 
-
-# How much farther off than the input's an output of the result must be to be called worse, both measured from a better
-# value. That is itself off by up to a fifth of the error (see test_goal_error.py).
+# Ratio of the errors of an output on the result and on the input above which a remark is made. The errors are
+# differences from a better value, whose own error is up to a fifth of them (see test_goal_error.py).
 WORSE = 1.25
 
-# How many times the least estimate that of the pass with the lowest functional must be to call that a disagreement. A
-# functional integrated too roughly once chose a pass with 30 times the estimate; chance alone is a few per cent.
+# Ratio of the estimate of the pass with the lowest functional to the least estimate above which a warning is given. An
+# inaccurately integrated functional once selected a pass with 30 times the least estimate; scatter is a few per cent.
 DISAGREEMENT = 3.0
 
-# Squared error of a pass, as the functional of the next one shows, over its squared estimate: beyond that its mesh did
-# not resolve the solution. Over 578 runs with a finer reference (C-cores of 57 to 211 nodes, devices of 60 to 1024
-# nodes, orders 1 to 3) that is so after one pass for 11 of 50 results whose error is more than 1.2 times the estimate,
-# and for 6 of 528 others; after two and three passes, when 542 and 548 have less, for 1 of 542 and 1 of 548.
+# Ratio of the squared error of a pass, known from the functional of the next pass, to its squared estimate above which
+# the mesh does not resolve the solution. In 578 runs with a finer reference (C-cores of 57 to 211 nodes, devices of 60
+# to 1024 nodes, orders 1 to 3) the warning after one pass is given for 11 of 50 results with an error above 1.2 times
+# the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
 UNRESOLVED = 2.0
 
-# How a loop ends that nothing has cut short.
 AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
 
 Passes = tuple[Pass, ...]
@@ -58,7 +56,7 @@ Passes = tuple[Pass, ...]
 
 @dataclass(frozen=True)
 class Ending:
-    """How the loop ended: status, message, and the exception of a failure."""
+    """Status and message of the result, with the exception of a failure."""
 
     status: Status
     message: str
@@ -67,7 +65,7 @@ class Ending:
 
 @dataclass(frozen=True)
 class StopTest:
-    """The stop test of the loop, asked once about every pass; see `adapt`."""
+    """Stop test of the loop, called once for every pass."""
 
     passes: int
     rtol: float | None
@@ -82,9 +80,9 @@ class StopTest:
         check_tolerance("atol", self.atol)
 
     def __call__(self, passes: Passes, best: Pass, growing: bool, stalled: bool) -> Ending | None:
-        """The ending after the last of the passes, or None to go on. The callback hears of every pass, the last too.
+        """Return the ending after the last pass, or None to continue.
 
-        While the mesh is `growing`, that nothing moved or improved, so that they have `stalled`, is no reason to end.
+        While the mesh is `growing`, unmoved nodes or a stall do not end the loop.
         """
         last, result = passes[-1], said(best)
         told = self.callback(last) if self.callback else None
@@ -93,7 +91,7 @@ class StopTest:
             return Ending(Status.CONVERGED, f"Converged: {zero}.")
         if self._met(passes):
             return Ending(Status.CONVERGED, f"Converged: {self._reached(last)}; {result}, use it as it is.")
-        # Only a plain True stops: a callback that happens to return something (a path, a list) means nothing by it.
+        # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(told, bool | np.bool_) and told:
             after = f"after pass {last.number}; {result}, adapt it again to go on"
             return Ending(Status.STOPPED, f"Stopped by the callback {after}.")
@@ -114,7 +112,6 @@ class StopTest:
         return Ending(Status.MAX_PASSES, text)
 
     def _met(self, passes: Passes) -> bool:
-        """Whether there are targets and the last pass meets them all."""
         tolerance = self._tolerance(passes[-1])
         if tolerance is not None and passes[-1].estimate > tolerance:
             return False
@@ -123,13 +120,12 @@ class StopTest:
         return len(passes) > 1 and have_settled(passes[-2].outputs, passes[-1].outputs, self.output_rtol)
 
     def _tolerance(self, last: Pass) -> float | None:
-        """What the estimate must come down to, None where that is not asked for."""
+        """Return the largest acceptable estimate, None without a tolerance."""
         if self.rtol is None and self.atol is None:
             return None
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
 
     def _reached(self, last: Pass) -> str:
-        """The targets that the last pass met."""
         reached, tolerance = [], self._tolerance(last)
         if tolerance is not None:
             estimate = f"the estimate {last.estimate_text} of pass {last.number}"
@@ -139,7 +135,6 @@ class StopTest:
         return " and ".join(reached)
 
     def _missed(self, last: Pass) -> str:
-        """The targets that the last pass did not meet, or empty."""
         wanted, tolerance = [], self._tolerance(last)
         if tolerance is not None:
             wanted.append(f"reaching the tolerance {_allowed(tolerance, last)}")
@@ -149,7 +144,6 @@ class StopTest:
 
 
 def final(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
-    """Return the ending with remarks on best pass, polish and missing nodes."""
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings)]
     if ending.status in AT_ITS_END:
         remarks.append(settings.growth.shortfall(passes[-1].mesh.nvertices))
@@ -158,10 +152,9 @@ def final(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> End
 
 
 def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
-    """What to add where outputs of the result are farther from better values than the input's, or empty.
+    """Return a remark on outputs that are less accurate than on the input.
 
-    A mesh for the energy may be worse for a force: where errors have cancelled in the input, they do no longer. What is
-    smaller than its error, as the force across a symmetry, is left out.
+    Outputs smaller than their errors, such as a force across a symmetry, are left out.
     """
     off = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
     worse = [
@@ -178,7 +171,6 @@ def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
 
 
 def _choice_remark(passes: Passes, best: Pass) -> str:
-    """Return why the best pass has not the least estimate, or an empty string."""
     least = min(passes, key=lambda step: step.worth)
     if best.worth <= least.worth or not all(step.comparable for step in passes):
         return ""
@@ -193,10 +185,10 @@ def _choice_remark(passes: Passes, best: Pass) -> str:
 
 
 def _resolution_remark(passes: Passes, best: Pass) -> str:
-    """Return a warning if the fall of the functional shows an unresolved mesh.
+    """Return a warning if the decrease of the functional shows an unresolved mesh.
 
     A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error of
-    the pass before is at least twice the fall from there to the best pass, whose own squared error is estimated.
+    the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
     """
     before = next((step for step in passes if step.number == best.number - 1), None)
     if before is None or best.functional is None or before.functional is None or best.share is not None:
@@ -213,7 +205,6 @@ def _resolution_remark(passes: Passes, best: Pass) -> str:
 
 
 def _polish_remark(passes: Passes, settings: Settings) -> str:
-    """Return why nodes were not polished, or not all of them, or an empty string."""
     unpolished = next((step.unpolished for step in passes if step.unpolished), "")
     if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
         return ""
@@ -228,25 +219,21 @@ def _polish_remark(passes: Passes, settings: Settings) -> str:
 
 
 def not_moved(work: Work, best: Pass) -> Ending:
-    """The map found nothing that could move."""
     why = work.why_still.rstrip(".")
     return Ending(Status.NOT_MOVED, f"Nothing could move: {why}; {said(best)}, change that to go on.")
 
 
 def under_way(passes: Passes, best: Pass) -> Ending:
-    """A pass is done and there may be more."""
     done = f"pass {passes[-1].number} is done"
     return Ending(Status.STOPPED, f"Under way: {done}; {said(best)}, adapt it to go on.")
 
 
 def interrupted(passes: Passes, best: Pass) -> Ending:
-    """Ctrl-C, with something to give back."""
     after = f"after pass {passes[-1].number}"
     return Ending(Status.STOPPED, f"Stopped by Ctrl-C {after}; {said(best)}, adapt it again to go on.")
 
 
 def failed(failure: StepFailed, best: Pass) -> Ending:
-    """Return the ending after a step that raised."""
     error = failure.__cause__
     first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
     message = f"Failed in pass {failure.number}, {failure.step}: {first_line}; {said(best)}, the exception is in error."
@@ -254,7 +241,6 @@ def failed(failure: StepFailed, best: Pass) -> Ending:
 
 
 def said(best: Pass) -> str:
-    """Which pass is the result, for the middle of a sentence."""
     return f"the result is {_named(best)} (estimate {best.estimate_text})"
 
 
@@ -263,7 +249,7 @@ def _named(step: Pass) -> str:
 
 
 def stalls_by_estimate(passes: Passes) -> bool:
-    """Whether the last passes together have not lowered the least estimate before them by more than a hair."""
+    """Return True if the last passes lowered the error measure too little."""
     worths = [step.worth for step in passes]
     if len(worths) <= STALL_PASSES:
         return False
@@ -271,9 +257,9 @@ def stalls_by_estimate(passes: Passes) -> bool:
 
 
 def stalls_by_functional(passes: Passes) -> bool:
-    """Whether they have not lowered the functional by more than a hair of all that it fell, where it compares.
+    """Return True if the last passes contributed too little of the total decrease.
 
-    Estimates overrate stretched tetrahedra, and rise where the error falls; by them it is only without a polish.
+    Estimates overrate stretched tetrahedra, so they are compared only if a pass has no comparable functional.
     """
     levels = [step.functional for step in passes if step.functional is not None and step.comparable]
     if len(levels) < len(passes):
@@ -285,7 +271,6 @@ def stalls_by_functional(passes: Passes) -> bool:
 
 
 def _allowed(tolerance: float, last: Pass) -> str:
-    """Return a tolerance in the unit that the estimate is shown in."""
     return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
 
 

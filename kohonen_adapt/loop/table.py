@@ -1,4 +1,4 @@
-"""Lay out passes as a table: in text no wider than a terminal, and in HTML."""
+"""Table of passes as text and in HTML."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import Field, fields
@@ -30,18 +30,17 @@ __all__ = [
     "word_for_estimate",
 ]
 
-WIDTH = 120  # of a printed table; what does not fit goes into another beneath
+WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "
 DASH = "-"
 TURNED = "sign"
 GOAL_DIGITS = (8, 2, 8, 4)  # of the value, its error, their sum and the estimate
-GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # of a pass; files and tables have them by name and unit
+GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # replaced by `goal_figures`
 
 Columns = list[tuple[str, list[str]]]
 
 
 def pass_figures(step: Pass) -> dict[str, Any]:
-    """Return the numbers and texts of a pass by field; outputs, seconds and a goal have their own names."""
     figures: dict[str, Any] = {}
     for name in (each.name for each in fields(step) if each.name not in GOAL_FIELDS):
         value = getattr(step, name)
@@ -54,9 +53,9 @@ def pass_figures(step: Pass) -> dict[str, Any]:
 
 
 def goal_figures(step: Pass) -> dict[str, float | None]:
-    """Return the goal's value, estimated error, their sum and the sum of the elements' errors, by name and unit.
+    """Return the figures of the goal by title with unit, none without a goal.
 
-    Without a goal there are none; the error, and the sum with it, is None where it is not estimated.
+    The figures are the value, its error (None if not estimated), their sum, and the sum of the errors of the elements.
     """
     if step.goal is None:
         return {}
@@ -66,7 +65,6 @@ def goal_figures(step: Pass) -> dict[str, float | None]:
 
 
 def goal_sentence(step: Pass) -> str:
-    """Return a sentence on the goal's value and error, an empty string without a goal."""
     if step.goal is None:
         return ""
     value, error, total, _ = (
@@ -79,61 +77,57 @@ def goal_sentence(step: Pass) -> str:
 
 
 def with_unit(name: str, step: Pass) -> str:
-    """Return a name with the unit of the pass's goal in brackets, if there is one."""
     return f"{name} ({step.goal_unit})" if step.goal_unit else name
 
 
 def energy_norm_error(step: Pass) -> float | None:
-    """Return the estimate in per cent of the energy norm, None without a norm or a calibrated estimate."""
+    """Return the estimate in per cent of the energy norm, None if not calibrated."""
     return 100.0 * step.estimate / step.energy_norm if step.calibrated and step.energy_norm else None
 
 
 def energy_error(step: Pass) -> float | None:
-    """Return the error of the energy in per cent, None as for that of the norm.
+    """Return the error of the energy in per cent, None if unknown.
 
-    By Galerkin orthogonality the functional of a linear problem, int c/2 |grad u|^2 - f u, is off by half the square of
-    the error in the energy norm. Hence the error of the energy, half the square of the norm, is (estimate / norm)^2.
-    For nonlinear material, whose estimate is in the norm of the linearised problem, that holds near the solution.
+    By Galerkin orthogonality the functional of a linear problem, int c/2 |grad u|^2 - f u, differs from its minimum by
+    half the square of the error in the energy norm. Hence the relative error of the energy is (estimate / norm)^2. For
+    nonlinear materials the estimate is in the norm of the linearised problem, and the relation holds near the solution.
     """
     error = energy_norm_error(step)
     return None if error is None else error**2 / 100.0
 
 
 def word_for_estimate(history: Sequence[Pass]) -> str:
-    """Return the title of the estimates: `estimate_word` with the unit of a goal."""
     return with_unit(estimate_word(history), history[0])
 
 
 def estimate_word(history: Sequence[Pass]) -> str:
-    """Return "estimate" if the scale of the estimates is known, else "indicator"."""
+    """Return "estimate" for estimates of known scale, else "indicator"."""
     return "estimate" if all(step.calibrated or step.goal is not None for step in history) else "indicator"
 
 
 def change_of_output(before: float, after: float) -> float | None:
-    """What an output has gained in magnitude, in per cent; None from 0 and to the other sign."""
+    """Return the change of magnitude in per cent, None if zero or of opposite sign."""
     return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not has_turned(before, after) else None
 
 
 def has_turned(before: float, after: float) -> bool:
-    """Whether an output has changed its sign."""
     return min(before, after) < 0.0 < max(before, after)
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
-    """The columns of the table in groups that stay together: what was solved, what of it was asked, what was done."""
+    """Return the columns of the table in groups that are not divided."""
     number = [("pass", [str(step.number) for step in history])]
     return [number, _solved(history), *_goal(history), *_outputs(history), _done(history)]
 
 
 def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
-    """The table as lines no wider than 120 characters, with a mark behind the row of every pass."""
+    """Return the lines of the table, each with a mark behind the row of a pass."""
     behind = ["", *marks]
     blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
     return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
 
 
 def html_table(history: tuple[Pass, ...], attributes: Sequence[str]) -> str:
-    """The table in HTML, its rows with these attributes; names are text in it, whatever they hold."""
     columns = list(chain.from_iterable(table_columns(history)))
     titles = _html_row("", "th", [title for title, _ in columns])
     rows = zip(attributes, *(cells for _, cells in columns), strict=True)
@@ -162,11 +156,10 @@ def _solved(history: tuple[Pass, ...]) -> Columns:
 
 
 def _goal(history: tuple[Pass, ...]) -> list[Columns]:
-    """Return the group of the goal, if there is one: its value, and of the result its error and their sum."""
     if history[0].goal is None:
         return []
     figures = [goal_figures(step) for step in history]
-    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has a column elsewhere
+    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has its column in `_solved`
     return [[(title.replace("goal error", "error"), _rounded(title, digits, figures)) for title, digits in forms]]
 
 
@@ -175,7 +168,6 @@ def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -
 
 
 def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
-    """One group per output: its values and the changes of their magnitude."""
     return [
         [(name, [significant(value, 5) for value in values]), ("Delta %", [DASH, *map(_gain, values, values[1:])])]
         for name in history[0].outputs
@@ -189,7 +181,6 @@ def _gain(before: float, after: float) -> str:
 
 
 def _done(history: tuple[Pass, ...]) -> Columns:
-    """The mesh of every pass, what is derived of the pass, and what made the mesh: nothing made the input."""
     work = {each.name for each in fields(Work)}
     columns = [("elements", [str(step.mesh.t.shape[1]) for step in history])]
     columns += [_column(each, history) for each in _titled(history) if each.name not in work]
@@ -204,7 +195,6 @@ def _done(history: tuple[Pass, ...]) -> Columns:
 
 
 def _titled(history: tuple[Pass, ...]) -> list[Field[Any]]:
-    """The fields whose metadata name a column."""
     return [each for each in fields(history[0]) if "title" in each.metadata]
 
 
@@ -221,23 +211,19 @@ def _cells(figure: Callable[[Pass], float | None], decimals: int, history: tuple
 
 
 def _decimals(values: Iterable[float | None]) -> int:
-    """Return the decimals, two at least, that show two digits of the smallest value above zero."""
+    """Return the decimals (>= 2) that show two digits of the least positive value."""
     least = min((value for value in values if value), default=1.0)
     return max(2, 1 - floor(log10(least)))
 
 
 def _energy(step: Pass) -> float | None:
-    """What stands for the energy of a solution: the square of its energy norm, else the functional it minimises.
-
-    That of a goal is none.
-    """
+    """Return the squared energy norm, else the functional, or None with a dual."""
     if step.energy_norm is None:
         return step.functional if step.share is None else None
     return step.energy_norm**2
 
 
 def _changes(values: Sequence[float | None], form: str) -> list[str]:
-    """Change in per cent from each value to the next, a dash where there is none to compare."""
     return [
         DASH,
         *(f"{100.0 * (b - a) / abs(a):+{form}}" if a and b is not None else DASH for a, b in pairwise(values)),
@@ -245,12 +231,11 @@ def _changes(values: Sequence[float | None], form: str) -> list[str]:
 
 
 def _gain_of_map(before: Pass, after: Pass) -> float:
-    """What a pass took off the Ritz functional beside its polish."""
     return (before.functional or 0.0) - (after.functional or 0.0) - after.polish_gain
 
 
 def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str]]:
-    """The lines of tables that are not wider than that, each with the first group; a group is never divided."""
+    """Yield the lines of tables of limited width, each with the first group."""
     first, *others = (_aligned(group) for group in groups)
     block = first
     for lines in others:
@@ -262,7 +247,6 @@ def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str
 
 
 def _aligned(columns: Columns) -> list[str]:
-    """Lines of the columns side by side, their titles first."""
     padded = []
     for title, cells in columns:
         width = max(map(len, [title, *cells]))
