@@ -159,14 +159,14 @@ class BoundaryTerms:
 class Near:
     """Elements at Robin boundaries, and a function on them."""
 
-    rows: Ints  # (k,): their numbers
+    rows: Ints  # (k,): their indices in the mesh
     node: Ints  # (k, 3)
     chain: Ints  # (k, 3)
-    number: Ints  # (k,): region numbers in the tables of the functional
+    number: Ints  # (k,): indices of regions in the tables of the functional
     corners: Floats  # (k, 3, 2)
-    bend: Floats  # (k, 3, 2): of their sides
+    bend: Floats  # (k, 3, 2): midside offsets
     coefficients: Floats  # (k, b)
-    unknown: Ints  # (k, b): of every coefficient, -1 for what does not change
+    unknown: Ints  # (k, b): index of every coefficient, -1 if fixed
 
     @classmethod
     def of(

@@ -21,17 +21,17 @@ from kohonen_adapt.outline.outline import Outline
 
 __all__ = ["CENTROID", "Chords", "Slivers", "segment_areas"]
 
-CENTROID = 0.4  # of the height: how far the centroid of a sliver is from its chord
-FLAT = 1e-9  # of its length: a facet that is no farther off its curve is on it
+CENTROID = 0.4  # distance of the centroid of a sliver from its chord, relative to its height
+FLAT = 1e-9  # sagitta of a straight facet, relative to its length
 
 
 class Slivers(NamedTuple):
     """Regions between chords and curves, one per row, sorted by element."""
 
     element: Ints  # (s,)
-    corner: Ints  # (s,): opposite to the chord
-    change: Floats  # (s, 4): coefficient, source and flux that are there, less what is counted already
-    off: Floats  # (s, 2): from the middle of the chord to the curve
+    corner: Ints  # (s,): corner opposite to the chord
+    change: Floats  # (s, 4): coefficient, source and flux of the sliver minus the values counted in the elements
+    off: Floats  # (s, 2): from the midpoint of the chord to the curve
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from kohonen_adapt.polishing.paired_stars import independent
 
 __all__ = ["descend_curves"]
 
-SHORT = 1e-3  # of the way to the next node on the curve: how far apart the three parameters are
-FARTHEST = 0.4  # of that way: how far a node may go in a sweep, less than half since the next one may come its way
+SHORT = 1e-3  # finite difference step, relative to the parameter distance to the next node
+FARTHEST = 0.4  # largest move relative to the same distance, below 0.5 because both nodes may move
 
 
 def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFunction) -> float:
@@ -65,15 +65,15 @@ class Stars(NamedTuple):
     movable: MovableMesh
     parts: list[Part]
     node: Ints  # (k,)
-    given: Mask  # (k,): the values are given
-    owner: Ints  # (r,): the node, as a place among the k
+    given: Mask  # (k,): True for Dirichlet values
+    owner: Ints  # (r,): index of the node among the k
     ahead: Ints  # (r,)
     behind: Ints  # (r,)
-    reach: Floats  # (r, 2): the longest facets to ahead and behind, inf where that is no facet on a curve
-    holder: Ints  # (s,): the row whose element has the sliver
-    ends: Ints  # (s, 2): of its chord
+    reach: Floats  # (r, 2): maximum lengths of the facets to `ahead` and `behind`, inf if not on a curve
+    holder: Ints  # (s,): row of the element with the sliver
+    ends: Ints  # (s, 2): end nodes of the chord
     chain: Ints  # (s,)
-    parameter: Floats  # (s, 2): of the ends
+    parameter: Floats  # (s, 2): curve parameters of the end nodes
 
     @classmethod
     def of(

@@ -71,7 +71,9 @@ class CurvedFaces:
         e, k = np.nonzero(np.append(counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
         outer = covered(tet.position, elements, patches, e, k)
-        stated = np.nan if callable(ritz.source) else np.asarray(ritz.source)  # nan, as a function ends anywhere
+        stated = (
+            np.nan if callable(ritz.source) else np.asarray(ritz.source)
+        )  # a function may jump anywhere, and nan != nan
         source = np.broadcast_to(looked_up(np.asarray(stated), number), number.shape)[elements.region]
         beyond = np.where(across >= 0, source[across], 0.0)
         ends = np.where(outer | (across >= 0), source[e] != beyond, source[e] != 0.0)

@@ -44,8 +44,8 @@ __all__ = [
     "without_modes",
 ]
 
-UNKNOWNS = (1, 4, 9)  # of each order for a node of a large mesh
-FEW = 5_000  # elements or nodes of order 1 that are not worth another thread
+UNKNOWNS = (1, 4, 9)  # per node of a large mesh, by order
+FEW = 5_000  # elements or nodes of order 1 per thread at least; the work grows as the cube of the unknowns
 
 
 def few_for_threads(order: int) -> int:

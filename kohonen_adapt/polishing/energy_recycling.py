@@ -19,17 +19,16 @@ from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["Exchange", "recycle_by_energy"]
 
-PART = 5_000  # elements or nodes per compiled call: Python hears Ctrl-C in between
+PART = 5_000  # elements or nodes per compiled call, because Ctrl-C is handled between calls only
 
 
 class Exchange(NamedTuple):
     """Result of recycling by energy."""
 
-    trial: TrialFunction  # the function that it leaves
-    recycled: Recycled  # in all, that of before included
-    lowered: float  # what it took off the functional
-    # What a split of every edge, each for itself, would have: about what the functional is above its least.
-    offered: float
+    trial: TrialFunction  # function on the new mesh
+    recycled: Recycled  # including earlier recyclings
+    lowered: float  # decrease of the functional
+    offered: float  # sum of the gains of all splits, an estimate of the distance to the minimum
 
 
 def recycle_by_energy(

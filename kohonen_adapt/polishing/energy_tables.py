@@ -11,12 +11,12 @@ from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = ["Tables", "tabulated"]
 
-# The squares of gradients that tables reach, in octaves below and above the largest of the solution. Above, at 16 times
-# the largest gradient, the law goes on with its last secant; below, where nothing is stored, with a parabola.
+# Octaves of the squared gradient in a table, below and above the largest of the solution. The extrapolation above,
+# from 16 times the largest gradient, uses the last secant, and below, where the energy is negligible, a parabola.
 BELOW, ABOVE = 28, 8
-CHECKED = 20  # octaves below the largest, in which a law is checked
-ROUNDING = 1e-9  # of a field strength: so much it may fall in a step
-ROUGH = 0.01  # of the largest energy: so far one may be from the integral of the field strength
+CHECKED = 20  # octaves below the largest in which laws are checked
+ROUNDING = 1e-9  # largest relative decrease of the field strength in a step
+ROUGH = 0.01  # largest deviation of energies from the integral of the field strength, relative to the largest energy
 
 
 class Tables(NamedTuple):
@@ -26,7 +26,7 @@ class Tables(NamedTuple):
     derivatives, with a relative error below 1e-8 at the sharpest bends and below 1e-10 on average.
     """
 
-    first: int  # s begins with 2^(first - 1)
+    first: int  # the smallest s is 2^(first - 1)
     energy: Floats  # (nlaws, rows, 2): W and dW/ds
 
 
@@ -49,7 +49,7 @@ def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
 
 
 def _table(law: EnergyLaw, b: Floats) -> Floats:
-    with np.errstate(over="ignore", invalid="ignore"):  # far above what the solution has a law may overflow
+    with np.errstate(over="ignore", invalid="ignore"):  # laws may overflow far above the solution
         strength, energy = (np.asarray(values, dtype=float) for values in (law.field_strength(b), law.energy(b)))
         if not strength.shape == energy.shape == b.shape:
             raise ValueError(

@@ -38,7 +38,7 @@ from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of
 
 __all__ = ["Functional"]
 
-FOLLOWED = 2  # order up to which a parabola follows a curve as well as functions do the solution
+FOLLOWED = 2  # largest order at which curved sides (parabolas) are as accurate as the functions
 
 
 @dataclass(frozen=True)

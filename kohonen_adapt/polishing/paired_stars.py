@@ -46,7 +46,7 @@ class Patch(NamedTuple):
     trials: Trials
     modes: tuple[Modes, ...]
     shapes: Shapes | None
-    nodes: NDArray[np.int32]  # the first of the rows of nodes: those that move
+    nodes: NDArray[np.int32]  # nodes that move, first rows of `position`
 
 
 class Freedom(NamedTuple):
@@ -54,7 +54,7 @@ class Freedom(NamedTuple):
 
     kind: NDArray[np.int8]  # (n,)
     fixed: Mask  # (n,)
-    sign: Floats  # (c,): see `Functional`
+    sign: Floats  # (c,): `Functional.sign`
 
 
 class Descending(Protocol):
@@ -111,7 +111,7 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
         return
     stars, degrees = Gathered.of(movable, couples), trial.modes.side.shape[2]
     (own, a), (beyond, b) = stars.joints(movable, couples)
-    # odd ones run counter-clockwise in both elements, and beside one another in turn unless the pair folds the mesh
+    # odd coefficients change sign unless the pair folds the mesh, because both elements are counter-clockwise
     against = np.where((a == b)[:, None], 1.0, [1.0, -1.0])[:, :degrees]
     times = against * stars.turns(degrees, stars.signs(couples))[beyond, 0]
     for modes in trial.all_modes:
@@ -160,11 +160,11 @@ def independent(of_corners: Ints, count: int) -> list[Ints]:
 class Gathered(NamedTuple):
     """Elements around pairs, one per row, sorted by pair, with the node first."""
 
-    owner: Ints  # (r,): the couple
+    owner: Ints  # (r,): index of the pair
     element: Ints  # (r,)
-    corner: Ints  # (r, 3): of the element, in the order of the patch
-    beyond: Mask  # (r,): whether it is around the partner
-    mirrored: Mask  # (r,): whether its corners are in the other order
+    corner: Ints  # (r, 3): corners of the element in the order of the patch
+    beyond: Mask  # (r,): True around the partner
+    mirrored: Mask  # (r,): True if the motion reverses the orientation
 
     @classmethod
     def of(cls, movable: MovableMesh, couples: Couples) -> "Gathered":
@@ -219,7 +219,7 @@ class Gathered(NamedTuple):
         key = (self.owner[:, None] * 2 + self.beyond[:, None]) * movable.nnodes + node
         here, beyond = self.joints(movable, couples)
         key[beyond] = key[here]
-        key[:, 0] = self.owner - count  # before all others
+        key[:, 0] = self.owner - count  # smallest keys, so that pairs have the first rows
         _, found, number = np.unique(key, return_index=True, return_inverse=True)
         return number.reshape(key.shape), found
 

@@ -21,10 +21,10 @@ from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["PLAN_IN_SPACE", "SETTLED", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
 
-# Sweeps, with recycling by energy between the numbers. After three passes on E, F and M the error is 1 to 4 % higher
-# with one recycling in a pass, (4, 4), and mostly 1 % with two, (4, 4, 4).
+# Sweeps before, between and after the recyclings. After three passes on E, F and M the error is 1 to 4 % higher with
+# (4, 4), and mostly 1 % higher with (4, 4, 4).
 PLAN_IN_SPACE = (2, 2, 2, 2)
-SETTLED = 0.01  # share of the nodes: a recycling that exchanges fewer is the last of its pass
+SETTLED = 0.01  # fraction of the nodes, below which a recycling is the last of its pass
 
 
 def descend_in_space(

@@ -17,7 +17,7 @@ __all__ = [
     "numbers_of_regions",
 ]
 
-LINEAR = 1e-9  # of the range of all values: given values this near to a linear function are that
+LINEAR = 1e-9  # largest deviation of linear Dirichlet values, relative to the range of all values
 
 
 class VariesInside(ValueError):

@@ -13,7 +13,7 @@ from kohonen_adapt.problem.tables import flux_at, source_at
 
 __all__ = ["longest_on_arcs"]
 
-SHARE = 0.01  # of the squared estimate, a tenth of it in the energy norm: what all arcs together may cut off
+SHARE = 0.01  # energy in the slivers of all arcs, relative to the squared estimate (in the energy norm 0.1)
 
 
 def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats:
@@ -29,10 +29,10 @@ def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats
     if not np.any(chains.shape == ROUND):
         return np.zeros(movable.nnodes)
     on_arc = np.append(chains.shape == ROUND, False)[elements.chain]
-    e, k = np.nonzero(on_arc & (elements.neighbour < np.arange(len(elements.node))[:, None]))  # -1 beyond the boundary
+    e, k = np.nonzero(on_arc & (elements.neighbour < np.arange(len(elements.node))[:, None]))  # each edge once
     shift = shift_per_area(ritz, triangulation, e, k)
     allowed = 0.5 * estimate**2 / max(movable.nnodes, len(e) / SHARE)
-    with np.errstate(divide="ignore"):  # where nothing changes at an arc it may be cut off
+    with np.errstate(divide="ignore"):  # no limit on arcs at which the functional does not change
         curvature = np.abs(chains.curvature[elements.chain[e, k]])
         length = np.cbrt(12.0 * allowed / (shift * curvature))
         if movable.curved:
@@ -57,7 +57,7 @@ def shift_per_area(ritz: Ritz, triangulation: Triangulation, e: Ints, k: Ints) -
     a, b = elements.ends(e, k)
     across = elements.neighbour[e, k]
     sides = np.stack([e, np.where(across >= 0, across, e)])
-    there = np.stack([np.ones(len(e)), across >= 0])  # beyond the outer boundary is nothing
+    there = np.stack([np.ones(len(e)), across >= 0])  # 0 outside of the mesh
     along = (position[b] - position[a]).T
     length = np.hypot(*along)
     (tx, ty), slope = along / length, (values[b] - values[a]) / length
@@ -81,7 +81,9 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     node, number = triangulation.elements.node[e], np.zeros(e.size, dtype=np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]
     corners = triangulation.position[node]
-    gx, gy = gradients(corners, np.asarray(ritz.values)[node], LINEAR_FUNCTIONS)[1][:, 0]  # at any order from the nodes
+    gx, gy = gradients(corners, np.asarray(ritz.values)[node], LINEAR_FUNCTIONS)[1][
+        :, 0
+    ]  # at any order from nodal values
     coefficient, source, *flux = constants_of(ritz, number).T
     if callable(ritz.source):
         source = source_at(corners.mean(axis=1).T[:, None], number, ritz.source)[0]

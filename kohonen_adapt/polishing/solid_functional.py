@@ -34,7 +34,7 @@ from kohonen_adapt.problem.ritz import Ritz, check_fits, unknown_in_space
 
 __all__ = ["SolidFunctional"]
 
-# Of a region what `Trial.data` has of its coefficient, source and flux.
+# Divisors of coefficient, source and flux in `Trial.data`.
 PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0])
 
 

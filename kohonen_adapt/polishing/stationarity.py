@@ -22,8 +22,8 @@ from kohonen_adapt.problem.robin import facet_terms
 
 __all__ = ["check_in_plane", "check_in_space"]
 
-# Residual beside the terms at an unknown, and beside the largest terms anywhere. Solvers of linear systems leave 1e-6
-# of the largest at a relative tolerance of 1e-5, Newton's method less; a forgotten term is of the size of the others.
+# Largest residual relative to the terms at an unknown, and relative to the largest terms anywhere. Linear solvers with
+# relative tolerance 1e-5 leave 1e-6 of the largest, Newton's method less. Missing terms are as large as present terms.
 OF_TERMS = 0.01
 OF_LARGEST = 1e-3
 

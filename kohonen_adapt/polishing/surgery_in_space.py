@@ -14,15 +14,15 @@ from kohonen_adapt.polishing.solid_functional import SolidFunctional
 
 __all__ = ["recycle_in_space", "swap_in_space"]
 
-LOOKS = 50_000  # elements per compiled call: Python hears Ctrl-C at least every half second
-FEW = 1_000  # nodes that are not worth another thread
+LOOKS = 50_000  # elements per compiled call, at most 0.5 s, because Ctrl-C is handled between calls only
+FEW = 1_000  # nodes per thread at least
 PART = 20_000  # nodes per compiled call
 PAIRS = 20_000  # edges per compiled call
-CHANGED = 0.1  # share of its volume or energy by which an element has changed that is to be looked at again
+CHANGED = 0.1  # relative change of volume or energy after which an element is searched again
 
-# Times the cost of a collapse: less is not worth a split. Both are worked out with all else held, while sweeps and
-# swaps make the most of new nodes and the best of lost ones: gains are told too low, and costs too high. At 1 exchanges
-# come to rest after a pass; below that they go on, and win 5 % more.
+# Smallest gain of a split, relative to the cost of its collapse. Gains are underestimated and costs overestimated,
+# because both are computed without the sweeps and swaps that follow. With 1, exchanges end after one pass, and the
+# error is 5 % higher.
 MARGIN = 0.2
 
 

@@ -26,22 +26,22 @@ from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
 
-PART = 5_000  # unknowns: the nodes at the cuts between parts are few
+PART = 5_000  # unknowns per part, so many that few nodes are at the cuts
 
-# Four passes of map and polish, medians of five seeds (`python -m benchmarks sweeps`), after so many sweeps each:
+# Medians of five seeds after four passes of map and polish (`python -m benchmarks sweeps`), by number of sweeps:
 #                                    0       4       8      12      16      32
 #     L: E sqrt(N), N = 3201     0.794   0.735   0.730   0.728   0.728   0.726
 #     M: error %, N = 1681       7.059   6.480   6.434   6.423   6.417   6.419
 #     the same with iron         5.128   4.707   4.657   4.642   4.639   4.630
 #     F: E sqrt(N), N = 3201     0.966   0.707   0.678   0.669   0.664   0.657
-# A sweep takes 0.6 microseconds per node; with eight, polish and recycling together cost no more than the map.
+# A sweep takes 0.6 microseconds per node. Eight sweeps and the recycling take no longer than the map.
 SWEEPS = 8
 
 
 class Downhill(Descending, Protocol):
     """Methods of a sweep for one order of elements."""
 
-    few: int  # elements that are not worth another thread
+    few: int  # elements per thread at least
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
         """Move nodes in the given order, and return the decrease of the functional."""
@@ -62,7 +62,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     """
     outline, gain = movable.outline, 0.0
     freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
-    # what a star cannot judge: values on two sides at once, and where more than elements add to the functional
+    # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional
     pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
     if pairs.any():
