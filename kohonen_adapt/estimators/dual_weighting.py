@@ -42,7 +42,7 @@ def goal_oriented(
 
         eta_K^2 = |int_K t_u . t_z / nu|.
 
-    On tetrahedra, which have no equilibrated fluxes, t is the averaged flux of `recovery` minus sigma_h. At order 2 and
+    Tetrahedra have no equilibrated fluxes; t is the averaged flux of `recovery` minus sigma_h there. At order 2 and
     3, recognised by the number of values, eta_K^2 is the product of the residual estimates of both problems. Each is
     scaled to be near the error of its solution in the energy norm.
 
@@ -127,9 +127,9 @@ def goal_error(
     Measured at order 1 for a force and for the energy in a part of a yoke, with `dual_flux` at the corners, the
     estimate was 0.77 to 1.7 times the error on the initial mesh and on meshes adapted for the goal.
 
-    On tetrahedra the estimate is the sum of the signed integrals of `goal_oriented`, by recovery. For the force between
-    two magnets the estimate was 1.1 to 1.4 times the error on adapted meshes of 2730 nodes and more, and 0.6 to 1.2
-    times on uniform meshes.
+    For tetrahedra the estimate is the sum of the signed integrals of `goal_oriented`, by recovery. For the force
+    between two magnets the estimate was 1.1 to 1.4 times the error on adapted meshes of 2730 nodes and more, and 0.6 to
+    1.2 times on uniform meshes.
 
     Two parts of the error are not included. For a nonlinear J these are all terms above the first derivative, for a
     quadratic J ``J''(u - u_h, u - u_h) / 2``, up to a third of the error in the cases above. The other part is the
@@ -179,10 +179,7 @@ def goal_error(
 def _contributions(
     mesh: Mesh, reluctivity: ArrayLike, places: tuple[ArrayLike | None, ArrayLike | None], primal: Given, dual: Given
 ) -> Floats:
-    """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J.
-
-    `places` are the arguments `fixed` and `region`.
-    """
+    """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J."""
     fixed, region = places
     if cell_of(mesh) is not TRIANGLE:
         discrete, one, number = recovered_correction(mesh, primal[0], reluctivity, *primal[1:], region)

@@ -232,7 +232,7 @@ def equilibrated_correction(
 ) -> tuple[DiscreteFlux, Floats]:
     """Return the discrete flux sigma_h and the correction ``sigma* - sigma_h``.
 
-    The correction is given at the corners, shape (2, 3, nelements). Arguments are as in `equilibrated`.
+    The correction is given at the corners, shape (2, 3, nelements).
     """
     _check_plane(mesh)
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
@@ -258,7 +258,6 @@ def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floa
 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
-    """Return the checked Dirichlet mask, or the mask of all boundary nodes if None."""
     if fixed is None:
         held = np.zeros(mesh.p.shape[1], dtype=bool)
         held[mesh.facets[:, mesh.f2t[1] < 0]] = True
@@ -282,10 +281,6 @@ def _check_plane(mesh: object) -> None:
 
 
 def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxData, NDArray[np.int64]]:
-    """Return the arguments of the kernel, and the counter-clockwise corner order.
-
-    Corner k of counter-clockwise element e is ``mesh.t[order[e, k], e]``.
-    """
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
     turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
@@ -298,10 +293,6 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxDat
 
 
 def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: Mask, imbalance: Floats) -> None:
-    """Raise ValueError if the potential violates the P1 equations at a node.
-
-    `imbalance` is the residual that equilibration leaves at each node. The indicators bound nothing if one is large.
-    """
     parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
     size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
     largest = np.bincount(mesh.t.ravel(), size.ravel()).max()

@@ -48,10 +48,6 @@ class DiscreteFlux:
 def discrete_flux(
     mesh: Mesh, potential: ArrayLike, reluctivity: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None
 ) -> DiscreteFlux:
-    """Check the arguments of an estimator and return the flux of the solution.
-
-    `source` and `flux` are zero if None.
-    """
     check_mesh(mesh, space=True)
     number_facets(mesh)
     (dim, nnodes), nelements = mesh.p.shape, mesh.t.shape[1]
@@ -69,7 +65,6 @@ def discrete_flux(
 
 
 def check_range(flux: Floats) -> None:
-    """Raise ValueError if squares of a flux would underflow or overflow."""
     largest = float(np.abs(flux).max())
     if not (largest == 0.0 or LEAST_FLUX <= largest <= LARGEST_FLUX):
         raise ValueError(
@@ -79,7 +74,6 @@ def check_range(flux: Floats) -> None:
 
 
 def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:
-    """Return the reluctivity, shape (nelements,), and require positive values."""
     material = finite_reals("reluctivity", reluctivity, {"nelements": mesh.t.shape[1]}, "element")
     bad = np.flatnonzero(material <= 0.0)
     if bad.size:
@@ -182,8 +176,8 @@ def _jumps(
     """Return the facet part of eta_K^2, shape (nelements,).
 
     For a constant jump, h_F ||jump||_F^2 is the squared integral of the jump over F, times h_F / |F|. In the plane the
-    last factor is one. Of a flux that varies inside elements, with deviation `rest` from its mean, the jump at the
-    centroid of F is taken.
+    last factor is one. If the flux varies inside elements, with deviation `rest` from its mean, the jump is taken at
+    the centroid of F.
     """
     cell, nfacets, side = cell_of(mesh), mesh.facets.shape[1], mesh.t2f.ravel()
     at_sides = discrete.values[:, None] - np.stack([rest[:, corners].mean(axis=1) for corners in cell.facets], axis=1)
@@ -265,11 +259,6 @@ def recovered_correction(
     flux: ArrayLike | None,
     region: ArrayLike | None,
 ) -> tuple[DiscreteFlux, Floats, Ints]:
-    """Return the discrete flux, its correction by averaging, and the region indices.
-
-    The correction is the recovered flux minus the discrete flux at the corners, shape (d, d + 1, nelements). Region
-    indices have shape (nelements,). Arguments are as in `recovery`.
-    """
     mean, rest = mean_and_rest(mesh, "flux", flux)
     discrete = discrete_flux(mesh, potential, reluctivity, source, mean)
     values, number = discrete.values[:, None] - rest, _regions(mesh, _data(discrete, region))
@@ -291,7 +280,6 @@ def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
 
 
 def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
-    """Return the data that are equal inside a region, one column per element."""
     if region is None:
         return np.vstack((discrete.reluctivity, discrete.prescribed))
     number = np.asarray(region)
@@ -304,10 +292,6 @@ def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
 
 
 def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
-    """Return the region index of every element, shape (nelements,).
-
-    A region is a set of elements that are connected across facets and have equal columns of `data`.
-    """
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
     same = np.all(data[:, one] == data[:, other], axis=0)

@@ -36,7 +36,6 @@ class Given(NamedTuple):
 
 
 def higher_order(mesh: Mesh, potential: ArrayLike) -> int:
-    """Return the order 2 or 3 with as many unknowns as values, or else 1."""
     if cell_of(mesh) is not TRIANGLE:
         return 1
     return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
@@ -57,10 +56,6 @@ class DualPair:
         self.degree = 2 * order + 2 + CURVED * curved
 
     def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None, of: str = "") -> Given:
-        """Return the checked values, source and flux of the primal or the dual problem.
-
-        Error messages begin with `of`, which names the problem.
-        """
         unknowns, count = count_unknowns(self.mesh, self.order), self.size.size
         source = np.zeros(count) if source is None else source
         flux = np.zeros((2, count)) if flux is None else flux
@@ -75,7 +70,6 @@ class DualPair:
         return Given(nodal, load, np.take_along_axis(corners, self.turned, axis=1))
 
     def indicators(self, primal: Given, dual: Given) -> Floats:
-        """Return the root of the product of both residual estimates, (nelements,)."""
         return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
 
     def _residual(self, given: Given) -> Floats:
@@ -87,7 +81,6 @@ class DualPair:
         return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around)
 
     def _strength(self, basis: Basis, given: Given) -> Floats:
-        """Return ``nu grad u - flux`` at quadrature points, (2, nelements, q)."""
         share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
         slope = np.asarray(basis.interpolate(given.values).grad)
         return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", given.flux, share)
@@ -109,21 +102,17 @@ class DualPair:
 
 
 def _residual_of(basis: Basis, source: Floats, strength: Floats) -> Floats:
-    """Return ``int source v - strength . grad v`` for the functions v of a basis."""
     return LinearForm(balance).assemble(basis, source=source[:, None], strength=strength)
 
 
 def held_unknowns(basis: Basis, held: Mask) -> Ints:
-    """Return the Dirichlet unknowns, at nodes and on boundary facets between them."""
     outer = (basis.mesh.f2t[1] < 0) & held[basis.mesh.facets].all(axis=0)
     return np.concatenate((basis.nodal_dofs[0, held], basis.facet_dofs[:, outer].ravel()))
 
 
 def balance(v: Any, w: Any) -> Any:
-    """Return ``source v - strength . grad v``, the integrand of a `LinearForm`."""
     return w.source * v - dot(w.strength, grad(v))
 
 
 def slopes(u: Any, v: Any, w: Any) -> Any:
-    """Return ``nu grad u . grad v``, the integrand of a `BilinearForm`."""
     return w.nu * dot(grad(u), grad(v))

@@ -81,17 +81,11 @@ def divergences(flux: Floats, shape: Isoparametric) -> Floats:
 
 
 def _slopes(share: Floats) -> Floats:
-    """Return the derivatives of the P2 basis by barycentric coordinates, (6, 3)."""
     at_middles = [4.0 * (share[a] * np.eye(3)[b] + share[b] * np.eye(3)[a]) for a, b in ENDS]
     return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
 
 
 def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None, around: Floats) -> Floats:
-    """Return the facet part of eta_K^2, shape (nelements,).
-
-    The jump is a polynomial of degree 1 or 2 on each facet, integrated from its values at both ends and, at degree 2,
-    the midside. `around`, shape (nfacets,), is the factor of the integral over each facet.
-    """
     mesh, degree = shape.corners, flux.shape[1] // 3  # 1 or 2
     nfacets, normals = mesh.facets.shape[1], outward(shape)
     outflow, largest = np.zeros((degree + 1, nfacets)), np.zeros(nfacets)

@@ -18,10 +18,7 @@ __all__ = ["neighbours_of", "parts_of_regions", "positive", "write_on_both_sides
 
 
 def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
-    """Return elements as rows of nodes, with positive area or volume.
-
-    `position` has shape (n, d), `t` (d + 1, m), the result (m, d + 1). scikit-fem sorts the nodes by index instead.
-    """
+    """Return elements as rows of nodes, (m, d + 1), with positive area or volume."""
     node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
     negative = CELLS[position.shape[1]].determinant(position.T[:, node.T]) < 0.0
     node[negative, -2:] = node[negative, :-3:-1]
@@ -31,13 +28,7 @@ def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
 def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32]:
     """Return the element across the facet opposite to every corner, -1 outside.
 
-    `node` has shape (m, d + 1) and positive elements, as returned by `positive`; the result has the same shape.
-    `position` (n, d) is for messages.
-
-    Raises
-    ------
-    ValueError
-        If two elements lie on the same side of a facet, because one is inverted or both overlap.
+    Raises ValueError if two elements lie on the same side of a facet, because one is inverted or both overlap.
     """
     (m, corners), cell = node.shape, CELLS[node.shape[1] - 1]
     facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
@@ -62,10 +53,6 @@ def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32
 
 
 def _is_even(rows: NDArray[np.int32]) -> Mask:
-    """Return True for columns that an even permutation sorts.
-
-    `rows` has shape (k, ...), the result the shape of one row.
-    """
     odd = np.zeros(rows.shape[1:], dtype=np.bool_)
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
@@ -73,20 +60,12 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
 
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
-    """Return the index of the connected part of the mesh of each region.
-
-    `neighbour` has shape (m, d + 1), `region` (m,), the result (nregions,).
-    """
     e, k = np.nonzero((neighbour >= 0) & (region[neighbour] != region[:, None]))
     beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
     return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
 
 
 def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:
-    """Write values of facets into the rows of both adjacent elements.
-
-    A facet is opposite to `corner` of `element`. `of_facet` and `neighbour` have shape (m, d + 1).
-    """
     of_facet[element, corner] = value
     across = neighbour[element, corner]
     inside = across >= 0

@@ -63,7 +63,6 @@ class Cell:
 
 
 def doubled_area(corners: Floats) -> Floats:
-    """Return twice the signed area of triangles, positive if counter-clockwise."""
     x, y = corners
     return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
 
@@ -78,7 +77,6 @@ def sixfold_volume(corners: Floats) -> Floats:
 
 
 def crossed(u: Floats, v: Floats) -> Floats:
-    """Return the cross products of vectors (3, m)."""
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
 
@@ -149,16 +147,10 @@ CELLS = {cell.dim: cell for cell in (TRIANGLE, TETRAHEDRON)}  # by dimension
 
 
 def cell_of(mesh: Mesh) -> Cell:
-    """Return the kind of element of a mesh, also for curved sides."""
     return TRIANGLE if type(mesh) is MeshTri2 else next(cell for cell in CELLS.values() if type(mesh) is cell.mesh)
 
 
 def check_kind(mesh: object, bent: bool = False, space: bool = False) -> None:
-    """Raise ValueError unless the mesh is a `skfem.MeshTri`.
-
-    A `MeshTri2` is also accepted if `bent`, a `MeshTet` if `space`; subclasses are not. The message includes the
-    remedy.
-    """
     if type(mesh) is TRIANGLE.mesh or (bent and type(mesh) is MeshTri2) or (space and type(mesh) is TETRAHEDRON.mesh):
         return
     kinds = ["skfem.MeshTri", *["MeshTri2"] * bent, *["MeshTet"] * space]

@@ -39,15 +39,10 @@ def is_second_order(mesh: object) -> bool:
 
 
 def corners_of(mesh: MeshTri) -> MeshTri:
-    """Return the straight triangles between the corners of a mesh, with every name.
-
-    A `MeshTri` is returned unchanged.
-    """
     return of_kind(MeshTri1, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
 
 
 def corner_places(mesh: MeshTri) -> Floats:
-    """Return the corners of elements, (nelements, 3, 2), in the order of ``mesh.t``."""
     return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
 
 
@@ -60,22 +55,15 @@ def nodes_of_elements(mesh: MeshTri) -> Ints:
 
 
 def with_middles(mesh: MeshTri, middles: Floats) -> MeshTri2:
-    """Return a `MeshTri2` with the given midside nodes of facets, (2, nfacets)."""
     return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], middles]), mesh)
 
 
 def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
-    """Return a `MeshTri2` with the given midside offsets of facets, (2, nfacets)."""
     number_facets(mesh)
     return with_middles(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
 
 
 def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
-    """Return the mesh with midside offsets given per element, (nelements, 3, 2).
-
-    At a facet of two elements, the element with the larger index counts. If all offsets are zero, the mesh itself is
-    returned.
-    """
     if not off.any():
         return mesh
     number_facets(mesh)
@@ -86,7 +74,6 @@ def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
 
 
 def facet_displacements(mesh: MeshTri) -> Floats:
-    """Return the midside offsets of facets, (2, nfacets), zero on a `MeshTri`."""
     number_facets(mesh)
     if not is_second_order(mesh):
         return np.zeros(mesh.facets.shape)
@@ -104,11 +91,10 @@ def displacements(mesh: MeshTri) -> Floats:
 def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
     """Return the Bernstein coefficients of the Jacobian determinants, (m, 6).
 
-    `corners` has shape (m, 3, 2), and so has `bent`, the midside offsets of the sides opposite to the corners. The
-    determinant is a polynomial of degree 2. The first three coefficients are its values at the corners, the last three
-    belong to the sides opposite to the corners. The smallest coefficient is a lower bound of the determinant. In a
-    straight element all six are twice the signed area. (G. Farin, *Curves and Surfaces for CAGD*, chapter 17; A.
-    Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
+    `bent`, shape (m, 3, 2), are the midside offsets of the sides opposite to the corners. The first three coefficients
+    are values at the corners, the last three belong to the sides opposite to the corners. The smallest coefficient is a
+    lower bound of the determinant. In a straight element all six are twice the signed area. (G. Farin, *Curves and
+    Surfaces for CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
     """
     along, across = (derivative(corners, bent, corner) for corner in (1, 2))
     at = cross(along, across)
@@ -119,7 +105,7 @@ def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
 def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
     """Return the derivative of x by the barycentric coordinate of `corner`.
 
-    The direction is from corner 0 to `corner`. Values are at the three corners, (m, 3, 2), and linear between them.
+    Values are at the three corners, (m, 3, 2), and linear between them.
     """
     other = 3 - corner
     straight = corners[:, corner] - corners[:, 0]
@@ -132,12 +118,10 @@ def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
 
 
 def cross(u: Floats, w: Floats) -> Floats:
-    """Return the third component of the cross products of vectors (..., 2)."""
     return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
 
 
 def check_middles(mesh: MeshTri) -> None:
-    """Raise ValueError unless a `MeshTri2` has a finite midside node on every side."""
     number_facets(mesh)
     wanted = mesh.nvertices + mesh.facets.shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
@@ -148,7 +132,6 @@ def check_middles(mesh: MeshTri) -> None:
 
 
 def check_bent(mesh: MeshTri) -> None:
-    """Raise ValueError if curved sides invert an element of a `MeshTri2`."""
     folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
     if len(folded):
         raise ValueError(
@@ -159,11 +142,6 @@ def check_bent(mesh: MeshTri) -> None:
 
 
 def least_determinants(mesh: MeshTri) -> Floats:
-    """Return the smallest Jacobian determinant of each element of a `MeshTri2`.
-
-    A positive value is a lower bound, by Bernstein coefficients. If that bound is not positive, the smallest value on a
-    lattice of points is returned.
-    """
     corners, bent = corner_places(mesh), displacements(mesh)
     coefficients = jacobian_coefficients(corners, bent)
     coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])

@@ -24,18 +24,10 @@ def is_own_name(name: str) -> bool:
 
 
 def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> Host:
-    """Return a mesh of the same kind with other nodes, elements and names.
-
-    `p` has shape (d, nnodes) and `t` (d + 1, nelements); neither is copied.
-    """
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
 def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshTri:
-    """Return a mesh of class `kind` with the elements and names of another mesh.
-
-    Cached facets of the other mesh are shared.
-    """
     made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
     known = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
     if np.array_equal(made.t, mesh.t):
@@ -44,10 +36,6 @@ def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshT
 
 
 def set_boundaries(mesh: Mesh, boundaries: Names) -> None:
-    """Set the named boundaries of a mesh in place.
-
-    The copy that `with_boundaries` returns would number its facets again.
-    """
     mesh._boundaries = boundaries
 
 
@@ -84,19 +72,11 @@ def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
 
 
 def ascending(*rows: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Return the two or three integers of every column in ascending order.
-
-    This is many times faster than a sort of short columns.
-    """
     low, high = reduce(np.minimum, rows), reduce(np.maximum, rows)
     return np.stack([low, sum(rows) - low - high, high] if len(rows) == 3 else [low, high])
 
 
 def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
-    """Return the first and the last element at each facet, (2, count).
-
-    `facet` has shape (d + 1, nelements), the facets of the elements. The last element is -1 on the boundary.
-    """
     side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
     elements = np.empty((2, count), dtype=np.int32)
     elements[0, side[::-1]] = element[::-1]  # of several values for one index numpy keeps the last

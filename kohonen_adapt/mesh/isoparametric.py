@@ -35,7 +35,6 @@ class CurvedElements:
 
     @cached_property
     def curved(self) -> Mask:
-        """Mask of the elements with a curved side, (nelements,)."""
         return np.any(self.bent, axis=(0, 1), keepdims=True)[0, 0]
 
     def points(self, element: Ints, share: Floats) -> Floats:
@@ -55,7 +54,6 @@ class CurvedElements:
         return self._settled(element, x)[0]
 
     def _settled(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
-        """Return the same coordinates and a mask of converged points, (n,)."""
         corner = self.p[:, self.t[:, element]]
         (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         x0, y0 = x - corner[:, 0]
@@ -76,18 +74,12 @@ class CurvedElements:
         return share, settled
 
     def hats(self, element: Ints, share: Floats) -> Floats:
-        """Return the gradients of the barycentric coordinates, (2, 3, n)."""
         corner, bent = self.p[:, self.t[:, element]], self.bent[:, :, element]
         rate = corner + 4.0 * (bent[:, BEFORE] * share[AFTER] + bent[:, AFTER] * share[BEFORE])
         (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
         return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
 
     def walked(self, element: Ints, x: Floats) -> Ints:
-        """Return the elements that contain points, by a walk from nearby elements.
-
-        Each step crosses the side with the smallest barycentric coordinate. At the boundary, the last element is
-        returned.
-        """
         element, going = element.copy(), np.arange(element.size)
         for _ in range(WALK):
             if not going.size:
@@ -115,10 +107,9 @@ class Isoparametric(CurvedElements):
         super().__init__(corners.p, corners.t, self.off[:, sides], beyond)
 
     def located(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
-        """Return the element of every point, and the barycentric coordinates.
+        """Return the element of every point, -1 outside, and barycentric coordinates.
 
-        `straight` contains the straight triangles that hold the points, -1 for none. The element is -1 outside the
-        mesh, and the coordinates are nan there.
+        `straight` contains the straight triangles that hold the points, -1 for none.
         """
         element = straight.astype(np.int64)
         if self.curved.any():
@@ -136,10 +127,6 @@ class Isoparametric(CurvedElements):
         return settled & (share.min(axis=0) >= -INSIDE)
 
     def _behind_arcs(self, x: Floats) -> Ints:
-        """Return the elements of points between curved boundary sides and their chords.
-
-        The element is -1 if no element contains the point.
-        """
         element = np.full(x.shape[1], -1)
         side, own = np.nonzero(self.bent.any(axis=0) & (self.beyond < 0))
         if own.size and element.size:
@@ -153,10 +140,6 @@ class Isoparametric(CurvedElements):
 
 
 def refined(mesh: MeshTri) -> MeshTri:
-    """Return the mesh with every element divided into four, with every name.
-
-    The curves of a `MeshTri2` are kept.
-    """
     shape = Isoparametric(mesh)
     straight, nodes = shape.corners.refined(), shape.corners.nvertices
     if not is_second_order(mesh):

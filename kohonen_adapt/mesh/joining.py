@@ -103,8 +103,8 @@ def joined(
 ) -> MeshTri:
     """Return a mesh in which every node is replaced by its `image` (n,).
 
-    `p` has shape (2, n), `t` (3, m). `bend` (m, 3, 2) contains the midside offsets of the sides opposite to the corners
-    of `t`; where two elements share a facet, the later element counts.
+    `bend` (m, 3, 2) contains the midside offsets of the sides opposite to the corners of `t`; where two elements share
+    a facet, the later element counts.
     """
     kept, number = np.unique(image, return_inverse=True)
     corners, position = number[t], np.ascontiguousarray(p[:, kept])
@@ -119,10 +119,6 @@ def joined(
 
 
 def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
-    """Return the facets of a boundary in `mesh`, from its sides.
-
-    `corners` (3, m) are the corners of elements in the order to which ``sides.corner`` refers.
-    """
     ends = [corners[(sides.corner + step) % 3, sides.element] for step in (1, 2)]
     count, (first, second) = mesh.p.shape[1], np.sort(mesh.facets, axis=0).astype(np.int64)
     key = first * count + second
@@ -135,10 +131,6 @@ def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
 
 
 def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
-    """Return the facets of a boundary as sides of elements.
-
-    For an oriented boundary, the elements on the oriented side are listed first. Element indices start at `first`.
-    """
     number_facets(mesh)
     oriented, facet = isinstance(rows, OrientedBoundary), np.asarray(rows, dtype=np.int64)
     meant = rows.ori if isinstance(rows, OrientedBoundary) else np.zeros(facet.size, dtype=np.int64)
@@ -159,10 +151,6 @@ def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
 
 
 def outline_of(mesh: MeshTri) -> Ints:
-    """Return the end nodes of the boundary facets, (2, k).
-
-    The nodes run counter-clockwise around their element.
-    """
     number_facets(mesh)
     facet = np.flatnonzero(mesh.f2t[1] < 0)
     (a, b), element = mesh.facets[:, facet], mesh.f2t[0, facet]
@@ -172,7 +160,6 @@ def outline_of(mesh: MeshTri) -> Ints:
 
 
 def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
-    """Return the coinciding boundary nodes of both meshes, (k,) each."""
     nodes, others = (np.unique(outline_of(mesh)) for mesh in (one, other))
     off, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
     shared = off <= near
@@ -186,10 +173,6 @@ def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
 
 
 def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    """Raise ValueError if boundaries that run along each other have different nodes.
-
-    `nodes` and `others` are the coinciding nodes.
-    """
     off, place = -1.0, ""
     for mesh, known, beyond in ((one, nodes, other), (other, others, one)):
         alone = np.setdiff1d(outline_of(mesh), known)
@@ -245,7 +228,6 @@ def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
 
 
 def check_apart(one: MeshTri, other: MeshTri) -> None:
-    """Raise ValueError if the meshes overlap, by the centroids of their elements."""
     for mesh, beyond, words in ((one, other, "second"), (other, one, "first")):
         middles = beyond.p[:, beyond.t].mean(axis=1)
         inside = np.flatnonzero(find_elements(mesh, middles) >= 0)

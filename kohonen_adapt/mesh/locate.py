@@ -67,10 +67,6 @@ class Locator:
         return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
-        """Return the element of every point, shape (n,).
-
-        Points have shape (n, d). The element is -1 if a point is outside the mesh or not finite.
-        """
         found = np.empty(len(points), dtype=np.int32)
         for first in range(0, len(points), CHUNK):
             part = slice(first, first + CHUNK)
@@ -79,7 +75,6 @@ class Locator:
         return found
 
     def _cells(self, points: Floats) -> Ints:
-        """Return the index of the cell that contains each point, or of the nearest cell."""
         place = np.nan_to_num((points - self.grid.origin) / self.grid.size)
         inside = np.clip(place, 0, self.grid.shape - 1).astype(np.int64)
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
@@ -95,22 +90,16 @@ class Locator:
         return found
 
     def shares(self, points: Floats, found: Ints) -> Floats:
-        """Return the barycentric coordinates of points in their elements, (n, d + 1).
-
-        Points have shape (n, d). Coordinates are nan for element -1. They refer to the corners of elements at
-        construction.
-        """
         out = np.empty((len(points), points.shape[1] + 1))
         self.room.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
 
 
 def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:
-    """Return the element that contains each point, by a walk.
+    """Return the element that contains each point, by a walk from `start`.
 
-    The search walks from the elements `start` and stays in the region of the start, unless `across_outlines` is true.
     If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
-    outside the mesh, an element near the point is returned. Points have shape (n, d).
+    outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
     elements, kernels = tessellation.elements, ROOMS[points.shape[1]].kernels
@@ -228,7 +217,6 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
 
 
 def as_rows(x: ArrayLike, name: str = "x", dim: int = 2) -> Floats:
-    """Return points of shape (dim, n) as an array (n, dim) for kernels."""
     if np.iscomplexobj(x):
         raise ValueError(f"{name} must be real numbers; got complex ones.")
     points = np.asarray(x, dtype=np.float64)

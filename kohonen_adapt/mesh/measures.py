@@ -45,10 +45,6 @@ def signed_area(mesh: Mesh) -> Floats:
 
 
 def edges_of(mesh: Mesh) -> Floats:
-    """Return the edge vectors of every element, (d, nedges, nelements).
-
-    Edges are in the order of `Cell.edges`.
-    """
     corners, (one, other) = mesh.p[:, mesh.t], np.transpose(cell_of(mesh).edges)
     return corners[:, one] - corners[:, other]
 
@@ -56,8 +52,7 @@ def edges_of(mesh: Mesh) -> Floats:
 def area(mesh: Mesh) -> Floats:
     """Return the area or volume |K| of every element, (nelements,), in mesh units.
 
-    The sides of a `MeshTri2` count as curved. The mean of the Bernstein coefficients of the determinant is twice the
-    area.
+    The mean of the Bernstein coefficients of the determinant is twice the area.
     """
     if not is_second_order(mesh):
         return np.abs(signed_area(mesh))
@@ -76,10 +71,6 @@ def is_in_front(corners: Floats, point: Floats) -> Mask:
 
 
 def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
-    """Return the corners of facets, (m, d), with a chosen element in front.
-
-    `which` (m,) is 0 or 1, for the first or second element of each facet. On the boundary the first is always chosen.
-    """
     corners = mesh.facets[:, facets]
     element = np.where(mesh.f2t[which, facets] < 0, mesh.f2t[0, facets], mesh.f2t[which, facets])
     right = is_in_front(mesh.p[:, corners], mesh.p[:, mesh.t[:, element]].mean(axis=1))
@@ -131,20 +122,10 @@ def quality(mesh: Mesh) -> Floats:
 
 
 def hat_gradients(mesh: Mesh) -> Floats:
-    """Return the gradients of the hat functions, (d, d + 1, nelements).
-
-    Hat functions are in the order of ``mesh.t``. The orientation of elements does not matter. The unit is the inverse
-    of the mesh unit.
-    """
     return cell_of(mesh).hat_gradients(mesh.p[:, mesh.t])
 
 
 def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    """Return the gradient of a P1 function in every element, (d, nelements).
-
-    `values` are nodal values (nnodes,). `hats` are the gradients from `hat_gradients` for this mesh, if already
-    computed.
-    """
     hats = hat_gradients(mesh) if hats is None else hats
     return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)
 

@@ -140,7 +140,6 @@ Pair = tuple[str, str] | tuple[str, str, Motion]
 
 
 def moved(matrix: Floats, points: ArrayLike) -> Floats:
-    """Return the images of points (2, n) under a motion [A | b]."""
     return matrix[:, :2] @ np.asarray(points, dtype=np.float64) + matrix[:, 2:]
 
 
@@ -150,15 +149,11 @@ def inverse(matrix: Floats) -> Floats:
 
 
 def is_proper(matrix: Floats) -> bool:
-    """Return True if a motion [A | b] is a rotation or translation."""
     return bool(matrix[0, 0] * matrix[1, 1] > matrix[0, 1] * matrix[1, 0])
 
 
 def motion_of(matrix: Floats, size: float) -> Motion | None:
-    """Return the object for a motion [A | b], rounded to 12 digits.
-
-    `size` is the size of the mesh. The result is None for a glide reflection, which has no class here.
-    """
+    """Return the object for a motion [A | b], None for a glide reflection."""
     turn, shift, angle = matrix[:, :2], matrix[:, 2], float(np.arctan2(matrix[1, 0], matrix[0, 0]))
     if not is_proper(matrix):
         along = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle)])
@@ -170,6 +165,5 @@ def motion_of(matrix: Floats, size: float) -> Motion | None:
 
 
 def _plain(point: NDArray[np.floating[Any]], size: float) -> tuple[float, float]:
-    """Return a point rounded to 12 digits, without rounding errors near zero."""
     x, y = (float(f"{value:.12g}") if abs(value) > ROUNDING * size else 0.0 for value in point.tolist())
     return x, y

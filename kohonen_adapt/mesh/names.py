@@ -37,15 +37,10 @@ SAME = 1e-9  # maximum distance of a node from a named point, relative to the si
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
-    """Return the sets with names given by the user."""
     return {name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if is_own_name(name)}
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
-    """Return the set with a name.
-
-    Raise ValueError with the available names if the name is missing. `kind` is "subdomain" or "boundary".
-    """
     if sets is None or name not in sets:
         known = named_sets(sets)
         raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(known)}.{nearest_name(name, known)}")
@@ -53,10 +48,6 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
 
 
 def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, Ints]:
-    """Return the nodes of a mesh at named points (2, n).
-
-    Raise ValueError if the mesh has no node at a point, or if a boundary has the name of a point.
-    """
     if not points:
         return {}
     corners = mesh.p[:, : mesh.nvertices]
@@ -80,8 +71,7 @@ def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDA
     """Return an integer for the set of names of each of `count` items, 0 for none.
 
     `members` contains for each name its items and the manner in which they have the name, a small integer for each item
-    or for all. A random number is drawn per name and manner, and their sum identifies the set. Different sets would be
-    confused only if their 64-bit sums were equal.
+    or for all. Different sets would be confused only if their 64-bit sums of random numbers were equal.
     """
     codes = np.zeros(count, dtype=np.uint64)
     rng = np.random.default_rng(20260101)
@@ -95,8 +85,7 @@ def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDA
 def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
     """Return the combination of sets that each of `count` items belongs to.
 
-    The first result contains the index of the combination of every item, (count,). Combinations are sorted by their
-    sets, and the empty combination is the first. The second result contains the sets of every combination. No set may
+    The results are the index of the combination of every item, (count,), and the sets of every combination. No set may
     contain an item twice.
     """
     codes = codes_of_names([(items, 0) for items in sets], count)
@@ -110,8 +99,7 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
 def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the region index of every element, (m,).
 
-    A region is a connected set of elements with the same subdomain names. Regions are numbered in the order of their
-    first elements. `neighbour` (m, d + 1) is -1 outside.
+    A region is a connected set of elements with the same subdomain names.
     """
     m = len(neighbour)
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
@@ -122,27 +110,16 @@ def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def joined(count: int, pairs: Ints) -> Ints:
-    """Return the index of the connected component of each of `count` items, (count,).
-
-    Pairs (k, 2) are the edges of the graph. Components are numbered in the order of their first items.
-    """
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(count, count))
     return in_order(connected_components(graph, directed=False)[1])
 
 
 def in_order(label: Ints) -> Ints:
-    """Return labels as indices in the order of their first occurrence."""
     _, first, number = np.unique(label, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[number]
 
 
 def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, Ints] | None:
-    """Return the named subdomains of a mesh whose elements are replaced.
-
-    `region` contains the regions of the new elements, `region_of_input` those of the elements of `mesh`. An element has
-    the names of its region. Sets with names that are not the user's are kept only if the number of elements is
-    unchanged.
-    """
     if mesh.subdomains is None:
         return None
     found = {}
@@ -173,10 +150,6 @@ def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np
 
 
 def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
-    """Return orientations, reversed where `same_direction` is False.
-
-    LEFT and RIGHT are exchanged, 0 and UNORIENTED are kept.
-    """
     return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
 
 

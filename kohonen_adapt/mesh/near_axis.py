@@ -24,20 +24,12 @@ LAYERS = {12: 2, 16: 2, 25: 5, 33: 3, 42: 6}  # by number of points, layers arou
 
 
 def kinds_at_axis(x: Floats) -> Ints:
-    """Return the index into `ON_AXIS` of each element, (m,).
-
-    `x` contains the distances of the corners from the axis, (m, 3).
-    """
     on = on_axis(x)
     count = on.sum(axis=1)
     return np.where(count == 1, 1 + np.argmax(on, axis=1), np.where(count == 2, 4 + np.argmin(on, axis=1), 0))
 
 
 def on_axis(x: Floats) -> Mask:
-    """Return a mask of corners of elements, or ends of facets, on the axis.
-
-    `x` contains their distances from the axis, (m, k).
-    """
     return x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
 
 
@@ -65,12 +57,12 @@ def falling(order: int) -> Mask:
 
 @cache
 def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
-    """Return quadrature points and weights for ``|grad u|^2 / x``, with a `law` for ``x W(|grad u| / x)``.
+    """Return quadrature points and weights for elements at an axis.
 
-    The rows are kinds of elements, as in `ON_AXIS`. Barycentric coordinates have shape (7, points, 3), weights
-    (7, points) with sum 1. In an element with a side on the axis the first integrand is a polynomial. In an element
-    with one corner on the axis this integrand is a polynomial along every ray from this corner and smooth between rays,
-    so that the points lie on layers around the corner.
+    The integrand is ``|grad u|^2 / x``, with a `law` ``x W(|grad u| / x)``. The rows are kinds of elements, as in
+    `ON_AXIS`. Barycentric coordinates have shape (7, points, 3), weights (7, points) with sum 1. In an element with one
+    corner on the axis the first integrand is a polynomial along every ray from this corner and smooth between rays, so
+    that the points lie on layers around the corner.
     """
     points, weight = get_quadrature(ElementTriP1, (LAW_DEGREE_BY_POINTS if law else DEGREE)[order])
     share, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[weight.size]

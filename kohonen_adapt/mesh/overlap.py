@@ -20,13 +20,12 @@ from kohonen_adapt.mesh.names import named_sets
 __all__ = ["check_overlap", "refuse_overlap"]
 
 BRANCHES = 4  # boxes in each box of the tree
-FIRST, GROWTH, MOST = 16, 16, 2**16  # points at a time: few at first, since of stacked elements each has many pairs
-ROUNDING = 16.0 * np.finfo(np.float64).eps  # of coordinates of the order of 1
+FIRST, GROWTH, MOST = 16, 16, 2**16  # number of points at a time, few at first: stacked elements give many pairs
+ROUNDING = 16.0 * np.finfo(np.float64).eps  # rounding error of coordinates of the order of 1
 WHAT = {2: ("areas", "surfaces"), 3: ("volumes", "volumes")}  # words for elements and for the drawing
 
 
 def check_overlap(mesh: Mesh) -> None:
-    """Raise a ValueError if a valid mesh is tangled or lies on itself."""
     corners = corners_of(mesh)
     position = np.ascontiguousarray(corners.p.T, dtype=np.float64)
     node = positive(position, corners.t)
@@ -34,11 +33,6 @@ def check_overlap(mesh: Mesh) -> None:
 
 
 def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighbour: NDArray[np.int32]) -> None:
-    """Raise a ValueError if the centroid of a rim element is inside another.
-
-    `position` (n, d), `node` and `neighbour` (m, d + 1) are the corners of `mesh` as `Triangulation` holds them. Bent
-    sides may lie on one another by as much as they are off their chords.
-    """
     rim = np.flatnonzero((neighbour < 0).any(axis=1))
     low, high = position.min(axis=0), position.max(axis=0)
     size = (high - low).max()
@@ -75,7 +69,6 @@ class BoxTree:
             self.levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
 
     def boxes_around(self, x: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of boxes and points (d, k) in them."""
         box, point = (pair.ravel() for pair in np.indices((self.levels[-1][0].shape[1], x.shape[1])))
         for depth, (low, high) in enumerate(reversed(self.levels)):
             if depth:
@@ -126,7 +119,6 @@ def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
 
 
 def overlap_message(mesh: Mesh, element: int, other: int) -> str:
-    """Return the message for a mesh in which one element lies on another."""
     middle = mesh.p[:, mesh.t[:, element]].mean(axis=1)
     words, drawn = WHAT[cell_of(mesh).dim]
     return (

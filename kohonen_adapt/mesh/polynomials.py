@@ -74,21 +74,15 @@ class TrialFunction(NamedTuple):
 
     @property
     def all_modes(self) -> tuple[Modes, ...]:
-        """Coefficients of the function and of its dual, none at order 1."""
         return tuple(one.modes for one in (self, self.dual) if one is not None and one.modes is not None)
 
     def restore(self, values: "TrialFunction") -> None:
-        """Restore the nodal values from a copy, also of the dual."""
         self.values[:] = values.values
         if self.dual is not None and values.dual is not None:
             self.dual.restore(values.dual)
 
 
 def count_unknowns(mesh: Mesh, order: int) -> int:
-    """Return the number of unknowns of a scikit-fem element, P1 to P4.
-
-    Unknowns on triangles belong to nodes, facets and elements; on tetrahedra to nodes, edges, faces and elements.
-    """
     nodes = int(mesh.nvertices)
     if order == 1:
         return nodes
@@ -98,20 +92,14 @@ def count_unknowns(mesh: Mesh, order: int) -> int:
 
 
 def functions_at(share: Floats, order: int) -> Floats:
-    """Return the values of the `Reference` functions, (n, functions).
-
-    `share` (n, 3) are barycentric coordinates.
-    """
+    """Return the values of the `Reference` functions, (n, functions)."""
     product, rise = share[:, AFTER] * share[:, BEFORE], share[:, BEFORE] - share[:, AFTER]
     parts = [share, EVEN * product, ODD * product * rise, BUBBLE * np.prod(share, axis=1, keepdims=True)]
     return np.hstack(parts[: (1, 2, 4)[order - 1]])
 
 
 def slopes_at(share: Floats, order: int) -> Floats:
-    """Return the gradients of the `Reference` functions.
-
-    Gradients have shape (n, functions, 2) and refer to the reference triangle.
-    """
+    """Return the reference gradients of the functions, (n, functions, 2)."""
     left, right, rise = share[:, AFTER, None], share[:, BEFORE, None], (share[:, BEFORE] - share[:, AFTER])[..., None]
     product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
     odd = rise * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
@@ -122,7 +110,6 @@ def slopes_at(share: Floats, order: int) -> Floats:
 
 @cache
 def reference(order: int, degree: int) -> Reference:
-    """Return the functions of an order, with a quadrature of a degree."""
     points, weights = get_quadrature(ElementTriP1, degree)
     share = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
     mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
@@ -131,35 +118,24 @@ def reference(order: int, degree: int) -> Reference:
 
 
 def exact_reference(order: int) -> Reference:
-    """Return the functions of that order at the points of straight elements without a law."""
     return reference(order, 2 * (order - 1))
 
 
 def law_reference(order: int) -> Reference:
-    """Return the functions of that order at the points of straight elements with a law."""
     return reference(order, LAW_DEGREE[order])
 
 
 @cache
 def joined_reference(order: int) -> Reference:
-    """Return the functions at the points of elements without a law, and then at those of elements with one."""
     own, more = exact_reference(order), law_reference(order)
     return own._replace(slope=np.concatenate([own.slope, more.slope]), weight=np.append(own.weight, more.weight))
 
 
 def functions_near_axis(kind: Ints, share: Floats, order: int) -> Floats:
-    """Return the values of the functions of elements at an axis, (n, functions).
-
-    `kind` (n,) is the kind of element as in `ON_AXIS`, `share` (n, 3) are barycentric coordinates.
-    """
     return np.where(falling(order)[kind], factor_at(kind, share)[:, None], 1.0) * functions_at(share, order)
 
 
 def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
-    """Return the gradients of the functions of one kind of element.
-
-    Gradients have shape (n, functions, 2) and refer to the reference triangle.
-    """
     falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), share)[:, None, None]
     fall = functions_at(share, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
     plain = slopes_at(share, order)
@@ -180,10 +156,6 @@ def halves(order: int) -> Floats:
 
 
 def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
-    """Return the facet opposite to every corner of elements, (m, 3).
-
-    The corners `node` (m, 3) may be in another order than in ``mesh.t``.
-    """
     number_facets(mesh)
     opposite = mesh.t2f[AFTER].T  # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
     same = np.asarray(node)[:, :, None] == mesh.t.T[:, None, :]
@@ -196,7 +168,7 @@ def modes_of(
     """Return the coefficients of a function of a scikit-fem element.
 
     `values` (nunknowns,) are its values at the unknowns of the order. A side is a Dirichlet side if all of its own
-    unknowns are `fixed` (nunknowns,). `kind` (m,) is the kind of each element around an axis, as in `ON_AXIS`.
+    unknowns are `fixed` (nunknowns,).
     """
     facet, nodes, facets = facets_of_sides(mesh, node), mesh.nvertices, mesh.facets.shape[1]
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
@@ -212,10 +184,6 @@ def modes_of(
 
 
 def places_on_sides(corners: Floats, order: int) -> Floats:
-    """Return the points of the unknowns on sides, (m, 3, order - 1, 2).
-
-    `corners` has shape (m, 3, 2). Points run counter-clockwise.
-    """
     start, end = corners[:, AFTER, None], corners[:, BEFORE, None]
     return start + (np.arange(1, order) / order)[:, None] * (end - start)
 
@@ -223,12 +191,11 @@ def places_on_sides(corners: Floats, order: int) -> Floats:
 def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = None) -> None:
     """Set the coefficients of sides from values at the corners and on the sides.
 
-    `corners` (m, 3) are values at the corners. `own` (m, 3, order - 1) are values at the midside, or at one and two
-    thirds of each side, counter-clockwise. `kind` (m,) is the kind of each element around an axis, as in `ON_AXIS`.
+    `own` (m, 3, order - 1) are values at the midside, or at one and two thirds of each side, counter-clockwise.
     """
     if kind is not None:
         factor = factors_on_sides(own.shape[2] + 1)[kind]
-        own = own / np.where(factor > 0.0, factor, 1.0)  # values on the axis are zero
+        own = own / np.where(factor > 0.0, factor, 1.0)
     start, end = corners[:, AFTER], corners[:, BEFORE]
     if own.shape[2] == 1:
         modes.side[..., 0] = own[..., 0] - 0.5 * (start + end)
@@ -239,21 +206,12 @@ def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = No
 
 @cache
 def factors_on_sides(order: int) -> Floats:
-    """Return the factor s at the unknowns on sides, (7, 3, order - 1).
-
-    The rows are kinds of elements, as in `ON_AXIS`.
-    """
     at = np.arange(1, order)[:, None] / order
     share = np.eye(3)[AFTER][:, None] * (1.0 - at) + np.eye(3)[BEFORE][:, None] * at
     return np.stack([factor_at(np.array(kind), share) for kind in range(len(ON_AXIS))])
 
 
 def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None = None) -> None:
-    """Set the coefficients of bubbles from values at the centroids (m,).
-
-    `corners` (m, 3) are values at the corners. The coefficients of sides must be set. `kind` (m,) is the kind of each
-    element around an axis, as in `ON_AXIS`.
-    """
     if kind is None:
         modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
         return
@@ -262,10 +220,6 @@ def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None
 
 
 def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
-    """Return all coefficients of every element, (m, functions).
-
-    Coefficients are in the order of `Reference`. `corners` (m, 3) are values at the corners.
-    """
     if modes is None:
         return corners
     sides = [modes.side[..., d] for d in range(modes.side.shape[2])]
@@ -293,10 +247,6 @@ def trace_columns(k: Ints, order: int) -> Ints:
 
 
 def facet_products(order: int) -> Floats:
-    """Return the mass matrix of the Lagrange functions on a facet of length 1.
-
-    The functions of both ends are followed by those of the inner points.
-    """
     powers, functions = np.arange(order + 1), facet_functions(order)
     moments = 1.0 / (powers[:, None] + powers + 1.0)
     return functions.T @ moments @ functions
@@ -312,10 +262,6 @@ def facet_functions(order: int) -> Floats:
 
 
 def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:
-    """Return twice the signed area (m,) and the gradients (2, points, m).
-
-    `corners` has shape (m, 3, 2), `coefficients` (m, functions); gradients are at the points of `at`.
-    """
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     doubled = ax * by - bx * ay
     along, aside = np.einsum("qic,mi->cqm", at.slope, coefficients)
@@ -323,11 +269,6 @@ def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Flo
 
 
 def evaluated(coefficients: Floats, share: Floats, kind: Ints | None = None) -> Floats:
-    """Return the values (n,) of functions at barycentric coordinates (n, 3).
-
-    `coefficients` (n, functions) belong to the element of each point. `kind` (n,) is its kind around an axis, as in
-    `ON_AXIS`.
-    """
     order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
     at = functions_at(share, order) if kind is None else functions_near_axis(kind, share, order)
     return np.sum(at * coefficients, axis=1)
@@ -338,7 +279,6 @@ LINEAR_FUNCTIONS = reference(1, 0)
 
 @cache
 def by_points(order: int, law: bool = False) -> Points:
-    """Return the points, and the functions of that order there, of elements of every kind, all with a law or none."""
     (share, weight), kinds = points_near_axis(order, law), range(len(ON_AXIS))
     value = [functions_near_axis(np.full(len(share[kind]), kind), share[kind], order) for kind in kinds]
     slope = [slopes_near_axis(kind, share[kind], order) for kind in kinds]
@@ -349,7 +289,6 @@ def by_points(order: int, law: bool = False) -> Points:
 
 @cache
 def joined_points(order: int) -> Points:
-    """Return the points of elements without a law and then those of elements with one."""
     own, more = by_points(order), by_points(order, law=True)
     weight, share, value, slope, side = (np.concatenate(pair, axis=1) for pair in zip(own[:-1], more[:-1], strict=True))
     return Points(weight, share, value, slope, side, own.plain)

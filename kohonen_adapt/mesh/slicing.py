@@ -60,11 +60,9 @@ class Flat:
     share: Floats | None = None
 
     def of_elements(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the values of triangles from values of elements, (..., nelements)."""
         return values if self.element is None else values[..., self.element]
 
     def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the values at nodes, interpolated from nodal values of the whole mesh."""
         if self.ends is None or self.share is None:
             return values
         one, other = values[self.ends]
@@ -72,7 +70,6 @@ class Flat:
 
     @property
     def sides(self) -> Ints:
-        """Sides of elements, without the facets inside an element."""
         if self.element is None:
             return np.arange(self.mesh.facets.shape[1])
         number_facets(self.mesh)
@@ -81,15 +78,6 @@ class Flat:
 
 
 def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
-    """Return the triangles to draw, a cut through tetrahedra or the mesh itself.
-
-    The coordinates of an axisymmetric mesh are called r and z.
-
-    Raises
-    ------
-    ValueError
-        If no plane that cuts the mesh is given for tetrahedra, or if a plane is given for triangles.
-    """
     if cell_of(mesh) is not TETRAHEDRON:
         if plane is not None:
             raise ValueError("plane cuts tetrahedra only; got a plane mesh.")
@@ -99,9 +87,9 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
     normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
     below, above, element, height = _cut(mesh, np.asarray(plane.point, dtype=float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0
-    below, above = np.where(on, above, below), np.where(under, below, above)  # equal in the plane
+    below, above = np.where(on, above, below), np.where(under, below, above)
     key = keys_of(np.sort(np.stack([below.ravel(), above.ravel()]), axis=0), mesh.p.shape[1]).reshape(below.shape)
-    whole = (key[0] != key[1]) & (key[1] != key[2]) & (key[2] != key[0])  # not degenerate
+    whole = (key[0] != key[1]) & (key[1] != key[2]) & (key[2] != key[0])
     _, first, node = np.unique(key[:, whole], return_index=True, return_inverse=True)
     ends = np.stack([below[:, whole].ravel()[first], above[:, whole].ravel()[first]])
     low, high = height[ends]
@@ -144,12 +132,11 @@ def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, F
 
 
 def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:
-    """Return two unit vectors along a plane, (2, 3), and their names."""
     across = int(np.argmax(np.abs(normal)))
     if np.linalg.norm(np.delete(normal, across)) < ALONG:
         axes = np.delete(np.eye(3), across, axis=0)
     else:
-        right = np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])  # horizontal
+        right = np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
         axes = np.stack([right, np.cross(normal, right)])
         axes *= np.sign(axes[[0, 1], np.argmax(np.abs(axes), axis=1)])[:, None]
     one, other = map(_called, axes + 0.0)  # without minus zeros

@@ -46,10 +46,6 @@ class Tetrahedralization:
 
     @classmethod
     def of(cls, mesh: MeshTet) -> "Tetrahedralization":
-        """Create the arrays of a mesh, without patches on its faces.
-
-        Raise ValueError unless the mesh is a valid `skfem.MeshTet` without overlapping elements.
-        """
         if type(mesh) is not MeshTet1:
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.")
         check_mesh(mesh, space=True)
@@ -66,7 +62,6 @@ class Tetrahedralization:
 
     @property
     def star(self) -> Star:
-        """Elements around every node, computed on first use."""
         if self._star is None:
             self._star = Star.of(self.nnodes, len(self.elements.node))
             fill_star(self.elements.node, self._star)
@@ -74,7 +69,6 @@ class Tetrahedralization:
 
     @property
     def used(self) -> Ints:
-        """Rows of the elements that are part of the mesh."""
         return np.flatnonzero(self.elements.node[:, 0] >= 0)
 
     def copy(self) -> "Tetrahedralization":
@@ -82,26 +76,16 @@ class Tetrahedralization:
         return replace(self, position=self.position.copy(), elements=elements, _star=None)
 
     def become(self, position: Floats, elements: Tetrahedra) -> None:
-        """Replace nodes and elements, without a copy.
-
-        Region indices must be those of the input mesh.
-        """
         self.position, self.elements, self._star = position, elements, None
 
     def volumes(self) -> Floats:
-        """Return the signed volume of every element of the mesh, (m,)."""
         a, b, c, d = self.position[self.elements.node[self.used]].transpose(1, 0, 2)
         return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
 
     def centroids(self) -> Floats:
-        """Return the centroid of every element of the mesh, (m, 3)."""
         return self.position[self.elements.node[self.used]].mean(axis=1)
 
     def to_mesh(self) -> MeshTet:
-        """Return the mesh with its subdomains.
-
-        `MovableSolid.mesh` adds the boundaries.
-        """
         used, mesh = self.used, self.mesh
         t = np.ascontiguousarray(self.elements.node[used].T).astype(mesh.t.dtype)
         if np.array_equal(t, positive(mesh.p.T, mesh.t).T):
@@ -112,10 +96,6 @@ class Tetrahedralization:
 
 
 def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the facet opposite to each corner of the elements, (m, 4).
-
-    The corners `node` (m, 4) may be in another order than in ``mesh.t``.
-    """
     number_facets(mesh)
     facet = np.empty_like(node)
     for row in range(4):  # scikit-fem orders the facets of an element as corners 012, 013, 023, 123

@@ -45,11 +45,6 @@ class Triangulation:
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
-        """Create the arrays of a mesh.
-
-        A `MeshTri2` is represented by the straight triangles between its corners. Raise ValueError unless the mesh is
-        valid (`check_mesh`) and has no overlapping elements.
-        """
         check_mesh(mesh, bent=True, folded=True)
         drawn, mesh = mesh, corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
@@ -67,9 +62,8 @@ class Triangulation:
 
     @property
     def star(self) -> Star:
-        """Elements around every node, computed on first use."""
         if self._star is None:
-            self._star = star_of(self.elements.node, self.nnodes, [0, self.nnodes])  # in the calling thread
+            self._star = star_of(self.elements.node, self.nnodes, [0, self.nnodes])
         return self._star
 
     def copy(self) -> "Triangulation":
@@ -78,37 +72,25 @@ class Triangulation:
         return replace(self, position=self.position.copy(), elements=elements, _star=star)
 
     def become(self, position: Floats, elements: Elements) -> None:
-        """Replace nodes and elements, without a copy.
-
-        Region indices must be those of the input mesh.
-        """
         self.position, self.elements = position, elements
         if self._star is not None:
             self._star = star_of(elements.node, len(position), even_cuts(len(position), LIGHT))
 
     def refill_star(self) -> None:
-        """Compute the elements around every node again, after flips of edges."""
         fill(self.star, self.elements.node, even_cuts(self.nnodes, LIGHT))
 
     def areas(self) -> Floats:
-        """Return the signed area of every element, (m,)."""
         a, b, c = self._corners()
         return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]))
 
     def centroids(self) -> Floats:
-        """Return the centroid of every element, (m, 2)."""
         a, b, c = self._corners()
         return (a + b + c) / 3.0
 
     def _corners(self) -> list[Floats]:
-        """Return the positions of the three corners of every element, (m, 2) each."""
         return [np.take(self.position, corner, axis=0) for corner in self.elements.node.T]  # faster than indexing
 
     def to_mesh(self) -> MeshTri:
-        """Return the mesh with its subdomains.
-
-        `Outline.with_boundaries` adds the boundaries.
-        """
         t, node = self.mesh.t, ascending(*self.elements.node.T)
         t = t.copy() if np.array_equal(node, ascending(*t)) else node.astype(t.dtype)
         position = np.ascontiguousarray(self.position.T)
@@ -124,10 +106,6 @@ def star_of(node: Ints, nnodes: int, cuts: Sequence[int]) -> Star:
 
 
 def fill(star: Star, node: Ints, cuts: Sequence[int]) -> None:
-    """Compute the elements around every node, of elements (m, 3).
-
-    Each thread fills the nodes between two `cuts`.
-    """
     cursor = np.empty(len(star.start) - 1, dtype=np.int32)
     find_starts(node, star.start)
     shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), cuts)

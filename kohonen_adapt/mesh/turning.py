@@ -91,10 +91,6 @@ def turned(
 
 
 def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
-    """Return a mask of the elements in the named subdomains, (nelements,).
-
-    Raise ValueError if these are all elements or none.
-    """
     part, names = np.zeros(mesh.t.shape[1], dtype=bool), [name] if isinstance(name, str) else list(name)
     for each in names:
         part[named(mesh.subdomains, each, "subdomain")] = True
@@ -106,15 +102,10 @@ def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
 
 
 def on_circle(x: Floats, radius: float) -> Mask:
-    """Return a mask of points (2, n) on a circle about the origin."""
     return np.abs(np.hypot(*x) - radius) <= ROUND * radius
 
 
 def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> list[float]:
-    """Return the radii of the circles on which the part meets the rest.
-
-    `shared` are the nodes of both. Raise ValueError if both also meet elsewhere.
-    """
     number_facets(mesh)
     inside = mesh.f2t[1] >= 0
     between = np.flatnonzero(inside)[part[mesh.f2t[0, inside]] != part[mesh.f2t[1, inside]]]
@@ -134,13 +125,9 @@ def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> 
 
 
 def step_of(x: Floats, radius: float) -> float:
-    """Return the angle between neighbouring points (2, n) on a circle or arc.
-
-    Raise ValueError if the angles differ.
-    """
     angle = np.sort(np.arctan2(*x[::-1, on_circle(x, radius)]))
     gaps = np.diff(angle, append=angle[0] + 2.0 * np.pi)
-    steps = np.delete(gaps, np.argmax(gaps)) if gaps.max() > 1.5 * np.median(gaps) else gaps  # arc or circle
+    steps = np.delete(gaps, np.argmax(gaps)) if gaps.max() > 1.5 * np.median(gaps) else gaps
     if not steps.size or np.ptp(steps) > 2.0 * EVEN:
         least, most = np.degrees([gaps.min(), steps.max(initial=gaps.min())])
         raise ValueError(
@@ -151,10 +138,6 @@ def step_of(x: Floats, radius: float) -> float:
 
 
 def whole_steps(angle: float, steps: Sequence[float]) -> float:
-    """Return the angle, rounded to whole steps of each circle.
-
-    Raise ValueError if the rounding changes the angle by more than `EVEN`.
-    """
     for step in steps:
         count = round(angle / step)
         if abs(angle - count * step) > EVEN:

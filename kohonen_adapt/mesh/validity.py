@@ -12,15 +12,11 @@ __all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
 # The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
 LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 
-FLAT = 1e-9  # of the size of a mesh: coordinates that differ by less are one
+FLAT = 1e-9  # maximum difference of equal coordinates, relative to the size of the mesh
 
 
 def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
     """Raise ValueError unless a mesh is valid and of an accepted kind.
-
-    Kinds are those of `check_kind`, with curved sides if `bent` and tetrahedra if `space`. A valid mesh has elements,
-    finite coordinates, no isolated nodes, no elements without area or volume, no elements inverted by curved sides, and
-    names for existing elements and facets only.
 
     With `folded`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. This is for callers that
     move nodes, because these use the sides only to recognise curves and set new midside offsets.
@@ -47,7 +43,6 @@ def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool
 
 
 def check_extent(mesh: Mesh) -> None:
-    """Raise ValueError if areas or volumes of elements would underflow or overflow."""
     with np.errstate(over="ignore"):
         extent = float(np.ptp(mesh.p, axis=1).max())
     if extent > LARGEST_EXTENT or 0.0 < extent < LEAST_EXTENT:
@@ -58,7 +53,6 @@ def check_extent(mesh: Mesh) -> None:
 
 
 def _in_plane(mesh: Mesh) -> str:
-    """Return the remedy for triangles in the xz- or yz-plane, or an empty string."""
     extent = np.ptp(mesh.p, axis=1)
     constant = np.flatnonzero(extent <= FLAT * extent.max())
     if mesh.p.shape[0] != 3 or cell_of(mesh).dim != 2 or len(constant) != 1 or constant[0] == 2:
@@ -69,7 +63,6 @@ def _in_plane(mesh: Mesh) -> str:
 
 
 def check_nodes_used(mesh: Mesh) -> None:
-    """Raise ValueError for unused nodes, and for elements with missing nodes."""
     count = mesh.p.shape[1]
     if mesh.t.min() < 0 or mesh.t.max() >= count:
         raise ValueError(f"mesh.t must hold node numbers from 0 to {count - 1}; got {mesh.t.min()} to {mesh.t.max()}.")
@@ -107,7 +100,6 @@ def check_sizes(mesh: Mesh) -> None:
 
 
 def check_names(mesh: Mesh) -> None:
-    """Raise ValueError for named sets with invalid indices or names."""
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
     if boundaries:
         number_facets(mesh)

@@ -19,22 +19,18 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["chains_of", "curve_of_facets", "on_chains", "pair_chains", "without_corner"]
 
-WIDEST = np.deg2rad(30.0)  # largest turn of the tangent along a facet; beyond, too much of the curve is cut off
-FACETS = 5  # fewest facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
-ROOM = 1.5  # times the mean facet: longest facet of a coarse arc defined by the user or by mid-side nodes
-SAMPLES = (8, 512)  # samples of a curve per facet, first and most
+WIDEST = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
+FACETS = 5  # minimum number of facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
+ROOM = 1.5  # maximum facet of a coarse arc that is user-defined or has midside nodes, relative to the mean facet
+SAMPLES = (8, 512)  # samples of a curve per facet, at first and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
-SPANS = 4  # spans of a table between a corner node and a mid-side node
-MOST_SHIFT = 0.25  # of a facet: a larger offset of a mid-side node along the chord inverts the element
-FINE = 1e-10  # of the size of a curve: a spline this near needs no more samples
+SPANS = 4  # spans of a table between a corner node and a midside node
+MOST_SHIFT = 0.25  # maximum offset of a midside node along the chord, relative to it: a larger one inverts the element
+FINE = 1e-10  # maximum distance of a spline from its curve, relative to the size of the curve
 
 
 def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
-    """Return the index in `curves` of the shape of every facet, -1 for none, (f,).
-
-    `sides[name]`, shape (f,), is positive on the facets of boundary `name`. Raises ValueError if two boundaries with a
-    curve or surface share a facet.
-    """
+    """Return the index in `curves` of the shape of every facet, -1 for none, (f,)."""
     found, names = np.full(count, -1), list(curves)
     for number, name in enumerate(names):
         on = sides[name] > 0
@@ -49,19 +45,12 @@ def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, 
 
 
 def without_corner(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
-    """Return the mask (f,) of facets on user-defined lines and arcs.
-
-    `curve`, shape (f,), is the index in `curves` of the curve of every facet, negative for none.
-    """
     smooth = np.array([*(isinstance(given, Arc | Line) for given in curves.values()), False])
     return smooth[np.maximum(curve, -1)]
 
 
 def chains_of(position: Floats, runs: Runs, pieces: Pieces, curves: Mapping[str, Curve], off: Floats) -> Chains:
-    """Return the table of curve segments, one row for each row of `pieces`.
-
-    `off`, shape (f, 2), is the offset of the mid-side node of every facet from the middle of its chord.
-    """
+    """Return the table of curve segments, one row for each row of `pieces`."""
     count = len(pieces.rows)
     longest, even, angle = (np.empty(count) for _ in range(3))
     lengths_and_angles(position, runs.node, pieces.rows, pieces.circle, longest, even, angle)
@@ -99,7 +88,6 @@ def straight_table(start: Floats, end: Floats) -> Chains:
 
 
 def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
-    """Set the geometry of segments that are arcs, and their longest facets."""
     is_round = pieces.is_round
     centre, radius, angle = pieces.circle[is_round, :2], pieces.circle[is_round, 2], angle[is_round]
     out = table.origin[is_round] - centre
@@ -114,7 +102,7 @@ def bend(table: Chains, pieces: Pieces, angle: Floats, longest: Floats) -> None:
     full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
     table.length[is_round] = radius * full
     coarse = np.clip(ROOM * full / pieces.facets[is_round], WIDEST, 0.5 * np.pi)
-    # arcs defined by the user or by mid-side nodes need not be recognised again
+    # arcs defined by the user or by midside nodes need not be recognised again
     fewest = np.where(pieces.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
     widest = np.where(pieces.curve[is_round] != -1, coarse, np.minimum(WIDEST, full / fewest))
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
@@ -130,7 +118,6 @@ def straighten(table: Chains, p: int, ends: Floats) -> None:
 
 
 def tabulate(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
-    """Make segment `p` a cubic spline, and limit the length of its facets."""
     table.shape[p], table.closed[p] = TABLED, closed
     table.origin[p], table.length[p] = knots[0, POSITION], knots[-1, AT]
     table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
@@ -146,11 +133,7 @@ def cross(u: Floats, w: Floats) -> Floats:
 
 
 def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
-    """Return knots (k, 5) of a cubic spline along a user-defined curve.
-
-    Points of the facets are projected onto the curve. Their number per facet doubles until the spline is within `FINE`
-    of the curve.
-    """
+    """Return knots (k, 5) of a cubic spline within `FINE` of a user-defined curve."""
     samples, most = SAMPLES
     found = along(curve, nodes, np.arange(samples) / samples, name)
     end = found[0, :1] if closed else projected(curve, nodes[-1:], name)
@@ -174,21 +157,15 @@ def tabulated(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
 
 
 def along(curve: Curve, nodes: Floats, share: Floats, name: str) -> Floats:
-    """Return projections of points on the facets between nodes, (f, s, 2).
-
-    `share`, shape (s,), is the distance of the points from the first node of a facet as a fraction of its length.
-    """
     points = nodes[:-1, None] + share[:, None] * np.diff(nodes, axis=0)[:, None]
     return projected(curve, points.reshape(-1, 2), name).reshape(points.shape)
 
 
 def knots_through(nodes: Floats, off: Floats, closed: bool) -> Floats:
-    """Return knots (s, 5) of a cubic spline through corner and mid-side nodes.
+    """Return knots (s, 5) of a cubic spline through corner and midside nodes.
 
-    `nodes` are the corner nodes, shape (k + 1, 2); `off`, shape (k, 2), the offsets of the mid-side nodes from the
-    middles of the chords. The parameter of the table is the chord length, shifted inside every facet by a smooth
-    function so that the mid-side node has the mean parameter of the two corners: there `isoparametric` places mid-side
-    nodes later.
+    The parameter is the chord length, shifted inside every facet by a smooth function so that the midside node has the
+    mean parameter of the two corners, where `isoparametric` places midside nodes later.
     """
     points = np.empty((2 * len(nodes) - 1, 2))
     points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + off
@@ -233,11 +210,6 @@ def report(table: Chains, pieces: Pieces) -> None:
 
 
 def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> None:
-    """Make paired curve segments exact images of each other, parameters included.
-
-    `mate`, shape (c,), is the partner of every segment, -1 for none; `motion`, shape (c,), the index in `motions` of
-    the motion that maps the segment onto its partner. Segments with an even index are copied to their partners.
-    """
     table.paired[:] = mate >= 0
     first = np.flatnonzero((mate >= 0) & (motion % 2 == 0))
     image, step = mate[first], motions[motion[first]]
@@ -250,8 +222,4 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
 
 
 def on_chains(chain: Ints, chains: Mask) -> Mask:
-    """Return the mask (m, 3) of element sides that lie on some curve segments.
-
-    `chain`, shape (m, 3), is the curve segment of every side, -1 for none; `chains` the mask (c,) of segments.
-    """
     return (chain >= 0) & chains[chain]

@@ -12,7 +12,7 @@ from kohonen_adapt.outline.polylines import Pieces, without_noise
 __all__ = ["centres_of", "with_coarse_arcs"]
 
 ANGLE = 1e-6  # radians: a motion with a smaller angle is a translation
-CONCENTRIC = 1e-3  # of the radius: nearer centres coincide
+CONCENTRIC = 1e-3  # maximum distance of centres that coincide, relative to the radius
 
 
 def with_coarse_arcs(position: Floats, node: Ints, pieces: Pieces, centres: Floats) -> Pieces:
@@ -44,7 +44,6 @@ def centres_of(motions: Floats) -> Floats:
 
 
 def candidates(position: Floats, node: Ints, pieces: Pieces) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
-    """Yield first segment, last segment and circle of single facets on a circle."""
     rows, single = pieces.rows, (pieces.facets == 1) & ~pieces.is_round & (pieces.curve == -1)
     linked = np.append(single[1:] & single[:-1] & (rows[1:, FIRST] == rows[:-1, LAST]), False)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], linked]).astype(np.int8)))

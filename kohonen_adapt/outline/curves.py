@@ -14,7 +14,7 @@ from kohonen_adapt.checks import checked_points, finite_point
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "projected", "size_of"]
 
 KINDS = {2: "curve", 3: "surface"}  # word for the shape of a boundary in messages, by dimension
-NEAR = 1e-3  # of the size of a boundary: largest distance of its nodes from their curve
+NEAR = 1e-3  # maximum distance of nodes from their curve, relative to the size of the boundary
 
 
 class Curve(Protocol):
@@ -142,10 +142,6 @@ class Arc:
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
-    """Return the points (n, d) of a curve or surface nearest to `points`.
-
-    Raises ValueError if the user's `project` returns another shape or a coordinate that is not finite.
-    """
     found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
     wrong = np.sum(~np.isfinite(found))
     if found.shape != points.shape[::-1] or wrong:
@@ -158,7 +154,6 @@ def projected(curve: Curve, points: Floats, name: str) -> Floats:
 
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
-    """Raise ValueError if nodes (n, d) are not on their curve or surface."""
     way = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
     off, size, kind = way.max(), size_of(nodes), KINDS[nodes.shape[1]]
     if off > NEAR * size:
@@ -171,5 +166,4 @@ def check_near(nodes: Floats, curve: Curve, name: str) -> None:
 
 
 def size_of(nodes: Floats) -> float:
-    """Return the largest extent of points (n, d) along an axis."""
     return float(np.max(np.ptp(nodes, axis=0)))

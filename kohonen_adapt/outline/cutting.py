@@ -10,15 +10,15 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 
-TURN = 1e-6  # radians: facets with a smaller turn are one straight segment
-BEND = 1e-9  # of the chord: largest distance of the nodes of a straight segment from the chord
+TURN = 1e-6  # radians: maximum turn between facets of a straight segment
+BEND = 1e-9  # maximum distance of the nodes of a straight segment from its chord, relative to the chord
 FEWEST = 6  # fewest nodes of an arc
 FEWEST_FACETS = 3  # fewest facets of a coarse arc, with four nodes: any three nodes are on a circle
-CLOSE = 0.05  # of the sagitta of a facet: largest distance of a node that lies on a circle
-LEAVING = 0.5  # of the same sagitta: an arc ends if the next node is farther off; 4 if a tangent follows
-ROUNDING = 1e-15  # of the coordinates: distances up to this are rounding, however short the facet
-LOOSE = 1e-3  # of the radius: a whole polyline with all nodes this near to a circle is an arc
-DISTINCT = 10.0  # times the largest distance from the circle: least extent of an arc across its chord
+CLOSE = 0.05  # maximum distance of a node that lies on a circle, in sagittas of its facet
+LEAVING = 0.5  # distance of the next node above which an arc ends, in sagittas; 4 if a tangent follows
+ROUNDING = 1e-15  # rounding error of distances, relative to the coordinates
+LOOSE = 1e-3  # maximum distance from a circle if a whole polyline is an arc, relative to the radius
+DISTINCT = 10.0  # minimum extent of an arc across its chord, relative to the largest distance from the circle
 MOST = 1.8 * math.pi  # radians: a longer arc is halved, so that the nearer end of a node is unique
 
 
@@ -63,10 +63,6 @@ def enter_piece(pieces: Ints, p: int, first: int, last: int, is_round: bool, clo
 def cut_loop(
     position: Floats, node: Ints, facet: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
 ) -> bool:
-    """Return True if a closed polyline is a circle, and write its segment.
-
-    Otherwise the polyline is rotated to begin where a segment begins.
-    """
     if circle_of_loop(position, node, first, last, circle, count):
         enter_piece(pieces, count, first, last, True, True)
         return True
@@ -84,7 +80,6 @@ def cut_loop(
 
 
 def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None:
-    """Rotate a closed polyline in place to begin `shift` nodes later."""
     length = last - first
     nodes, facets = node[first:last].copy(), facet[first:last].copy()
     for i in range(length):
@@ -95,10 +90,6 @@ def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None
 def cut_open(
     position: Floats, node: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
 ) -> tuple[int, bool]:
-    """Cut a polyline from its first node to its last.
-
-    Returns the number of segments, and True if one of them has several facets.
-    """
     at, begin, proper = first, first, False
     while at < last:
         end, is_round = next_piece(position, node, at, last, begin, circle, count)
@@ -115,11 +106,10 @@ def cut_open(
 def next_piece(
     position: Floats, node: Ints, first: int, last: int, begin: int, circle: Floats, count: int
 ) -> tuple[int, bool]:
-    """Return the last slot and the kind of the segment that begins at `first`.
+    """Return the end of the segment that begins at `first`, and True for an arc.
 
-    The kind is True for an arc, whose circle is written to row `count` of `circle`. Nodes on another smooth curve
-    nearly fit a circle, too. Therefore the neighbouring nodes must be clearly off the circle, except at an end of the
-    polyline and at slot `begin`, where the last segment of several facets ends.
+    Nodes on another smooth curve nearly fit a circle, too. Therefore the neighbouring nodes must be clearly off the
+    circle, except at an end of the polyline and at slot `begin`, where the last segment of several facets ends.
     """
     end = straight_end(position, node, first, last)
     if end > first + 1 and on_chord(position, node, first, end):
@@ -135,10 +125,6 @@ def next_piece(
 
 
 def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
-    """Return the last slot up to which a polyline is straight from `first`.
-
-    Nodes are tested in blocks of doubling size, because most polylines are short or straight.
-    """
     end, count = first + 1, 1
     while end < last:
         turning = np.abs(turns_between(position, node[end - 1 : min(end + count, last) + 1])) > TURN
@@ -149,17 +135,12 @@ def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
 
 
 def turns_between(position: Floats, nodes: Ints) -> Floats:
-    """Return the turning angles at all nodes except the first and last, in radians.
-
-    Angles are positive to the left, as in `turn_at`.
-    """
     ways = np.diff(position[nodes], axis=0)
     (ux, uy), (wx, wy) = ways[:-1].T, ways[1:].T
     return np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
 def turn_at(position: Floats, node: Ints, slot: int) -> float:
-    """Return the turning angle at a node in radians, positive to the left."""
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
     ux, uy = position[v, 0] - position[a, 0], position[v, 1] - position[a, 1]
     wx, wy = position[b, 0] - position[v, 0], position[b, 1] - position[v, 1]
@@ -173,10 +154,6 @@ def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
 
 
 def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
-    """Return the last slot up to which nodes lie on one circle from `first`.
-
-    Every node is compared with the circle through the first, middle and last of the nodes before.
-    """
     end = first + 2
     if end > last:
         return first
@@ -193,8 +170,8 @@ def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
 def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius: float) -> float:
     """Return the distance of node `v` from a circle in sagittas of its facet.
 
-    Node `beside`, the other end of the facet, lies on the circle. Hence |v - c|^2 - r^2 is computed without r, which
-    may be large, and the ratio is 4 | |v - c|^2 - r^2 | / |v - beside|^2.
+    Node `beside` of the facet lies on the circle. Hence |v - c|^2 - r^2 is computed without r, which may be large, and
+    the ratio is 4 | |v - c|^2 - r^2 | / |v - beside|^2.
     """
     if radius == np.inf:
         return radius
@@ -206,10 +183,6 @@ def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius
 
 
 def circle_through(position: Floats, a: int, b: int, c: int) -> tuple[float, float, float]:
-    """Return centre and radius of the circle through three nodes.
-
-    The radius is infinite if the nodes are collinear.
-    """
     ux, uy = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
     wx, wy = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1]
     doubled = 2.0 * (ux * wy - uy * wx)
@@ -221,10 +194,6 @@ def circle_through(position: Floats, a: int, b: int, c: int) -> tuple[float, flo
 
 
 def circle_of_part(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
-    """Return the circle through three nodes of a part of a polyline.
-
-    The nodes are the two ends and the middle, or three at equal distances if the part is closed.
-    """
     if node[first] == node[last]:
         third = (last - first) // 3
         return circle_through(position, node[first], node[first + third], node[first + 2 * third])
@@ -232,7 +201,6 @@ def circle_of_part(position: Floats, node: Ints, first: int, last: int) -> tuple
 
 
 def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> bool:
-    """Return True if a closed polyline is a circle, and write the circle."""
     if last - first < FEWEST:
         return False
     x, y, radius = circle_of_part(position, node, first, last)
@@ -244,10 +212,9 @@ def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: 
 
 
 def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
-    """Return the angle of a polyline on its least-squares circle, or 0.
+    """Return the angle of a polyline on its least-squares circle, or 0 without a fit.
 
-    The angle is 0 if the polyline has fewer than `FEWEST` nodes, fits the circle too badly (`LOOSE`) or is too straight
-    (`DISTINCT`). Otherwise the circle is written to row `count` of `circle`.
+    The circle is written to row `count` of `circle`.
     """
     closed = node[first] == node[last]
     if last - first + (0 if closed else 1) < FEWEST:
@@ -269,7 +236,6 @@ def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Flo
 
 
 def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y: float) -> float:
-    """Return the angle of a polyline seen from (x, y), 0 if the sense changes."""
     total = 0.0
     for i in range(first, last):
         angle = angle_between(position, node[i], node[i + 1], x, y)
@@ -292,8 +258,7 @@ def angle_between(position: Floats, a: int, b: int, x: float, y: float) -> float
 def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[float, float, float]:
     """Return centre and radius of the least-squares circle (Kasa, 1976).
 
-    The sum of (|x - c|^2 - r^2)^2 over the nodes is least. Closed polylines count the first node twice. Relative to the
-    mean of the nodes, the equations for the centre are 2 by 2.
+    The sum of (|x - c|^2 - r^2)^2 over the nodes is least. Closed polylines count the first node twice.
     """
     count, mean_x, mean_y = last - first + 1, 0.0, 0.0
     for i in range(first, last + 1):
@@ -318,8 +283,7 @@ def lengths_and_angles(
     """Write longest facet, equivalent facet length and angle of every segment.
 
     A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
-    the facets of a segment have the length `even`, sqrt(sum l^3 / sum l). `angle` spans the arc from first to last node
-    in radians, positive to the left, 0 if the segment is straight.
+    the facets of a segment have the length `even`, sqrt(sum l^3 / sum l). Angles are in radians, positive to the left.
     """
     for p in range(pieces.shape[0]):
         longest[p] = angle[p] = total = cubes = 0.0

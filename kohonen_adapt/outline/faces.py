@@ -28,6 +28,8 @@ class Faces(NamedTuple):
 
 
 class Edges(NamedTuple):
+    """Edges of constrained faces, each with the faces around."""
+
     ends: Ints  # (g, 2) the nodes, ascending
     start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
     face: Ints  # (3 f,)

@@ -56,10 +56,7 @@ def outline_facets(triangulation: Triangulation) -> Facets:
 
 
 def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the index in `mesh` of the facet opposite to each corner, (m, 3).
-
-    `node`, shape (m, 3), are the corners of the counter-clockwise elements.
-    """
+    """Return the index in `mesh` of the facet opposite to each corner, (m, 3)."""
     number_facets(mesh)
     facet = np.empty_like(node)
     for row in range(3):  # scikit-fem orders the facets of an element by their corners: 01, 12, 02
@@ -71,8 +68,8 @@ def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
 def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | float = 0.0) -> Joints:
     """Return the joints, the nodes in which exactly two facets meet.
 
-    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. `off`, shape (f, 2), are the offsets of
-    mid-side nodes from the middles of the chords: then the turn is the angle between the parabolas through the nodes.
+    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. With midside offsets `off`, shape (f, 2),
+    the turn is the angle between the parabolas through the nodes.
     """
     node, rows = meetings(facets.nodes, len(position))
     other = facets.nodes.ravel()[rows ^ 1]
@@ -85,7 +82,6 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | 
 
 
 def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
-    """Trace polylines through smooth joints except at nodes of the mask `stops` (n,)."""
     through = np.full((len(stops), 2), -1, dtype=np.int32)
     going = joints.smooth & ~stops[joints.node]
     through[joints.node[going]] = joints.facets[going]

@@ -18,9 +18,9 @@ from kohonen_adapt.outline.rays import views_across
 
 __all__ = ["facing_sides", "joined"]
 
-LOOKS = (8, 2_000)  # fewest rays from a curve segment, and the approximate number of all rays together
-FAR = 3.0  # times the median distance: a segment farther away, or as oblique, is not opposite
-UNSURE = 0.5  # of the weight of the sides found: heavier segments that contradict leave no sides
+LOOKS = (8, 2_000)  # minimum number of rays from a curve segment, and approximate number of all rays together
+FAR = 3.0  # maximum distance of opposite segments, relative to the median
+UNSURE = 0.5  # weight of segments that contradict the sides, relative to the sides, above which there are no sides
 
 
 class Looks(NamedTuple):
@@ -32,10 +32,7 @@ class Looks(NamedTuple):
 
 
 def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the nodes on both sides of a connected part of a subdomain.
-
-    `inside` is the mask (r,) of the regions of the part. The part may have several pairs of sides.
-    """
+    """Yield the nodes on both sides of a connected part of a subdomain."""
     elements = triangulation.elements
     across = elements.neighbour
     own = inside[elements.region]
@@ -51,19 +48,11 @@ def facing_sides(triangulation: Triangulation, constraints: Constraints, inside:
 
 
 def joined(a: Ints, b: Ints, count: int) -> Ints:
-    """Return the connected component of each of `count` items, shape (count,).
-
-    Items `a` and `b`, shape (k,) each, are linked pairwise.
-    """
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def ends_of(chain: Ints, nodes: Ints) -> Ints:
-    """Return rows (curve segment, node) of the nodes in which segments meet.
-
-    `chain`, shape (f,), is the segment of every facet, `nodes`, shape (f, 2), its ends.
-    """
     rows = np.unique(np.stack([np.repeat(chain, 2), nodes.ravel()], axis=1), axis=0)
     return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
@@ -71,10 +60,6 @@ def ends_of(chain: Ints, nodes: Ints) -> Ints:
 def views_of(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Ints, k: Ints, chains: Ints
 ) -> Looks:
-    """Cast rays inward from curve segments and return the segments hit.
-
-    The rays start on the edges opposite to corners `k` of elements `e`; `chains` are the segments of these edges.
-    """
     length = constraints.chains.length
     least, most = LOOKS
     looks = least + np.round(most * length[chains] / length[chains].sum())
@@ -121,11 +106,6 @@ def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
 
 
 def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
-    """Relate segments that see each other, the largest weight first.
-
-    Returns the weight that each segment adds, shape (count,). Segments that meet in one of the `corners` see each
-    other, too, but enclose nothing: they are left out.
-    """
     seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
     facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
     apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
@@ -148,20 +128,12 @@ def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
 
 
 def touching(ends: Ints) -> Ints:
-    """Return pairs of curve segments that end at the same node, (k, 2).
-
-    `ends` has rows (segment, node). At every node each segment is paired with the next.
-    """
     ends = ends[np.argsort(ends[:, 1], kind="stable")]
     same = ends[1:, 1] == ends[:-1, 1]
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
 def runs_between(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]]:
-    """Return the connected sets of segments that were not accepted.
-
-    An entry is the list of segments in a set, and the list of accepted segments that touch the set.
-    """
     is_accepted = accepted[ends[:, 0]]
     links = touching(ends[~np.isin(ends[:, 1], ends[is_accepted, 1])])
     label = joined(links[:, 0], links[:, 1], len(accepted))
@@ -190,7 +162,6 @@ class Sides:
         return other
 
     def _root(self, chain: int) -> tuple[int, bool]:
-        """Return the representative of a segment, and True if both are opposite."""
         opposite = False
         while self._parent[chain] != chain:
             opposite ^= self._opposite[chain]
@@ -198,18 +169,10 @@ class Sides:
         return chain, opposite
 
     def side(self, chain: int) -> int:
-        """Return the side of a segment, an integer 2 i or 2 i + 1.
-
-        Sides 2 i and 2 i + 1 are opposite.
-        """
         root, opposite = self._root(chain)
         return 2 * root + opposite
 
     def relate(self, a: int, b: int, opposite: bool) -> bool:
-        """Put two segments on opposite sides, or on the same side.
-
-        Returns False and changes nothing if this contradicts earlier relations.
-        """
         (a, of_a), (b, of_b) = self._root(a), self._root(b)
         if a == b:
             return of_a ^ of_b == opposite
@@ -220,7 +183,6 @@ class Sides:
         return True
 
     def join(self, chains: list[int]) -> None:
-        """Put segments on one side unless some of them are on opposite sides."""
         found = {self.side(chain) for chain in chains}
         if not any(side ^ 1 in found for side in found):
             for chain in chains[1:]:

@@ -16,17 +16,16 @@ __all__ = ["LEAST", "bent_sides"]
 
 
 def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
-    """Return the mid-side offsets of all element sides, shape (m, 3, 2).
+    """Return the midside offsets of all element sides, shape (m, 3, 2).
 
-    The offset is the vector from the middle of the chord to the mid-side node; side k is opposite to corner k. On
-    curved boundaries and interfaces the mid-side node has the mean parameter of the two ends; elsewhere the offset is
-    0. If an element would keep less than `LEAST` of its determinant somewhere, the offsets of its sides are multiplied
-    by the factor that leaves as much, for both elements of each side.
+    The midside node of a curved boundary or interface has the mean parameter of the two ends. If an element would
+    keep less than `LEAST` of its determinant somewhere, the offsets of its sides are reduced until the element keeps
+    as much.
     """
     elements = triangulation.elements
     bent = np.zeros((*elements.node.shape, 2))
     curved = np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain]
-    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))  # every side once
+    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))
     bent[e, k] = off_chords(triangulation, constraints, e, k)
     there, back = across(triangulation, e, k)
     bent[there, back] = bent[e, k][elements.neighbour[e, k] >= 0]
@@ -36,10 +35,6 @@ def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats
 
 
 def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
-    """Return the elements across sides `k` of elements `e`.
-
-    Returns, of sides that are not on the outer boundary, the elements and the local index that the side has there.
-    """
     neighbour = triangulation.elements.neighbour
     other = neighbour[e, k]
     there = other[other >= 0]
@@ -47,7 +42,6 @@ def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
 
 
 def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
-    """Return the mid-side offsets of sides `k` of elements `e`, shape (f, 2)."""
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
@@ -58,12 +52,6 @@ def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, 
 
 
 def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, bent: Floats) -> Floats:
-    """Return the factors (q, 3) for the mid-side offsets of elements `rows`.
-
-    `bent`, shape (q, 3, 2), are the offsets. Sides shared by two elements and periodic pairs have one factor. The
-    factor of an element suffices even if its sides get smaller factors from neighbours. A smaller factor may leave too
-    little to a neighbour, which is limited in turn.
-    """
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
     if not np.any(jacobian_coefficients(corners, bent).min(axis=1) < LEAST * doubled):
@@ -101,10 +89,6 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
 
 
 def sides_alike(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
-    """Return an index of every side of elements, equal for one side, (q, 3).
-
-    The side of two neighbours is one, and so are the sides of a periodic pair.
-    """
     elements, twins = triangulation.elements, constraints.twins
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
     images = twins.partner[ends]

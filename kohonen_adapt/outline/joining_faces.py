@@ -27,10 +27,6 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 
 def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[str, Surface]) -> Patches:
-    """Join constrained faces into patches, in the order of their first faces.
-
-    Raises ValueError if nodes of a boundary are not on its surface, or if a face belongs to two surfaces.
-    """
     told = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, Plane | Sphere | Cylinder | Cone) for each in surfaces.values()), 0])
     one, other = told[seams.faces].T
@@ -71,11 +67,6 @@ def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...],
 def planes_of(
     faces: Faces, patch: Ints, first: Ints, position: Floats
 ) -> tuple[NDArray[np.int8], Floats, Floats, Floats]:
-    """Return shape, origin, axis and size of patches as if all were planes.
-
-    The origin is a node of the patch, the axis its area-weighted mean normal. `first`, shape (p,), is the first face of
-    every patch.
-    """
     across = normals(position, faces.nodes)
     largest = np.lexsort((-np.einsum("ij,ij->i", across, across), patch))
     reference = across[largest[np.flatnonzero(np.diff(patch[largest], prepend=-1))]]
@@ -91,8 +82,7 @@ def sides_of(
     """Return the region in front of every patch, its names, and the `Sheet`.
 
     The front of a patch is the side on which the element of its first face lies. The sheet distinguishes front and back
-    of patches with the same region on both sides. Across a seam, each side of a face continues in a side of the next
-    face.
+    of patches with the same region on both sides.
     """
     region, behind = faces.regions[first].T
     front = np.where(region == behind, -1, region)

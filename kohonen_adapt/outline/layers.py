@@ -30,11 +30,6 @@ class Band(NamedTuple):
 
 
 def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
-    """Set the levels that preserve the layers of elements across subdomains.
-
-    `layers` maps names of subdomains to numbers of layers. Raises ValueError if `checked_layers` does, if a subdomain
-    has no two sides or too few layers, or if subdomains touch so that no levels fit all of them.
-    """
     wanted = checked_layers(triangulation.mesh, layers)
     bands: list[Band] = []
     for name, number in wanted.items():
@@ -51,7 +46,6 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
 
 
 def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
-    """Yield the mask (r,) of regions of every connected part of a subdomain."""
     inside = np.zeros(len(elements.layered), dtype=bool)
     inside[regions] = True
     e, k = np.nonzero(elements.neighbour >= 0)
@@ -65,10 +59,6 @@ def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
 def bands_of(
     triangulation: Triangulation, constraints: Constraints, name: str, number: int, inside: Mask
 ) -> list[Band]:
-    """Return the pairs of sides of one connected part of a subdomain.
-
-    Raises ValueError if the part has none. Most parts have one pair.
-    """
     sides = list(facing_sides(triangulation, constraints, inside))
     if not sides:
         raise ValueError(
@@ -95,10 +85,7 @@ def check_number(position: Floats, band: Band) -> None:
 
 
 def lower_to_steps(edges: Ints, value: Ints) -> None:
-    """Lower values (n,) in place until they differ by at most 1 along edges.
-
-    The result at a node is the minimum, over all nodes, of value plus number of edges between the two nodes.
-    """
+    """Lower values (n,) in place until they differ by at most 1 along edges."""
     a, b = edges.T
     while np.any(np.abs(value[a] - value[b]) > 1):
         np.minimum.at(value, a, value[b] + 1)
@@ -106,10 +93,6 @@ def lower_to_steps(edges: Ints, value: Ints) -> None:
 
 
 def levels_of(bands: list[Band], count: int) -> Ints:
-    """Return the levels of all nodes, shape (count,).
-
-    Between two sides, levels are as near to the mean of the sides as differences of at most 1 permit.
-    """
     level, known = levels_of_sides(bands, count)
     pairs = np.concatenate([band.pairs for band in bands])
     top = int(np.max(np.abs(level)))
@@ -126,10 +109,6 @@ def levels_of(bands: list[Band], count: int) -> Ints:
 
 
 def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
-    """Return the levels of nodes on sides and the mask of these nodes, (count,).
-
-    Sides with common nodes have the same level.
-    """
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
     label = joined(number, len(sides) + np.concatenate(sides), len(sides) + count)

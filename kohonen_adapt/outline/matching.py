@@ -11,10 +11,10 @@ from kohonen_adapt.mesh.motions import Motion, is_proper, motion_of, moved
 
 __all__ = ["Match", "Sides", "Unmatched", "matched"]
 
-MATCH = 1e-8  # of the size of the mesh: largest distance of a paired node from its partner's image
-PROBES = 8  # nodes that are tried first if many motions are to be tried
-SHOWN = 3  # motions that are proposed
-ENOUGH = 16  # fitting motions: if none of so many continues the mesh, no other does
+MATCH = 1e-8  # maximum distance of a paired node from its partner's image, relative to the size of the mesh
+PROBES = 8  # number of nodes that are tried first if many motions are to be tried
+SHOWN = 3  # maximum number of motions that are proposed
+ENOUGH = 16  # number of fitting motions after which none is expected to continue the mesh
 MIRROR = np.diag([-1.0, 1.0])
 
 
@@ -37,7 +37,6 @@ class Sides(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Largest distance of a node from its partner's image, in mesh units."""
         return MATCH * self.size
 
     def said(self, verb: str) -> str:
@@ -59,8 +58,7 @@ def matched(sides: Sides, named: Motion | None) -> Match:
     """Return the match by the motion `named`, or by the only suitable motion.
 
     A suitable motion is a translation or rotation that maps nodes to nodes and facets to facets, and the mesh to the
-    other side of the second boundary. Raises ValueError if several are suitable or none is, or if `named` does not map
-    nodes to nodes and facets to facets.
+    other side of the second boundary. Raises ValueError if several are suitable or none is.
     """
     one, other = (len(nodes) for nodes in sides.nodes)
     if one != other:
@@ -92,10 +90,6 @@ def the_only(sides: Sides) -> Match:
 
 
 def first_of(matches: Iterator[Match], near: float) -> list[Match]:
-    """Return the first matches, at most `SHOWN` suitable and `ENOUGH` fitting.
-
-    On a circle of k nodes, k rotations fit.
-    """
     found, fitting, will_do = list[Match](), 0, 0
     for match in matches:
         found.append(match)
@@ -134,7 +128,6 @@ def unmatched(sides: Sides, motion: str, found: str) -> str:
 
 
 def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
-    """Return the motions of matches except glide reflections, which have no class."""
     return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
 
 
@@ -150,11 +143,6 @@ def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
 
 
 def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
-    """Yield matches by motions, the smallest angle first.
-
-    A motion maps two distant nodes of the first boundary to two nodes of the second. Motions are translations and
-    rotations, or reflections if `mirrored`.
-    """
     motions = candidates(sides, mirrored)
     if mirrored:
         motions = [motion for motion in motions if motion_of(motion, sides.size)] or motions[:1]
@@ -168,11 +156,6 @@ def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
 
 
 def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
-    """Return motions that map two distant nodes to two nodes of the other boundary.
-
-    Both pairs of nodes have the same distances from each other and from the mean of their boundary, within 4 `near`. At
-    least one motion is returned.
-    """
     points, targets = (sides.position[:, nodes] for nodes in sides.nodes)
     if mirrored:
         points = MIRROR @ points
@@ -216,10 +199,6 @@ def attempt(sides: Sides, motion: Floats) -> Match:
 
 
 def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
-    """Return masks (k,) of facets whose images run against and along a facet.
-
-    The facets belong to the first boundary, and the images of their nodes are compared with facets of the second.
-    """
     count = sides.position.shape[1]
     image = np.full(count, -1, dtype=np.int64)
     image[nodes] = images
@@ -234,17 +213,12 @@ def place(sides: Sides, node: int) -> str:
 
 
 def farthest(points: Floats) -> Floats:
-    """Return two distant points of (2, n), the ends of a straight boundary, (2, 2)."""
     first = np.argmax(np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=0))
     second = np.argmax(np.sum((points - points[:, [first]]) ** 2, axis=0))
     return points[:, [first, second]]
 
 
 def rigid_motion(points: Floats, targets: Floats) -> Floats:
-    """Return the translation or rotation [A | b] of two points to two targets.
-
-    Points and targets have shape (2, 2) and the same distance.
-    """
     (ux, uy), (wx, wy) = points[:, 1] - points[:, 0], targets[:, 1] - targets[:, 0]
     cosine, sine = ux * wx + uy * wy, ux * wy - uy * wx
     length = np.hypot(cosine, sine)

@@ -1,4 +1,4 @@
-"""Recognition of curved facets, arcs and splines from mid-side nodes."""
+"""Recognition of curved facets, arcs and splines from midside nodes."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,29 +15,21 @@ from kohonen_adapt.outline.polylines import TOLD, without_noise
 
 __all__ = ["Bent", "bent_facets", "joined_alike"]
 
-CIRCULAR = 1e-6  # of the radius: largest distance of corners and mid-side nodes from their circle
+CIRCULAR = 1e-6  # maximum distance of corners and midside nodes from their circle, relative to the radius
 
 
 class Bent(NamedTuple):
-    """Offsets of the mid-side nodes of constrained facets."""
+    """Offsets of the midside nodes of constrained facets."""
 
-    off: Floats  # (f, 2) from the middles of the chords
+    off: Floats  # (f, 2) from the midpoints of the chords
     is_bent: Mask  # (f,)
     known: bool  # True if a facet is curved: then all others are straight, and no chords of arcs
 
     def told(self, curve: Ints) -> Ints:
-        """Return the curve index of every facet, shape (f,).
-
-        Facets without a user-defined curve have the index `TOLD` if they are curved, -1 if they are straight.
-        """
         return np.where((curve == -1) & self.is_bent, TOLD, curve)
 
 
 def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | None) -> Bent:
-    """Return the mid-side offsets of facets and which of them are curved.
-
-    `of_mesh`, shape (2, nfacets), are the offsets of the mesh, None if the mesh has no mid-side nodes.
-    """
     if of_mesh is None:
         return Bent(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), known=False)
     off = of_mesh.T[facet_of_edge(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
@@ -51,8 +43,8 @@ def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | 
 def joined_alike(joints: Joints, facets: Facets, position: Floats, bent: Bent, curve: Ints) -> tuple[Joints, Floats]:
     """Return the joints inside one line, arc or spline, and the circles of facets.
 
-    A circle is centre and radius, shape (f, 3), nan for facets on no circle. `curve`, shape (f,), is the curve index of
-    every facet; joints between facets with a user-defined curve remain.
+    A circle is centre and radius, shape (f, 3), nan for facets on no circle. Joints between facets with a user-defined
+    curve remain.
     """
     circle = np.full((len(facets.nodes), 3), np.nan)
     if not bent.known:
@@ -69,10 +61,6 @@ def joined_alike(joints: Joints, facets: Facets, position: Floats, bent: Bent, c
 
 
 def on_one_circle(facets: Facets, position: Floats, bent: Bent, one: Ints, other: Ints) -> Mask:
-    """Return True where facets `other` lie on the circles of facets `one`, (j,).
-
-    The circle of a facet passes through both corners and the mid-side node.
-    """
     (a, b), m = ends_and_middle(facets, position, bent, one)
     u, w = b - a, m - a
     twice = 2.0 * (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
@@ -98,7 +86,6 @@ def groups_of(count: int, linked: Ints) -> Ints:
 
 
 def members(group: Ints, told: Mask) -> Iterator[Ints]:
-    """Yield the facets of every group of two or more, within the mask `told`."""
     order = np.argsort(group[told], kind="stable")
     rows = np.flatnonzero(told)[order]
     cuts = np.flatnonzero(np.diff(group[rows])) + 1
@@ -106,7 +93,6 @@ def members(group: Ints, told: Mask) -> Iterator[Ints]:
 
 
 def circle_through(facets: Facets, position: Floats, bent: Bent, rows: Ints) -> Floats:
-    """Return the circle (3,) through all corners and mid-side nodes, nan if none."""
     (a, b), m = ends_and_middle(facets, position, bent, rows)
     points = np.concatenate([a, b, m])
     found = without_noise(np.array([fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)]))[0]

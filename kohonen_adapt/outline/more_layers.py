@@ -20,15 +20,14 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = ["with_layers"]
 
-MOST = 8  # largest number of layers that is made; more must be in the input mesh
+MOST = 8  # maximum number of layers that is made; more must be in the input mesh
 
 
 def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
     """Return the mesh with the layers that the rules request.
 
-    Layers are made only if the rules allow recycling or the mesh `grows`. Every edge in the middle of a path across
-    with too few edges is halved, again and again until all paths are long enough. Edges of a periodic boundary that run
-    across are halved on both boundaries of the pair. New nodes follow the nodes of the input in number.
+    Every edge in the middle of a path across with too few edges is halved, until all paths are long enough. New nodes
+    follow the nodes of the input in number.
     """
     if not rules.layers or not (grows or rules.topology == "recycle"):
         return mesh
@@ -43,7 +42,6 @@ def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
 
 
 def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
-    """Return the edges (k, 2) in the middle of paths that have too few edges."""
     found = [np.empty((0, 2), dtype=np.int64)]
     for band in bands(movable, wanted):
         from_one, from_other = (np.full(movable.nnodes, min(band.number, movable.nnodes)) for _ in band.sides)

@@ -34,7 +34,6 @@ STATE_NAMES = (
 
 
 def shown(title: str, form: str) -> dict[str, str]:
-    """Return the metadata of a field that is a column in tables of passes."""
     return {"title": title, "form": form}
 
 
@@ -81,11 +80,8 @@ class MovableMesh:
     def of(cls, mesh: MeshTri, rules: Rules, curved: bool | None = None) -> "MovableMesh":
         """Return a mesh as arrays with the constraints of `rules`.
 
-        The input is not modified. Raises ValueError if the mesh is not valid or lacks something that the rules name.
-
-        `curved` requests curved sides in the output; None requests them if the input is a `MeshTri2`. Of a `MeshTri2`
-        the corners move. Its curved boundaries are user-defined curves, arcs, or splines through corners and mid-side
-        nodes; curved sides that are on no boundary or interface are straightened.
+        `curved` requests curved sides in the output; None requests them if the input is a `MeshTri2`. Curved sides that
+        are on no boundary or interface are straightened.
         """
         check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
@@ -106,24 +102,17 @@ class MovableMesh:
 
     @property
     def tessellation(self) -> Triangulation:
-        """Nodes and elements, under the name that all movable meshes have."""
         return self.triangulation
 
     def neurons(self) -> Neurons:
-        """Return the kernel arrays of the mesh."""
         tri = self.triangulation
         return Neurons(tri.position, tri.elements, tri.star, self.constraints)
 
     @property
     def came_from(self) -> MeshTri:
-        """Input mesh, without the mid-side nodes of a `MeshTri2`."""
         return self.triangulation.mesh
 
     def mesh(self) -> MeshTri:
-        """Return the present mesh with all names of the input.
-
-        The mesh is a `MeshTri2` if `curved`, otherwise a `MeshTri`.
-        """
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
@@ -132,15 +121,10 @@ class MovableMesh:
         return with_displacements(mesh, off)
 
     def start(self) -> MeshTri:
-        """Return the mesh before any node moves, with curved sides if `curved`."""
         return self.mesh() if self.curved else self.came_from
 
     def bent_sides(self) -> Floats:
-        """Return the mid-side offsets of all sides, (m, 3, 2), 0 unless `curved`.
-
-        Rows are those of ``triangulation.elements``, and side k is opposite to corner k; see
-        `isoparametric.bent_sides`.
-        """
+        """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
         if not self.curved:
             return np.zeros((*self.triangulation.elements.node.shape, 2))
         return bent_sides(self.triangulation, self.constraints)
@@ -149,10 +133,7 @@ class MovableMesh:
         return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that change when nodes move, by name.
-
-        Input mesh, rules and these arrays define a movable mesh completely.
-        """
+        """Return the arrays that change when nodes move, by name."""
         records = {
             "elements": self.triangulation.elements,
             "constraints": self.constraints,
@@ -163,22 +144,16 @@ class MovableMesh:
         return {"position": self.triangulation.position, "pinned": self.outline.pinned, **arrays}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Set the arrays to a `state` of the same input mesh and the same rules.
-
-        Raises ValueError and changes nothing if the arrays cannot be such a state.
-        """
         self._check_state(state)
         self.become({name: state[name].copy() for name in STATE_NAMES})
 
     def become(self, own: Mapping[str, NDArray[Any]]) -> None:
-        """Set the arrays of a state without validation."""
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
         tri.become(own["position"], elements)
         self.outline.pinned = own["pinned"]
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Raise ValueError for arrays of a wrong type, shape or index range."""
         n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
         chains, motions = len(self.constraints.chains.length), len(self.constraints.twins.motions)
         numbers = {
@@ -194,14 +169,9 @@ class MovableMesh:
         check_state(self.state(), state, rows, numbers)
 
     def settle(self) -> None:
-        """Project sliding nodes onto their curves as far as `floor` permits."""
         self.outline.settle(self.triangulation, self.floor)
 
     def flip(self) -> int:
-        """Flip edges until every region is constrained Delaunay.
-
-        Flips that leave less than the minimum quality are omitted. Returns the number of flips.
-        """
         if not self.flips:
             return 0
         tri, m = self.triangulation, len(self.triangulation.elements.node)
@@ -220,14 +190,9 @@ class MovableMesh:
         return total
 
     def sagitta(self) -> float:
-        """Return the largest distance between a curve and its facets, in mesh units, 0 for sides that are curved."""
         return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
 
     def can_move(self) -> bool:
-        """Return True if a node may move or slide.
-
-        Corners need no test: a corner is handed only to a node that slides.
-        """
         return bool(np.any(self.constraints.kind != HELD))
 
 

@@ -74,11 +74,6 @@ class MovableSolid:
 
     @classmethod
     def of(cls, mesh: MeshTet, rules: Rules, curved: bool | None = None) -> "MovableSolid":
-        """Return a mesh as arrays with the constraints of `rules`.
-
-        The input is not modified. Raises ValueError if the mesh is not valid or lacks something that the rules name, or
-        if `curved` edges are requested and a surface is curved: edges of tetrahedra are straight.
-        """
         check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
         pinned = pinned_nodes(mesh, rules.pinned)
@@ -116,7 +111,6 @@ class MovableSolid:
         return self.tetrahedralization.mesh
 
     def mesh(self) -> MeshTet:
-        """Return the present mesh with all names of the input."""
         mesh = self.tetrahedralization.to_mesh()
         if self.came_from.boundaries is not None:
             facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
@@ -138,10 +132,6 @@ class MovableSolid:
         return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
 
     def on_front(self, element: Ints, corner: Ints) -> Mask:
-        """Return True for elements on the front of the patch of a face, (k,).
-
-        The face is opposite to corner `corner`, shape (k,), of `element`, shape (k,).
-        """
         tet = self.tetrahedralization
         patch = tet.elements.patch[element, corner]
         nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
@@ -155,20 +145,12 @@ class MovableSolid:
         return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that change when nodes move, by name.
-
-        Input mesh, rules and these arrays define a movable mesh completely.
-        """
         records = {"tetrahedra": self.tetrahedralization.elements, "freedom": self.freedom}
         named = {name: name.split(".") for name in STATE_NAMES if "." in name}
         arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
         return {"position": self.tetrahedralization.position, **arrays}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Set the arrays to a `state` of the same input mesh and the same rules.
-
-        Raises ValueError and changes nothing if the arrays cannot be such a state.
-        """
         self._check_state(state)
         self.become({name: state[name].copy() for name in STATE_NAMES})
 
@@ -209,10 +191,6 @@ class MovableSolid:
         return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
 
     def farthest_surface(self) -> str:
-        """Return words for the surface that is farthest from its faces.
-
-        The words are the boundaries that contain the surface, or the subdomains beside it, or a point near it.
-        """
         tet = self.tetrahedralization
         p = np.argmax(left_out(tet.position, tet.elements, self.patches))
         names = [name for name, manner in self.patches.names.items() if manner[p]]
@@ -232,7 +210,6 @@ class MovableSolid:
 
 
 def inner_nodes(tet: Tetrahedralization) -> Mask:
-    """Return the mask (n,) of nodes whose elements are all in one region."""
     used = tet.used
     node, region = tet.elements.node[used], tet.elements.region[used]
     one = np.full(tet.nnodes, -1, dtype=np.int32)

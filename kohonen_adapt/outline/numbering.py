@@ -17,8 +17,8 @@ from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh
 
 __all__ = ["along", "numbered_along_curve", "with_rows"]
 
-FEW = 10_000  # nodes: smaller meshes fit in the cache of a processor however they are numbered
-FAR = 4.0  # times sqrt(nnodes): largest median index distance of neighbours with which numbers stay as they are
+FEW = 10_000  # number of nodes of a mesh that fits in the cache of a processor in any order
+FAR = 4.0  # median index distance of neighbours above which nodes are renumbered, relative to sqrt(nnodes)
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
     """Number nodes and elements along a space-filling curve within a context.
 
     Yields the previous index of every element, shape (m,), or None if neighbours have near indices already and nothing
-    changes. On exit the old numbering is restored; the numbers of nodes and elements must be the same as on entry.
+    changes. The old numbering is restored on exit; the numbers of nodes and elements must be the same as on entry.
     """
     tri = movable.triangulation
     if not is_scattered(tri):
@@ -42,7 +42,6 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
 
 
 def is_scattered(triangulation: Triangulation) -> bool:
-    """Return True if a mesh is large and its neighbours have distant indices."""
     node = triangulation.elements.node
     if triangulation.nnodes < FEW:
         return False
@@ -50,10 +49,6 @@ def is_scattered(triangulation: Triangulation) -> bool:
 
 
 def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
-    """Return a state with selected rows of nodes and elements, in a new order.
-
-    `nodes` and `elements` are old rows in the new order. Indices inside the arrays are adjusted.
-    """
     number = ranks(nodes, len(state["position"]))
     place = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
     kept = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
@@ -65,5 +60,4 @@ def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) ->
 
 
 def along(node: Ints, number: Ints) -> Ints:
-    """Return the order of elements (m, 3) by the lowest number of their nodes."""
     return np.argsort(number[node].min(axis=1), kind="stable")

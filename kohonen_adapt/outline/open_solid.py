@@ -28,8 +28,8 @@ from kohonen_adapt.outline.parts import Parts, wait_in
 
 __all__ = ["OpenSolid", "swap_elements"]
 
-PER_NODE = 7.5  # elements per node: meshes of good quality have 5 to 6.5
-GOOD = 0.7  # quality: better elements are not queued after nodes have moved; a tenth is worse
+PER_NODE = 7.5  # number of elements per node: meshes of good quality have 5 to 6.5
+GOOD = 0.7  # quality above which elements are not queued after nodes have moved; a tenth is worse
 LOOKS = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
 
 # Values of unused rows; all other arrays have -1 there.
@@ -58,8 +58,7 @@ class OpenSolid:
     def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
         """Copy the arrays of `movable`, with spare rows and all elements in the queue.
 
-        Rows are allocated for at least one node more than max(nnodes, `target`). `density`, shape (nnodes,), is the
-        wanted number of nodes per volume up to a factor.
+        `density`, shape (nnodes,), is the wanted number of nodes per volume up to a factor.
         """
         n, node = movable.nnodes, movable.tetrahedralization.elements.node
         rows = max(n, target) + 2
@@ -103,14 +102,9 @@ class OpenSolid:
         return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
 
     def swap(self) -> int:
-        """Apply swaps that raise the worst quality involved, until none does.
-
-        Returns the number of swaps.
-        """
         return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
 
     def look_again(self) -> None:
-        """Queue all elements of less than good quality, after nodes have moved."""
         enter_worse(self.mesh, self.queue, GOOD**3)
 
     def parts(self) -> Parts:
@@ -120,18 +114,12 @@ class OpenSolid:
         return star_of(self.mesh.elements.node, len(self.mesh.position))
 
     def nodes(self) -> Ints:
-        """Return the rows of nodes in use."""
         return np.flatnonzero(self.mesh.pool.anchor >= 0)
 
     def elements(self) -> Ints:
-        """Return the rows of elements in use."""
         return np.flatnonzero(self.mesh.elements.node[:, 0] >= 0)
 
     def renumber(self) -> None:
-        """Move the rows in use to the front, along a space-filling curve.
-
-        Neighbours are then near in memory. Queued elements wait in the new order.
-        """
         mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
         mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
         wait_in(queue, np.flatnonzero(queue.waiting[elements]))
@@ -152,17 +140,12 @@ class OpenSolid:
             stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
 
     def along_curve(self) -> tuple[Ints, Ints]:
-        """Return the rows in use of nodes and elements along a space-filling curve."""
         node, kept, used = self.mesh.elements.node, self.nodes(), self.elements()
         kept = kept[along_curve(self.mesh.position[kept])]
         first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
         return kept, used[np.argsort(first, kind="stable")]
 
     def hand_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
-        """Write the rows in use to `movable`, and return the row of every node.
-
-        The rows are ordered along a space-filling curve if `renumbered`: neighbours are then near in memory.
-        """
         node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
         kept, used = self.along_curve() if renumbered else rows
         number, place = ranks(kept, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
@@ -179,10 +162,6 @@ def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Free
 
 
 def swap_elements(movable: MovableSolid) -> None:
-    """Apply swaps that raise the worst quality involved, if the rules allow swaps.
-
-    Nodes keep their indices.
-    """
     if movable.flips:
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         opened.swap()

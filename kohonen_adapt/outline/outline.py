@@ -44,7 +44,7 @@ from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["Outline"]
 
-STILL = 1e-13  # of the size of the mesh: nodes this near to their curve are not moved
+STILL = 1e-13  # distance from the curve below which nodes are not moved, relative to the size of the mesh
 
 
 @dataclass
@@ -56,7 +56,7 @@ class Outline:
     constraints
         Kernel arrays, which change when nodes slide or when a corner passes to another node.
     names
-        By boundary name, how each curve segment carries the name: 0, UNORIENTED, LEFT or RIGHT, shape (c,).
+        Orientation of each name on the curve segments, 0 (absent), UNORIENTED, LEFT or RIGHT, shape (c,).
     pinned
         Mask (n,) of nodes pinned by the user.
     curves
@@ -75,12 +75,8 @@ class Outline:
     def of(cls, triangulation: Triangulation, rules: Rules, off: Floats | None = None) -> "Outline":
         """Find the curve segments of a triangulation, and mark their facets there.
 
-        `off`, shape (2, nfacets), are the offsets of mid-side nodes from the middles of the chords, by which curved
-        facets, arcs and splines are recognised. If edges may flip, a node may leave the junction of three segments,
-        because elements can then change sides.
-
-        Raises ValueError if a curve belongs to no boundary or does not contain the nodes of its boundary, or if
-        periodic boundaries do not match.
+        Curved facets, arcs and splines are recognised by `off`, shape (2, nfacets), the offsets of midside nodes from
+        the midpoints of the chords.
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
@@ -119,10 +115,6 @@ class Outline:
         return replace(self, constraints=self.constraints._replace(**arrays))
 
     def settle(self, triangulation: Triangulation, floor: float) -> None:
-        """Project sliding nodes onto their curves as far as `floor` permits.
-
-        Kernels hold some user-defined curves as splines; there the method `project` of the curve is called instead.
-        """
         kind, chain, chains = self.constraints.kind, self.constraints.own_chain, self.constraints.chains
         curved = (chains.shape != STRAIGHT) | (self.given >= 0)
         nodes = np.flatnonzero((kind == SLIDING) & curved[chain])
@@ -141,10 +133,6 @@ class Outline:
         return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]
 
     def farthest_curve(self, triangulation: Triangulation) -> str:
-        """Return words for the curve that is farthest from its facets.
-
-        The words are the boundaries that contain the curve, or the subdomains beside it.
-        """
         _, c = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
         names = [name for name, manner in self.names.items() if manner[c]]
         if names:
@@ -162,7 +150,6 @@ class Outline:
         return self.constraints.chains.shape == ROUND
 
     def nodes_by_freedom(self) -> dict[str, Mask]:
-        """Return masks (n,) of nodes by their freedom, under words for a legend."""
         kind, (one, other) = self.constraints.kind, self.constraints.chain.T
         held, jumps = kind == HELD, (other >= 0) | (one == JUNCTION)
         return {
@@ -176,10 +163,6 @@ class Outline:
         return points_on(self.constraints, chain, parameter)
 
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
-        """Return `mesh` with the named boundaries of the input mesh.
-
-        `mesh` must be made from the present `triangulation`.
-        """
         if triangulation.mesh.boundaries is None:
             return mesh
         facet = facet_of_edge(mesh, triangulation.elements.node)
@@ -198,7 +181,6 @@ class Outline:
 
 
 def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
-    """Return curves with circles in place of splines whose points lie on a circle."""
     arcs = {name: curve.as_arc() for name, curve in curves.items() if isinstance(curve, Spline)}
     return curves | {name: arc for name, arc in arcs.items() if arc is not None}
 
@@ -216,7 +198,7 @@ def cut_alike(
     """Cut polylines into segments so that paired nodes slide or stay together.
 
     Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner cannot
-    slide ends its segment. Raises ValueError if a periodic boundary has a user-defined curve or a spline.
+    slide ends its segment.
     """
     paired = np.flatnonzero(pairs.partner >= 0)
     if np.any(((curve >= 0) | ((curve == TOLD) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
@@ -246,7 +228,6 @@ def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twin
 
 
 def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
-    """Make paired segments and the parameters of paired nodes equal, up to motion."""
     rows = np.flatnonzero(pairs.facet >= 0)
     mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
     mate[chain[rows]], motion[chain[rows]] = chain[pairs.facet[rows]], pairs.facet_motion[rows]
@@ -282,7 +263,6 @@ def chains_of_nodes(
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:
-    """Return the mask (n,) of nodes on no outer boundary and on no interface."""
     elements = triangulation.elements
     inner = np.ones(triangulation.nnodes, dtype=bool)
     across = elements.neighbour
@@ -292,10 +272,6 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
 
 
 def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
-    """Return True for edges directed along their curve segment, (k,).
-
-    Edges are opposite to corners `corner` of elements `element`, and counter-clockwise there.
-    """
     ends, chain = triangulation.elements.ends(element, corner), triangulation.elements.chain[element, corner]
     start, end = (parameters_of(triangulation.position, constraints, chain, node) for node in ends)
     return ways_along(constraints.chains, chain, start, end) > 0.0

@@ -30,11 +30,6 @@ class Pairs(NamedTuple):
 
 
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
-    """Return the partners of nodes and facets on all periodic boundaries.
-
-    The motion of a pair is the user's or, without one, the only suitable translation or rotation. Raises ValueError if
-    `checked_pairs` or `matched` does.
-    """
     n = triangulation.nnodes
     partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
     facet_motion, motions, goes_on = np.full(len(facets.element), -1), list[Floats](), list[bool]()
@@ -55,17 +50,12 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
 
 
 def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
-    """Return the sliding nodes of first boundaries and their partners, (k,) each."""
     twins, slides = constraints.twins, constraints.kind == SLIDING
     node = np.flatnonzero(slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner])
     return node, twins.partner[node]
 
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
-    """Return the matched nodes of both boundaries of every pair, (k,) each.
-
-    Raises ValueError if `find_pairs` does.
-    """
     triangulation = Triangulation.of(mesh)
     facets = outline_facets(triangulation)
     matches = [match_of(triangulation, facets, *pair) for pair in checked_pairs(mesh, periodic)]
@@ -73,7 +63,6 @@ def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Int
 
 
 def match_of(triangulation: Triangulation, facets: Facets, one: str, other: str, named: Motion | None) -> Match:
-    """Return the match of two boundaries, which must lie on the outer boundary."""
     check_outer(triangulation, facets, one, other)
     on_one, on_other = (facets.nodes[facets.sides[name] > 0] for name in (one, other))
     position = triangulation.mesh.p
@@ -92,10 +81,6 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
 
 
 def mates_of(facets: Facets, partner: Ints) -> Ints:
-    """Return the partner of every facet, -1 for none, shape (f,).
-
-    The partner of a facet is the facet between the partners of its nodes.
-    """
     count = len(partner)
     images = partner[facets.nodes].astype(np.int64)
     key = facets.nodes.min(axis=1).astype(np.int64) * count + facets.nodes.max(axis=1)

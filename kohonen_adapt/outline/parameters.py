@@ -14,11 +14,6 @@ __all__ = ["find_parameters", "parameters_of", "points_on", "ways_along"]
 
 
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
-    """Set the parameters of the sliding nodes of every curve segment.
-
-    Nodes of segment c are ``node[first[c] : last[c]]``, in order. On a curve each search starts from the parameter of
-    the node before. The loop is interpreted, because it runs once for a mesh.
-    """
     chains, nearest = constraints.chains, interpreted(nearest_parameter)
     for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         sliding = node[begin:end][constraints.kind[node[begin:end]] == SLIDING]
@@ -56,17 +51,12 @@ def ends_of(chains: Chains) -> Floats:
 
 
 def ways_along(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
-    """Return the signed distance between parameters on curve segments, (k,).
-
-    On a loop the shorter direction is taken.
-    """
     way, length = end - start, chains.length[chain]
     beyond = chains.closed[chain] & (np.abs(way) > 0.5 * length)
     return np.where(beyond, way - np.copysign(length, way), way)
 
 
 def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:
-    """Return the points (k, 2) of curve segments (k,) at parameters (k,)."""
     along = constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
     points = np.empty((len(chain), 2))
     look_up(along, np.arange(len(chain)), points)

@@ -1,11 +1,11 @@
 """Partition of a tetrahedral mesh into parts that threads change in parallel.
 
-Results do not depend on the number of threads. Nodes are partitioned in two ways: most nodes at the cuts of one
-partition are inside a part of the other, and few are left for one thread alone.
+Results do not depend on the number of threads. There are two partitions. Most nodes at the cuts of the first are inside
+a part of the second, and few are left for a single thread.
 
 An element belongs to a part if all of its four nodes do. If all elements that surgery removes belong to one part, so do
-all elements that it creates. Beside them surgery changes only neighbour indices of elements across their faces. Three
-nodes of such a face belong to the part, so no other part changes the same index.
+all elements that surgery creates. Surgery also changes neighbour indices of elements across their faces. The three
+nodes of these faces belong to the part, so no other part changes the same index.
 """
 
 from collections.abc import Callable
@@ -25,9 +25,9 @@ from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, sh
 __all__ = ["Parts", "wait_in"]
 
 MARGINS = MARGIN, 0.4  # margins of two space-filling curves, which halve the mesh at different places
-STRIPS = 0.25  # largest fraction of nodes at the cuts of a partition, which have to wait
-LEAST = 1_000  # nodes per part: fewer do not justify a thread
-FEW = 2_000  # queued elements: fewer are not distributed among threads
+STRIPS = 0.25  # maximum fraction of nodes at the cuts of a partition, which have to wait
+LEAST = 1_000  # minimum number of nodes per part, to justify a thread
+FEW = 2_000  # number of queued elements below which threads are not used
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,6 @@ class Parts:
 
     @cached_property
     def order(self) -> Nodes:
-        """Rows of nodes in use along a space-filling curve."""
         return self._along(MARGINS[0])
 
     @cached_property
@@ -78,8 +77,7 @@ class Parts:
     def work_off(self, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
         """Call ``task(mesh, queue)`` until no element waits, and return the sum.
 
-        First the parts run in parallel, with a queue each, then the remaining elements in one thread. A task may swap
-        any number of elements per call, but may not create or remove nodes.
+        A task may swap any number of elements per call, but may not create or remove nodes.
         """
         gain = 0.0
         for part in self.ways if queue.state[1] >= FEW else ():
@@ -95,11 +93,6 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
 
 
 def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
-    """Run the task on the queued elements inside parts, in parallel.
-
-    Returns the sum of the results. Afterwards the queue holds the elements at cuts between parts that were queued
-    before, or that a task had to leave alone.
-    """
     waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), dtype=np.int32)
     find_parts(mesh.elements.node, part, of_element)
     parts, place = int(part.max()) + 1, of_element[waiting]
@@ -122,10 +115,6 @@ def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[O
 
 
 def waiting_rows(mesh: OpenTetrahedra, queue: Queue) -> Nodes:
-    """Return the queued elements that still exist, in order.
-
-    Elements that do not exist any more are removed from the queue.
-    """
     first, count = queue.state
     rows = queue.element[(first + np.arange(count)) % len(queue.element)]
     there = mesh.elements.node[rows, 0] >= 0
@@ -134,18 +123,12 @@ def waiting_rows(mesh: OpenTetrahedra, queue: Queue) -> Nodes:
 
 
 def wait_in(queue: Queue, rows: Ints) -> None:
-    """Replace the contents of the queue by elements `rows`, in this order."""
     queue.waiting[:] = FREE
     queue.waiting[rows] = WAITS
     queue.element[: len(rows)], queue.state[:] = rows, (0, len(rows))
 
 
 def shares_of(pool: Pool, count: Ints) -> list[Pool]:
-    """Return a pool of free element rows for every part.
-
-    Free rows are distributed in proportion to `count`, the number of elements of the parts. Every pool has capacity for
-    the rows of all these elements, too.
-    """
     free = pool.free_elements[: pool.height[1]]
     cuts = np.cumsum(count)[:-1] * len(free) // max(1, int(count.sum()))
     return [

@@ -20,8 +20,8 @@ from kohonen_adapt.outline.surfaces import (
 
 __all__ = ["Patches", "Sheet", "on_their_patches", "onto_all"]
 
-STILL = 1e-15  # of the size of the mesh: nodes that move less are on all of their patches
-ROUNDS = 100  # largest number of repetitions; on two patches at right angles the first suffices
+STILL = 1e-15  # displacement below which nodes are on all of their patches, relative to the size of the mesh
+ROUNDS = 100  # maximum number of repetitions; the first suffices on two patches at right angles
 
 
 class Patches(NamedTuple):
@@ -40,14 +40,10 @@ class Patches(NamedTuple):
 
     @property
     def moves(self) -> Mask:
-        """Mask (p,) of patches onto which nodes are projected.
-
-        These are all patches except recognised planes, on which nodes are already.
-        """
+        """Mask (p,) of patches onto which nodes are projected, without recognised planes."""
         return (self.shape != PLANE) | (self.given >= 0)
 
     def project(self, patch: Ints, x: Floats) -> Floats:
-        """Return the points (k, 3) of patches (k,) nearest to `x`."""
         found, shape = x.copy(), self.shape[patch]
         for kind, put in ((PLANE, on_plane), (CYLINDER, on_cylinder), (CONE, on_cone), (SPHERE, on_sphere)):
             rows = np.flatnonzero(shape == kind)
@@ -76,16 +72,11 @@ class Sheet(NamedTuple):
         return cls(cKDTree(np.column_stack([middles, patch * (10.0 * size)])), back, 10.0 * size)
 
     def looks_back(self, middles: Floats, patch: Ints, out: Floats) -> Mask:
-        """Return True for faces of patches whose normal `out` points backwards, (k,)."""
         nearest = self.tree.query(np.column_stack([middles, patch * self.apart]))[1]
         return np.einsum("ij,ij->i", out, self.back[nearest]) > 0.0
 
 
 def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
-    """Return positions (n, 3) of nodes projected onto all of their patches.
-
-    `nodes`, shape (f, 3), are the nodes of the faces. Nodes on recognised planes alone stay where they are.
-    """
     count = len(patches.shape)
     there = np.unique(nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
     node, patch = np.divmod(there, max(count, 1))
@@ -99,10 +90,6 @@ def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
 
 
 def onto_all(turns: Sequence[tuple[Ints, Ints]], patches: Patches, position: Floats) -> Floats:
-    """Project nodes onto one patch after another until no node moves any more.
-
-    `turns` is a sequence of nodes and their patches, (k,) each, projected in this order.
-    """
     x, still = position.copy(), STILL * np.ptp(position, axis=0).max()
     for _ in range(ROUNDS):
         before = x.copy()

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 BITS = 43  # bits kept of centres and radii of recognised circles
-TOLD = -2  # index of curve of a facet that is curved by its mid-side node, without a user-defined curve
+TOLD = -2  # index of curve of a facet that is curved by its midside node, without a user-defined curve
 CORNER = np.radians(35.0)  # an angle of this size or more is a corner
 
 
@@ -60,16 +60,14 @@ class Pieces(NamedTuple):
 
     rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
     circle: Floats  # (p, 3) centre and radius of arcs
-    curve: Ints  # (p,) index of the user-defined curve, -1 for none, `TOLD` if curved by mid-side nodes
+    curve: Ints  # (p,) index of the user-defined curve, -1 for none, `TOLD` if curved by midside nodes
 
     @property
     def first(self) -> Ints:
-        """Slots of the first nodes, shape (p,)."""
         return self.rows[:, FIRST]
 
     @property
     def last(self) -> Ints:
-        """Slots of the last nodes, shape (p,)."""
         return self.rows[:, LAST]
 
     @property
@@ -86,7 +84,6 @@ class Pieces(NamedTuple):
 
     @property
     def of_slot(self) -> Ints:
-        """Segment of every slot in `slots`."""
         return np.repeat(np.arange(len(self.rows)), self.facets)
 
     @property
@@ -99,11 +96,9 @@ class Pieces(NamedTuple):
 def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
     """Join segments into polylines that end at corners of 35 degrees or more.
 
-    `segments`, shape (m, 2), are the end nodes of one segment or more, no segment twice. With a mid-side node between
+    `segments`, shape (m, 2), are the end nodes of one segment or more, no segment twice. With a midside node between
     the ends, shape (m, 3), the angle is measured between the parabolas through the nodes. `position` has shape (2, n).
-
-    Polylines also end where other than two segments meet. Loops without a corner are closed; a loop with one corner
-    starts and ends there.
+    Polylines also end where other than two segments meet. Loops without a corner are closed.
     """
     end = segments[:, [0, -1]]
     node, segment, start, closed = traced(end, _smooth(segments, position))
@@ -152,9 +147,7 @@ def traced(ends: Ints, through: Ints) -> Runs:
 def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], told: Floats) -> tuple[Runs, Pieces]:
     """Cut polylines into curve segments.
 
-    Closed polylines may begin elsewhere afterwards. `curve`, shape (f,), is the curve index of every facet. Facets of
-    index `TOLD` are not cut; `told`, shape (f, 3), are their circles, nan for none. Raises ValueError if nodes are not
-    near the curve of their boundary.
+    Facets with the curve index `TOLD` are not cut; `told`, shape (f, 3), are their circles, nan for none.
     """
     node, facet = runs.node.copy(), runs.facet.copy()
     of_run = curve[facet[runs.start[:-1]]]
@@ -174,10 +167,7 @@ def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], 
 
 
 def without_noise(circle: Floats) -> Floats:
-    """Return circles (p, 3) rounded to about 1e-13 of their radius.
-
-    Circles are then recognised with the same bits however often nodes have slid.
-    """
+    """Return circles (p, 3) rounded to about 1e-13 of their radius."""
     step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
     return np.round(circle / step) * step + 0.0  # no -0
 
@@ -199,15 +189,10 @@ def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
 
 
 def turns(u: Floats, w: Floats) -> Floats:
-    """Return the angles in radians from direction -u to direction w, (j,)."""
     return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
 
 
 def _smooth(segments: Ints, position: Floats) -> Ints:
-    """Return the two segments that join smoothly at every node, (n, 2).
-
-    Other nodes have -1.
-    """
     node, end = meetings(segments[:, [0, -1]], position.shape[1])
     way = _directions(segments, position)
     smooth = turns(way[end[:, 0]], way[end[:, 1]]) < CORNER
@@ -217,10 +202,6 @@ def _smooth(segments: Ints, position: Floats) -> Ints:
 
 
 def _directions(segments: Ints, position: Floats) -> Floats:
-    """Return the directions in which segments leave their ends, (2 m, 2).
-
-    Segments with a mid-side node have the directions of the parabola through their nodes.
-    """
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
     middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)

@@ -25,8 +25,7 @@ def views_across(
 ) -> Views:
     """Cast rays inward from edges, through regions of the mask `inside` (r,).
 
-    Edges are opposite to corners `corner` of elements `element`. Rays start at intervals `step`, shape (c,), along
-    every segment, the first at half an interval. So they do not depend on the nodes of the segment.
+    Rays start at intervals `step`, shape (c,), along every segment, and do not depend on the nodes of the segment.
     """
     elements, position = triangulation.elements, triangulation.position
     (a, b), c = elements.ends(element, corner), elements.chain[element, corner]
@@ -40,11 +39,6 @@ def views_across(
 
 
 def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: Ints) -> tuple[Floats, Floats]:
-    """Return the parameters of nodes `a`, and the signed arc lengths to nodes `b`.
-
-    Nodes a and b are neighbours on curve segments `c`. A corner at which a segment both begins and ends has two
-    parameters, of which the nearer to the neighbour is returned.
-    """
     start, end = (parameters_of(position, constraints, c, node) for node in (a, b))
     way = ways_along(constraints.chains, c, start, end)
     chord = np.sqrt(np.sum((position[b] - position[a]) ** 2, axis=1))
@@ -56,14 +50,10 @@ def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: I
 def look(
     position: Floats, elements: Elements, inside: Mask, element: Ints, corner: Ints, points: Floats
 ) -> tuple[Ints, Floats]:
-    """Return the segments hit by rays, and the nearness of the hits.
-
-    Rays start at `points`, perpendicular to the edges opposite to corners `corner` of elements `element`.
-    """
     e, k, going = element.copy(), corner.copy(), np.arange(len(element))
     a, b = elements.ends(e, k)
     dx, dy = position[a, 1] - position[b, 1], position[b, 0] - position[a, 0]
-    while len(going):  # all rays at once, from element to element
+    while len(going):
         at, side = e[going], k[going]
         apex = position[elements.node[at, side]] - points[going]
         left = dx[going] * apex[:, 1] - dy[going] * apex[:, 0] > 0.0

@@ -13,9 +13,9 @@ from kohonen_adapt.outline.rounds import Round, are_coaxial, round_of
 
 __all__ = ["Skin", "rounds_among"]
 
-SEEDS = (24, 96)  # faces around a seed to which a sphere or cylinder is fitted first
-TRIES = 64  # largest number of seeds in a connected set of faces
-GROWTHS = 20  # largest number of growth steps; growth ends when no face is added
+SEEDS = (24, 96)  # number of faces around a seed to which a sphere or cylinder is fitted first
+TRIES = 64  # maximum number of seeds in a connected set of faces
+GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,7 @@ class Skin:
     plane: Ints
 
     def sets(self, faces: Mask) -> list[Ints]:
-        """Return the connected sets of faces that consist of several plane parts.
-
-        `faces` is a mask (f,). Sets are in the order of their first faces.
-        """
+        """Return the connected sets of faces that consist of several plane parts."""
         count = len(self.nodes)
         inside = self.pairs[faces[self.pairs].all(axis=1)]
         label = connected_components(linked(inside, count), directed=False)[1]
@@ -117,7 +114,6 @@ def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
 
 
 def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
-    """Return spheres and cylinders that are grown from seed faces one by one."""
     number = np.full(len(skin.nodes), -1)
     number[part] = np.arange(len(part))
     own = number[skin.pairs]
@@ -140,10 +136,6 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
 
 
 def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Ints, Round | None]:
-    """Return the faces of a sphere or cylinder around a seed, and the shape.
-
-    The faces are connected. The shape is None if none fits.
-    """
     order = breadth_first_order(graph, seed, directed=False, return_predecessors=False)
     for count in SEEDS:
         on = np.sort(order[:count])
@@ -164,10 +156,6 @@ def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Int
 
 
 def near(skin: Skin, each: Round) -> Mask:
-    """Return the mask (f,) of faces whose nodes are on a sphere or cylinder.
-
-    Nodes may be off by `CLOSE` of the sagitta of the longest edge of the face.
-    """
     corners = skin.position[skin.nodes]
     squared = np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2).max(axis=1)
     off = each.distance(corners.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
@@ -175,7 +163,6 @@ def near(skin: Skin, each: Round) -> Mask:
 
 
 def reached(skin: Skin, graph: csr_array, seed: int, faces: Mask) -> NDArray[np.integer]:
-    """Return the faces of a mask (f,) that are connected with face `seed`."""
     if not faces[seed]:
         return np.empty(0, dtype=np.int64)
     one, other = graph.nonzero()

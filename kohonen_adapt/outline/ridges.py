@@ -30,10 +30,10 @@ from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, with
 
 __all__ = ["Ridges", "freedom_of", "ridges_of"]
 
-MOST = 4  # patches of a ridge at most; nodes of edges in which more patches meet are held
-SAME = 1e-8  # of the size of the mesh: lines and circles that differ by less are the same
-ACROSS = 1e-3  # sine of the least angle at which two patches meet in an INTERSECTION
-APEX = 1e-9  # of the size of the mesh: nodes this near to the apex of a cone are held
+MOST = 4  # maximum number of patches of a ridge; nodes of edges in which more patches meet are held
+SAME = 1e-8  # maximum difference of equal lines and circles, relative to the size of the mesh
+ACROSS = 1e-3  # sine of the minimum angle at which two patches meet in an INTERSECTION
+APEX = 1e-9  # distance from the apex of a cone below which nodes are held, relative to the size of the mesh
 
 
 class Ridges(NamedTuple):
@@ -60,10 +60,6 @@ class Pieces(NamedTuple):
 
 
 def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
-    """Return the ridges of a mesh.
-
-    Pieces on the same line or circle between the same patches are one ridge, even if they are not connected.
-    """
     meets, crowded, is_ridge = meeting_patches(edges, patches)
     ends, crowded = edges.ends[is_ridge], crowded[is_ridge]
     kinds, kind = np.unique(meets[is_ridge], axis=0, return_inverse=True)
@@ -94,11 +90,6 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 
 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
-    """Cut ridge edges into pieces of one shape.
-
-    `kind`, shape (k,), is the row in `kinds`, shape (q, MOST), of the patches that meet at the edge, -1 if there are
-    more.
-    """
     runs, bent = smooth_runs(ends, kind, position)
     first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]
     way = position[last] - position[first]
@@ -123,10 +114,6 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
 
 
 def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Runs, Mask]:
-    """Trace polylines of edges of one kind that join smoothly.
-
-    Returns the polylines, and the mask (r,) of polylines that are not straight.
-    """
     node, end = meetings(ends, len(position))
     other = ends.ravel()[end ^ 1]
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
@@ -172,7 +159,6 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
 
 
 def circle_through(x: Floats) -> Floats:
-    """Return the circle (1, 3) on which all nodes (k, 2) lie, nan for none."""
     circle = without_noise(np.array([fitted_circle(x, np.arange(len(x)), 0, len(x) - 1)]))
     off = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
     return circle if off <= BEND * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
@@ -196,10 +182,6 @@ def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
 
 
 def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) -> Rows:
-    """Return pieces in a plane as lines and circles in space.
-
-    The plane contains the point `middle` and the first two of three orthonormal vectors `ways`, shape (3, 3).
-    """
     start, way = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
     is_round = rows[:, 2] == 1
     length = np.linalg.norm(way, axis=1, keepdims=True)
@@ -209,10 +191,6 @@ def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) 
 
 
 def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
-    """Return True if the first two patches intersect at an angle at all points.
-
-    Otherwise kernels could not project nodes onto both patches.
-    """
     step = 1e-3 * np.ptp(x, axis=0).max()
     normal = []
     for p in meeting[:2].tolist():
@@ -228,10 +206,6 @@ def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
 
 
 def same_pairs(pieces: Pieces, some: Ints, position: Floats) -> Ints:
-    """Return pairs (j, 2) of pieces on the same line, circle or intersection.
-
-    `some`, shape (s,), are the pieces compared. Pieces of a pair have the same patches.
-    """
     low, size = position.min(axis=0), np.ptp(position, axis=0).max()
     axis, at, shape = pieces.axis[some], pieces.origin[some] - low, pieces.shape[some]
     at = np.where((shape == LINE)[:, None], at - axis * np.einsum("ij,ij->i", at, axis)[:, None], at)
@@ -242,11 +216,6 @@ def same_pairs(pieces: Pieces, some: Ints, position: Floats) -> Ints:
 
 
 def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask, position: Floats) -> Freedom:
-    """Return the constraint of every node.
-
-    Nodes of one patch slide on the patch, and nodes of one ridge along the ridge. Other nodes of constrained faces, and
-    pinned nodes, are held.
-    """
     nnodes, count = len(pinned), len(patches.shape)
     there = np.unique(faces.nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
     node, patch = np.divmod(there, max(count, 1))

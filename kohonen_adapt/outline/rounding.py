@@ -21,9 +21,8 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
     """Return two uniform refinements of a mesh, with arcs as chords and round.
 
     New nodes on recognised arcs between elements stay on the chords in the first mesh and lie on the circle in the
-    second; of a `MeshTri2` these are the mid-side nodes of the new sides. Arcs of the outer boundary are round in both
-    meshes, because boundary conditions may need a circle. Returns None if no interface is an arc, or if an element
-    would be inverted.
+    second. Arcs of the outer boundary are round in both meshes, because boundary conditions may need a circle. Returns
+    None if no interface is an arc, or if an element would be inverted.
     """
     movable = MovableMesh.of(mesh, Rules())
     elements, chains = movable.triangulation.elements, movable.constraints.chains
@@ -45,12 +44,10 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
 
 
 def middles_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
-    """Return the nodes that refinement adds in the middles of facets, and the facets."""
     facet = np.arange(mesh.facets.shape[1])
     return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
 
 
 def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> tuple[Ints, Ints]:
-    """Return the mid-side nodes of half facets in `finer`, and their facets."""
     half = np.flatnonzero(finer.facets[0] < mesh.nvertices)
     return finer.nvertices + half, finer.facets[1, half] - mesh.nvertices

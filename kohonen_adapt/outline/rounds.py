@@ -14,11 +14,11 @@ from kohonen_adapt.outline.surfaces import across, on_cylinder, on_sphere
 __all__ = ["Round", "are_coaxial", "round_of"]
 
 ON_SPHERE, ON_CYLINDER = 8, 10  # fewest nodes, twice the number of parameters: fewer may fit by chance
-COARSE = 4  # fewest angles around the axis of a cylinder that is coaxial with another cylinder
+COARSE = 4  # minimum number of angles around the axis of a cylinder that is coaxial with another cylinder
 STEPS = 10  # iterations of the Gauss-Newton method
 APART = 1e-6  # radians: nearer angles around an axis count as one
-EQUAL = 1e-9  # of the radius: smaller distances are rounding
-COAXIAL = 1e-3  # of the radius, and radians: nearer axes are the same
+EQUAL = 1e-9  # distance below which differences are rounding errors, relative to the radius
+COAXIAL = 1e-3  # maximum distance of axes relative to the radius, and maximum angle in radians
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,6 @@ class Round:
 
     @property
     def is_coarse(self) -> bool:
-        """True for a cylinder with so few nodes that the fit may be chance."""
         return self.shape == CYLINDER and (self.places < FEWEST or self.nodes < ON_CYLINDER)
 
     def distance(self, x: Floats) -> Floats:
@@ -85,10 +84,6 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
 
 
 def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
-    """Return True if a sphere or cylinder fits nodes and faces.
-
-    Nodes must be near the shape and not nearly flat (`LOOSE`, `DISTINCT`), and faces nearly tangential.
-    """
     if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.off <= LOOSE * found.size:
         return False
     out = middles - found.origin
@@ -102,7 +97,6 @@ def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool
 
 
 def bulge(x: Floats, found: Round) -> float:
-    """Return the least extent of points (k, 3), not along a cylinder's axis."""
     ways = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     ways = ways[np.abs(ways @ found.axis) < 0.5] if found.shape == CYLINDER else ways
     return float(np.min(np.ptp(x @ ways.T, axis=0)))
@@ -161,7 +155,6 @@ def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
 
 
 def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round | None:
-    """Return the cylinder about an axis, rounded, or None without a radius."""
     if not np.isfinite(radius) or radius <= 0.0:
         return None
     axis = rounded(axis * np.sign(axis[np.argmax(np.abs(axis))]), 1.0)
@@ -177,10 +170,6 @@ def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round 
 
 
 def rounded(values: Floats | float, size: float) -> Floats:
-    """Return values rounded to about 1e-13 of a size.
-
-    Shapes are then recognised with the same bits however often nodes have slid.
-    """
     step = np.ldexp(1.0, np.frexp(size)[1] - BITS)
     return np.round(np.asarray(values) / step) * step + 0.0  # no -0
 

@@ -142,14 +142,12 @@ def is_least_quality(value: object) -> bool:
 
 
 def floor_of(rules: Rules, dimension: int) -> float:
-    """Return the minimum quality of elements, UNGUARDED if nothing is checked."""
     if rules.min_quality is None:
         return UNGUARDED
     return float(CELLS[dimension].floor if rules.min_quality == "auto" else rules.min_quality)
 
 
 def check_for(rules: Rules, dimension: int) -> None:
-    """Raise ValueError for rules that do not apply to elements of a dimension."""
     if dimension == 2 and rules.surfaces:
         raise ValueError("surfaces are for tetrahedra; a boundary in the plane may be given one of the curves.")
     if dimension == 3 and rules.curves:
@@ -160,17 +158,11 @@ def check_for(rules: Rules, dimension: int) -> None:
 
 
 def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
-    """Return the rules with more nodes pinned."""
     given = [rules.pinned] if isinstance(rules.pinned, str) else rules.pinned
     return replace(rules, pinned=[*given, *nodes]) if nodes else rules
 
 
 def pinned_nodes(mesh: Mesh, pinned: Pinned) -> Mask:
-    """Return the mask (nnodes,) of nodes given by numbers and names.
-
-    Raises ValueError for names that are unknown or name both a boundary and a subdomain, for numbers out of range, and
-    for entries of another type.
-    """
     mask = np.zeros(mesh.p.shape[1], dtype=bool)
     for entry in [pinned] if isinstance(pinned, str) else pinned:
         if isinstance(entry, str):
@@ -208,11 +200,6 @@ def checked_surfaces(mesh: MeshTet, surfaces: Mapping[str, Surface] | None) -> d
 
 
 def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, known: str, d: int) -> dict[str, Curve]:
-    """Return the valid curves or surfaces of boundaries in dimension `d`.
-
-    Raises ValueError if `shapes` is no mapping, if a name is no boundary, or if a shape has no method `project`.
-    Messages contain the words `kind` and `known`.
-    """
     if shapes is None:
         return {}
     if not isinstance(shapes, Mapping):
@@ -228,10 +215,6 @@ def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, kn
 
 
 def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, str, Motion | None]]:
-    """Return both names and the motion, None if not given, of every valid pair.
-
-    Raises ValueError if an entry is no pair, if a name is no boundary, or if a name occurs twice.
-    """
     found, seen = list[tuple[str, str, Motion | None]](), set[str]()
     for pair in periodic:
         one, other, motion = checked_pair(pair, "periodic")
@@ -245,7 +228,6 @@ def checked_pairs(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[str, st
 
 
 def checked_pair(pair: Any, argument: str) -> tuple[str, str, Motion | None]:
-    """Return both names and the motion, None if not given, of one valid pair."""
     if not isinstance(pair, tuple | list) or len(pair) not in (2, 3):
         raise ValueError(f"{argument} must hold pairs of names of boundaries, as [('left', 'right')]; got {pair!r}.")
     one, other, motion = (*pair, None)[:3]
@@ -258,10 +240,6 @@ def checked_pair(pair: Any, argument: str) -> tuple[str, str, Motion | None]:
 
 
 def checked_layers(mesh: MeshTri, layers: Mapping[str, int] | None) -> dict[str, int]:
-    """Return the number of layers of every subdomain.
-
-    Raises ValueError if `layers` is no mapping, if a name is no subdomain, or if a number is no integer >= 1.
-    """
     if layers is None:
         return {}
     if not isinstance(layers, Mapping):

@@ -13,16 +13,12 @@ from kohonen_adapt.outline.patches import Patches
 
 __all__ = ["samples_of"]
 
-CUTS = 4  # parts into which the lattice divides an edge
-STEP = 1e-2  # of an edge: step of the differences
+CUTS = 4  # number of parts into which the lattice divides an edge
+STEP = 1e-2  # step of the differences, relative to an edge
 
 
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
-    """Return samples of all patches with a user-defined projection.
-
-    A sample has a point, a normal away from the front of the patch, and second derivatives. The samples of each patch
-    are a complete tree.
-    """
+    """Return points, normals and second derivatives of user-defined surfaces."""
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
     start, samples = [0], []
@@ -42,7 +38,6 @@ def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
 
 
 def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Floats:
-    """Return normals of faces `own`, away from the front of their patch, (f, 3)."""
     nodes, patch = faces.nodes[own], patches.of_face[own]
     normal = normals(position, nodes)
     away = faces.regions[own, 0] == patches.front[patch]
@@ -52,11 +47,6 @@ def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Float
 
 
 def lattice(corners: Floats) -> tuple[Floats, Ints]:
-    """Return the points of a lattice on faces, and a face of each point.
-
-    `corners`, shape (f, 3, 3), are the corners of the faces, whose edges are divided into `CUTS` parts. A point that is
-    common to several faces is returned once.
-    """
     a, b, c = corners.transpose(1, 0, 2)
     shares = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
     point, rows = np.unique(
@@ -68,9 +58,8 @@ def lattice(corners: Floats) -> tuple[Floats, Ints]:
 def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats) -> tuple[Floats, Floats, Floats]:
     """Return points, normals and second derivatives of patch `p`.
 
-    Points (k, 3) are the nearest to `near`, shape (k, 3). Unit normals (k, 3) point to the side of `out`, shape (k, 3).
-    Second derivatives (k, 3, 3) of the height along the normal are differences along the edges of faces with the
-    corners `corners`, shape (k, 3, 3).
+    Points (k, 3) are the nearest to `near`. Unit normals (k, 3) point to the side of `out`. Second derivatives
+    (k, 3, 3) of the height along the normal are differences along the edges of faces.
     """
     patch = np.full(len(near), p)
     point = patches.project(patch, near)
@@ -91,10 +80,7 @@ def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats)
 
 
 def in_tree(point: Floats) -> Ints:
-    """Return the indices of points in the order of a complete tree.
-
-    The tree is cut across x, y and z in turn. Some points are repeated to make the tree complete.
-    """
+    """Return the indices of points in the order of a complete tree, some repeated."""
     depth = len(point).bit_length()
     rows = np.minimum(np.arange(2**depth - 1), len(point) - 1)
     tree = np.empty(0, dtype=np.int64)

@@ -10,17 +10,12 @@ from kohonen_adapt.outline.patches import Patches, onto_all
 
 __all__ = ["left_out", "places_of", "settled"]
 
-STILL = 1e-13  # of the size of the mesh: nodes this near to their target are not moved
-HALVINGS = 4  # halvings of displacements that leave elements too bad
-SMALL = 1e-4  # of the size of an element: largest small displacement
+STILL = 1e-13  # distance from the target below which nodes are not moved, relative to the size of the mesh
+HALVINGS = 4  # maximum number of halvings of displacements that violate the quality rule
+SMALL = 1e-4  # maximum size of a small displacement, relative to the element
 
 
 def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
-    """Return the positions of nodes projected onto their patch or ridge, (n, 3).
-
-    Nodes of a ridge are projected onto the line or circle, or onto all patches of the ridge. Nodes on recognised
-    planes, and on lines between them, are unchanged.
-    """
     x = position.copy()
     on = np.flatnonzero(freedom.number == ON_PATCH)
     on = on[patches.moves[freedom.place[on]]]
@@ -51,9 +46,9 @@ def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
 def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
     """Return positions with nodes moved to `target`, (n, 3), all at once.
 
-    The quality of an element may fall to `floor`; elements already below keep their quality. Where a displacement
-    violates this, the nodes of the element move by a half, a quarter, ... of it, and at last not at all. Below `floor`,
-    quality may decrease by a hundred times the displacement relative to the element size, if this is at most `SMALL`.
+    The quality of an element may fall to `floor`. If a displacement violates this limit, the nodes of the element move
+    by a half, a quarter, ..., and at last not at all. Below `floor`, quality may decrease by a hundred times the
+    displacement relative to the element size, if this ratio is at most `SMALL`.
     """
     node = elements.node[elements.node[:, 0] >= 0]
     far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
@@ -74,10 +69,6 @@ def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float
 
 
 def small_ways(position: Floats, target: Floats, node: Ints) -> Floats:
-    """Return the largest displacement of nodes relative to their element, (k,).
-
-    Displacements above `SMALL` give 0.
-    """
     size = np.ptp(position[node], axis=1).max(axis=1)
     share = np.abs(target - position)[node].max(axis=(1, 2)) / size
     return np.where(share <= SMALL, share, 0.0)
@@ -89,7 +80,6 @@ def refused(position: Floats, node: Ints, least: Floats) -> Mask:
 
 
 def qualities(position: Floats, node: Ints) -> Floats:
-    """Return the quality of elements (k, 4) with the sign of their volume, (k,)."""
     corners = position.T[:, node.T]
     volume = TETRAHEDRON.determinant(corners) / 6.0
     squares = np.zeros(len(node))
@@ -99,10 +89,6 @@ def qualities(position: Floats, node: Ints) -> Floats:
 
 
 def left_out(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
-    """Return the largest distance between every patch and its faces, (p,).
-
-    Distances are measured at the centroids of faces and at the middles of their edges.
-    """
     found = np.zeros(len(patches.shape))
     used = elements.node[:, 0] >= 0
     e, k = np.nonzero((elements.patch >= 0) & used[:, None] & np.append(patches.moves, False)[elements.patch])

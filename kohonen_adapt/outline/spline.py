@@ -23,13 +23,13 @@ from kohonen_adapt.outline.polylines import polylines_of
 
 __all__ = ["Spline"]
 
-SAME = 1e-14  # of the length of a spline: nearer points are equal
-FLAT = 1.0 / 100.0  # of the chord between two samples: largest distance of the curve from the chord
-FEWEST, CIRCULAR = 4, 1e-6  # fewest points of a circle; of the radius: largest distance of a point from the circle
-HALVINGS = 20  # largest number of halvings, reached at a cusp
-CHUNK = 256  # points projected together: many samples may be nearly as near as the nearest to each
+SAME = 1e-14  # maximum distance of equal points, relative to the length of the spline
+FLAT = 1.0 / 100.0  # maximum distance of the curve from the chord between two samples, relative to the chord
+FEWEST, CIRCULAR = 4, 1e-6  # minimum number of points of a circle, and their maximum distance relative to the radius
+HALVINGS = 20  # maximum number of halvings, reached at a cusp
+CHUNK = 256  # number of points per call: each may have many samples that are almost equally near
 EPSILON = np.finfo(float).eps
-STEPS = 100  # iterations of Newton's method; bisection alone takes 53
+STEPS = 100  # maximum iterations of Newton's method; bisection alone takes 53
 
 
 class Spline:
@@ -100,7 +100,7 @@ class Spline:
     def through(cls, mesh: MeshTri, name: str) -> "Spline":
         """Return the spline through the nodes of a named boundary.
 
-        Of a `skfem.MeshTri2` the mid-side nodes are included. A spline through the nodes of the first mesh preserves
+        The midside nodes of a `skfem.MeshTri2` are included. A spline through the nodes of the first mesh preserves
         the geometry however often nodes slide on the spline.
 
         The facets of the boundary may be on the outer boundary or inside the mesh. There are several pieces if the
@@ -204,10 +204,6 @@ class Samples(NamedTuple):
 
 
 def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
-    """Return samples of the spline through all pieces, shape (2, n) each.
-
-    The parameter is the chord length as a fraction of the total, so that nothing depends on the unit of length.
-    """
     points = [
         np.append(piece, piece[:, :1], axis=1) if loop else piece for piece, loop in zip(pieces, closed, strict=True)
     ]
@@ -234,8 +230,7 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
 def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
     """Return parameters between which a piece is nearly straight, and the reach.
 
-    The intervals between parameters `t` are halved until they are. The distance of the curve from a chord is at most an
-    eighth of the second derivative times the squared interval, and the second derivative is largest at an end. The
+    The distance of the curve from a chord is at most an eighth of the second derivative times the squared interval. The
     reach is the largest distance of a point of the curve from the nearest sample.
     """
     for _ in range(HALVINGS):
@@ -262,7 +257,6 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
 
 
 def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
-    """Return the point nearest to `x` beside each of the samples `at`, (k, 2)."""
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
     settled = np.zeros(len(at), dtype=bool)
     for _ in range(STEPS):

@@ -23,7 +23,7 @@ __all__ = [
     "on_sphere",
 ]
 
-ROUNDING = 1e-15  # of the distance along an axis: nearer points are on the axis
+ROUNDING = 1e-15  # distance below which points are on an axis, relative to the distance along the axis
 
 
 class Surface(Protocol):
@@ -264,10 +264,6 @@ class Cone:
 
 
 def direction(vector: ArrayLike, what: str) -> tuple[float, float, float]:
-    """Return the unit vector along `vector`.
-
-    Raises ValueError, with a message that begins with `what`, if the vector is zero.
-    """
     given = np.array(finite_triple(vector, what))
     largest = np.abs(given).max()
     if largest == 0.0:
@@ -278,10 +274,6 @@ def direction(vector: ArrayLike, what: str) -> tuple[float, float, float]:
 
 
 def positive(number: Any, what: str) -> float:
-    """Return a positive number as float.
-
-    Raises ValueError, with a message that begins with `what`, for any other value.
-    """
     if not (is_number(number) and isfinite(number) and number > 0.0):
         raise ValueError(f"{what} must be a positive number; got {number!r}.")
     return float(number)
@@ -323,13 +315,11 @@ def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, tupl
 
 
 def across(axis: Floats) -> Floats:
-    """Return a unit vector orthogonal to each axis, shape (3,) or (k, 3)."""
     least = np.argmin(np.abs(axis), axis=-1)
     found = np.cross(axis, np.eye(3)[least])
     return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
 def unit(vectors: Floats, instead: Floats) -> Floats:
-    """Return unit vectors (k, 3) along `vectors`, or `instead` for zero vectors."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > 0.0, vectors, instead) / np.where(length > 0.0, length, 1.0)

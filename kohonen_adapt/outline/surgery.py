@@ -48,7 +48,6 @@ class Recycled:
 
 
 def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
-    """Return the record of a mesh that is not recycled."""
     star = mesh.star
     return Recycled(np.arange(mesh.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
 
@@ -65,8 +64,8 @@ class Surgery:
         """Copy the arrays of `movable`, with spare rows for nodes and elements.
 
         Rows are allocated for one node more than `target`, so that a split can precede the collapse. By Euler's
-        formula, every node that moves from the outer boundary to the interior adds an element. Old indices and hints
-        refer to the mesh before the earlier steps `done`.
+        formula, every node that moves from the outer boundary to the interior adds an element. Old indices refer to the
+        mesh before the earlier steps `done`.
         """
         n, m = movable.nnodes, len(movable.triangulation.elements.node)
         on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
@@ -90,11 +89,6 @@ class Surgery:
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
 
     def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
-        """Write the rows in use to `movable`, and return the rows in their new order.
-
-        Returns the row of every node and the row of every element. Nodes are ordered along a space-filling curve if
-        `renumbered`: neighbours are then near in memory.
-        """
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
         kept = np.flatnonzero(anchor >= 0)
         if renumbered:
@@ -106,10 +100,6 @@ class Surgery:
 
 
 def longest_joined(movable: MovableMesh) -> Floats:
-    """Return the longest facet that may replace two at every node, (n,).
-
-    A longer facet would cut off more of a curve than the facets of the input.
-    """
     even = np.append(movable.constraints.chains.even, np.inf)
     return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
 

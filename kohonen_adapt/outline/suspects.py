@@ -1,7 +1,4 @@
-"""Detection of polygons that may be arcs with too few nodes.
-
-The corners of such a polygon lie on a circle.
-"""
+"""Detection of polygons that may be arcs with too few nodes."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -16,9 +13,9 @@ from kohonen_adapt.outline.polylines import without_noise
 
 __all__ = ["Suspect", "suspects"]
 
-CIRCULAR = 1e-6  # of the radius: largest distance of a corner from the circle
-SHARPEST = np.deg2rad(75.0)  # largest turn at a corner: a pentagon turns by 72 degrees, a square by 90
-FACETS = 3  # fewest facets: any three nodes are on a circle
+CIRCULAR = 1e-6  # maximum distance of a corner from the circle, relative to the radius
+SHARPEST = np.deg2rad(75.0)  # maximum turn at a corner: a pentagon turns by 72 degrees, a square by 90
+FACETS = 3  # minimum number of facets: any three nodes are on a circle
 
 
 class Suspect(NamedTuple):
@@ -32,10 +29,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(movable: MovableMesh) -> Iterator[Suspect]:
-    """Yield the polygons of boundaries and interfaces whose corners lie on a circle.
-
-    A polygon ends where other boundaries or interfaces meet it, or is closed.
-    """
+    """Yield polygons of boundaries and interfaces whose corners lie on a circle."""
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = outline_facets(triangulation), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))

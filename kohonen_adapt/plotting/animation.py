@@ -59,7 +59,7 @@ def animate_passes(
     path
         The file, usually ``*.gif``. An interrupted call leaves no partial file.
     history
-        The passes, for instance ``result.history``. Of more than 60 passes, 60 evenly spaced ones are shown.
+        The passes, for instance ``result.history``. At most 60 evenly spaced passes are shown.
     plane
         Cutting plane for meshes of tetrahedra, a `kohonen_adapt.Plane`.
     unit
@@ -134,7 +134,6 @@ def animate_map(
 
 
 def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
-    """Yield a description and a schedule of one epoch, for every epoch."""
     for stage in schedule.stages:
         for rate in stage.rates().tolist():
             one = replace(stage, epochs=1, learning_rate=rate)
@@ -176,6 +175,5 @@ def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
 
 
 def _page(size: Floats) -> tuple[float, float]:
-    """Return width and height in inches for a mesh of this size and a title."""
     width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
     return float(width) + 0.6, float(height) + 0.6

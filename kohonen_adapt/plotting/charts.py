@@ -32,7 +32,7 @@ SPREAD = 6.0  # minimum ratio of the limits of the axis of nodes
 BINS = np.linspace(0.0, 1.0, 41)
 STYLES = ((BLUE, "solid"), (VERMILION, "dashed"), ("black", "dotted"))  # of histograms of quality
 DECADES = 5  # maximum range of the colours, below the largest density
-SATURATED = 0.9  # fraction of the slope of vacuum, dH/dB = 1/mu0, at which a magnetisation curve ends
+SATURATED = 0.9  # fraction of dH/dB = 1/mu0 at which a magnetisation curve ends
 
 
 def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] | None = None) -> None:
@@ -119,7 +119,6 @@ def _number_axes(axes: Axes) -> None:
 
 
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
-    """Return nodes and estimates of passes, with nan for an estimate of zero."""
     nodes = np.array([step.mesh.nvertices for step in history], dtype=float)
     errors = np.array([step.shown_estimate for step in history]) / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
@@ -137,23 +136,16 @@ def _label(history: Sequence[Pass]) -> str:
 
 
 def _norms(history: Sequence[Pass], percent: bool) -> Floats:
-    """Return the divisors of the errors, a hundredth of the energy norm, or one."""
     return np.array([0.01 * (step.energy_norm or 1.0) if percent else 1.0 for step in history])
 
 
 def _span_of(nodes: Floats) -> tuple[float, float]:
-    """Return the limits of the axis, at least a factor `SPREAD` apart."""
     low, high = nodes.min() / 1.3, nodes.max() * 1.3
     room = max(1.0, SPREAD * low / high) ** 0.5
     return float(low / room), float(high * room)
 
 
 def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:
-    """Draw reference lines through the first and the best pass.
-
-    The best pass has the smallest estimate times ``N ** -slope``. Return the number of nodes at which the first line
-    reaches the error of the best pass, if both have the same number of nodes, or else an empty array.
-    """
     known = np.flatnonzero(errors > 0.0)
     if not known.size:
         return np.empty(0)
@@ -172,7 +164,6 @@ def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Flo
 
 
 def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: Any, where: str) -> None:
-    """Draw a line through a point across the axes, without a change of their scale."""
     factors = np.array([1e-6, 1e6])
     x, y = through[0] * factors, through[1] * factors**slope
     label = f"$N^{{{slope:g}}}$ through the {where}"
@@ -266,10 +257,6 @@ def plot_density(
 
 
 def _scale_of(density: Floats) -> tuple[float, float]:
-    """Return the limits of the colour scale, at most `DECADES` apart.
-
-    The limits are equal for a constant density and for a density of zero.
-    """
     high = float(density.max(initial=0.0)) or 1.0
     low = float(density.min(initial=high, where=density > 0.0))
     return max(low, 10.0**-DECADES * high), high
@@ -313,11 +300,9 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
 
 
 def axes_of(given: Axes | None, *, height: float = 4.4) -> Axes:
-    """Return `given`, or the axes of a new figure with a height in inches."""
     return Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots() if given is None else given
 
 
 def _rule(axes: Axes) -> None:
-    """Draw a pale grid behind the data."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)

@@ -92,7 +92,6 @@ def draw_mesh(
 
 
 def draw_edges(axes: Axes, shown: Flat, unit: str, colour: str, width: float) -> None:
-    """Draw the sides of elements except boundaries and interfaces."""
     inner = np.setdiff1d(shown.sides, outlined_facets(shown.mesh))
     _draw_facets(axes, shown.mesh, inner, unit, colour, width)
 
@@ -208,15 +207,10 @@ def draw_field_lines(
 
 
 def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
-    """Return values on a lattice fine enough to draw curved sides.
-
-    Only values at the corners of elements, shape (3, nelements), of a `MeshTri2` are interpolated.
-    """
     return lattice(PARTS)[0].T @ values if is_second_order(mesh) and len(values) == 3 else values
 
 
 def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
-    """Return checked values of a shape, or of shape (k, nelements) on a lattice."""
     array = np.asarray(given)
     if array.ndim == 2 and divisions_of(len(array)):
         return as_reals(name, array, {"k": len(array), "nelements": mesh.t.shape[1]})
@@ -274,10 +268,6 @@ def draw_elements(
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
-    """Draw facets as long lines with gaps.
-
-    A collection would create an object for every facet, and Agg limits the length of a single line.
-    """
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
         straight, bent = straight_and_bent(mesh, part)
         for points in (mesh.p[:, mesh.facets[:, straight]], bent):
@@ -289,6 +279,5 @@ def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str
 
 
 def draw_outline(axes: Axes, shown: Flat, unit: str, colour: str) -> None:
-    """Draw boundaries and interfaces, and set the axes."""
     _draw_facets(axes, shown.mesh, outlined_facets(shown.mesh), unit, colour, OUTLINE)
     set_axes(axes, shown.mesh, unit, shown.axes)

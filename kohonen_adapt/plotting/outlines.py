@@ -1,6 +1,6 @@
 """Boundaries and interfaces drawn with the constraints on their nodes.
 
-The code calls these lines the outlines of a mesh, and a curve segment from corner to corner a chain.
+A curve segment from corner to corner is called a chain.
 """
 
 from collections import defaultdict
@@ -98,11 +98,6 @@ def plot_outlines(
 
 
 def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
-    """Return a colour for every curve segment, distinct where segments meet.
-
-    `ends` (2, n) are the nodes of facets, `chain` (n,) the segment of each. The colours repeat only if more segments
-    meet than there are colours.
-    """
     at: dict[int, set[int]] = defaultdict(set)
     for node, c in zip(ends.ravel().tolist(), np.repeat(chain, 2).tolist(), strict=True):
         at[node].add(c)
@@ -119,10 +114,6 @@ def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
 
 
 def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
-    """Draw the curve segments, with a line style for each kind.
-
-    `facets` (c,) counts the facets of each segment. Names and radii are written where they do not overlap.
-    """
     chains = outline.constraints.chains
     given = outline.given >= 0
     plain = ~chains.paired & ~given
@@ -154,10 +145,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
 
 
 def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
-    """Return points (n, 2) along every curve segment, dense enough for its curvature.
-
-    `facets` (c,) counts the facets of each segment.
-    """
+    """Return points (n, 2) along every curve segment, dense enough for its curvature."""
     chains = outline.constraints.chains
     turn = np.abs(chains.curvature) * chains.length
     parts = np.where(outline.on_circles, np.ceil(turn / STEP), np.where(outline.straight, 1, 8 * facets))
@@ -168,7 +156,6 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
 
 
 def _in_words(radii: Floats, unit: str) -> str:
-    """Return text with the radii of circles, or with their range if more than four."""
     texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if len(texts) > 4:
         return f",\nradii from {texts[0]} to {texts[-1]} {unit}".rstrip()
@@ -203,7 +190,6 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
 
 
 def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
-    """Draw a marker at every node, with a style for its freedom to move."""
     freedoms = outline.nodes_by_freedom()
     held = max(int(np.sum(~freedoms["free"])), 1)
     size = float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))

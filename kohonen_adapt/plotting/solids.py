@@ -49,7 +49,7 @@ def plot_slice(
     mesh
         The mesh.
     plane
-        Cutting plane, a `kohonen_adapt.Plane`. Where the plane runs along faces of elements, the elements on one of its
+        Cutting plane, a `kohonen_adapt.Plane`. If the plane runs along faces of elements, the elements on one of its
         sides are shown.
     values
         Values (nelements,), constant in every element, or (nnodes,), linear between the nodes. None colours subdomains.
@@ -179,11 +179,7 @@ def plot_surface(
 
 
 def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
-    """Return the visible boundary faces, their order, and their brightness.
-
-    The faces are projected along the line of sight and sorted from the farthest to the nearest. The order contains rows
-    of `rim`, and the brightness is the cosine of the angle between normal and light.
-    """
+    """Return the visible boundary faces, their rows in `rim`, and their brightness."""
     corners = mesh.p[:, directed(mesh, rim, np.zeros_like(rim)).T]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
@@ -196,7 +192,6 @@ def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[Poly
 
 
 def _check(mesh: MeshTet) -> None:
-    """Refuse anything but a mesh of tetrahedra, and number its facets."""
     check_kind(mesh, bent=True, space=True)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
@@ -209,10 +204,6 @@ def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
 
 
 def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
-    """Return colour indices (count,), the colours, and their labels.
-
-    Each combination of names that occurs has a colour of its own.
-    """
     number, members = combinations(list(sets.values()), count)
     names = list(sets)
     labels = [", ".join(names[k] for k in each.tolist()) for each in members]
@@ -236,7 +227,6 @@ def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
 
 
 def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
-    """Return the rows of `rim` that carry each name, without names that do not occur."""
     of_face = {"boundaries": rim, "subdomains": mesh.f2t[0, rim]}[names]
     found = {name: np.flatnonzero(np.isin(of_face, rows)) for name, rows in named_sets(getattr(mesh, names)).items()}
     return {name: rows for name, rows in found.items() if len(rows)}

@@ -70,7 +70,6 @@ def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:
 
 
 def _curves(result: SweepResult) -> dict[str, list[int]]:
-    """Return the indices of the cases of every curve, by its label."""
     first, *others = result.parameters
     found: dict[str, list[int]] = {}
     for number in _order(result.table[first]):

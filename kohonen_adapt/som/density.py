@@ -22,9 +22,9 @@ __all__ = [
 ]
 
 
-ZERO = 1e-6  # of the largest value: zeros are raised to this value
-UTMOST = 1e100  # ratio of densities beyond which their logarithms, products and sums might be no numbers
-QUIET = 1e-3  # of the median: smaller indicators are raised to this value
+ZERO = 1e-6  # value to which zeros are raised, relative to the largest value
+UTMOST = 1e100  # maximum ratio of densities for which logarithms, products and sums are finite
+QUIET = 1e-3  # value to which smaller indicators are raised, relative to the median
 
 
 def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1, norm: str = "energy") -> Floats:
@@ -91,7 +91,6 @@ def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1
 
 
 def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Floats:
-    """Return the result of `density_from_indicators` without validation."""
     sizes = area(mesh)
     if not values.any():
         return np.full(len(values), mesh.nvertices / sizes.sum())
@@ -151,10 +150,6 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
 
 
 def per_element(count: int, values: ArrayLike, name: str) -> Floats:
-    """Return values of `count` elements as floats.
-
-    Raises ValueError if a value is negative or not finite.
-    """
     array = as_reals(name, values, {"nelements": count})
     bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0)))
     if len(bad):
@@ -163,20 +158,12 @@ def per_element(count: int, values: ArrayLike, name: str) -> Floats:
 
 
 def without_zeros(values: Floats, largest: float) -> Floats:
-    """Return values as fractions of `largest`, with zeros raised to `ZERO`.
-
-    Smaller values that are not zero are kept, because they are intended: away from a corner, a density soon falls below
-    a millionth of the largest value.
-    """
+    """Return values as fractions of `largest`, with zeros raised to `ZERO`."""
     with np.errstate(over="ignore"):
         return np.where(values == 0.0, ZERO, np.clip(values / largest, 1.0 / UTMOST, UTMOST))
 
 
 def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
-    """Return a user-defined density at points (n, d).
-
-    Raises ValueError if the function returns another shape or a value that is negative or not finite.
-    """
     values = np.asarray(function(points.T.copy()))
     if values.shape != (len(points),):
         raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")

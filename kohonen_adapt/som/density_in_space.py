@@ -25,10 +25,6 @@ class ElementDensityInSpace:
         self._log_at_corners = averages_by_region(node, region, tet.volumes(), np.log(self.values))
 
     def at_nodes(self) -> Floats:
-        """Return the mean over the elements around every node, shape (n,).
-
-        All elements have the same weight, because small elements resolve the density best.
-        """
         node = self._node.ravel()
         return np.bincount(node, weights=np.repeat(self.values, 4), minlength=self._nnodes) / np.bincount(node)
 
@@ -61,14 +57,9 @@ class CallableDensityInSpace:
         self._at_nodes = without_zeros(nodes, self.largest)
 
     def at_nodes(self) -> Floats:
-        """Return the values at the nodes of the input mesh as fractions, shape (n,)."""
         return self._at_nodes
 
     def at(self, points: Floats) -> Floats:
-        """Return the density at points (k, 3) as fractions of the largest value.
-
-        The largest value is that at nodes and centroids of the input mesh.
-        """
         return without_zeros(values_at(self.function, points), self.largest)
 
 
@@ -76,13 +67,6 @@ DensityInSpace = ElementDensityInSpace | CallableDensityInSpace
 
 
 def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]) -> DensityInSpace:
-    """Return a user-defined density for a mesh of tetrahedra.
-
-    Raises
-    ------
-    ValueError
-        If `density` has another shape than (nelements,), is negative, not finite, or zero everywhere.
-    """
     if callable(density):
         return CallableDensityInSpace(tet, density)
     values = per_element(len(tet.used), density, "density")
@@ -92,10 +76,7 @@ def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Flo
 
 
 def averages_by_region(node: Ints, region: Ints, volumes: Floats, values: Floats) -> Floats:
-    """Return averages around every corner within the region of its element, (m, 4).
-
-    Averages are weighted by volume.
-    """
+    """Return volume-weighted averages at corners, each within its region, (m, 4)."""
     count = int(region.max()) + 1
     site, of_corner = np.unique(node.astype(np.int64) * count + region[:, None], return_inverse=True)
     of_corner = of_corner.ravel()

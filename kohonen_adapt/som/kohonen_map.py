@@ -177,10 +177,6 @@ class KohonenMap:
         return trainer.learn(draw, schedule, rng)
 
     def _finder(self) -> Finder:
-        """Return a function that finds the elements and regions of points (n, d).
-
-        The function refers to the present mesh. Elements are -1 outside.
-        """
         movable, region = self._movable, self._trainer.neurons.elements.region.copy()
         if isinstance(movable, MovableSolid):
             bent, locator = False, Locator(movable.tetrahedralization)
@@ -194,13 +190,6 @@ class KohonenMap:
         return find
 
     def _located(self, find: Finder, points: ArrayLike, weights: ArrayLike | None) -> Draw:
-        """Return user-defined training points with the elements that contain them.
-
-        Raises
-        ------
-        ValueError
-            If a shape does not fit, a weight is negative or not finite, or a point lies outside the mesh.
-        """
         rows = as_rows(points, "points", self._trainer.room.cell.dim)
         if len(rows) == 0:
             raise ValueError("points must hold at least one training point; got none.")
@@ -231,10 +220,6 @@ class KohonenMap:
 
 
 def points_and_weights(answer: object) -> tuple[ArrayLike, ArrayLike | None]:
-    """Return the pair of points and weights that a callable has returned.
-
-    Raises ValueError for any other value.
-    """
     if not isinstance(answer, tuple) or len(answer) != 2:
         raise ValueError(
             f"points as a callable must return (points, weights), weights None for ones; got {type(answer).__name__}."

@@ -38,13 +38,11 @@ class Moved(Generic[Movable]):
     why_still: str
 
     def changed(self, now: Movable) -> bool:
-        """Return True if a position or an element differs from the mesh before."""
         before, after = self.before.tessellation, now.tessellation
         same = np.array_equal(before.position, after.position)
         return not (same and np.array_equal(before.elements.node, after.elements.node))
 
     def work(self, now: Movable, polish_gain: float = 0.0) -> Work:
-        """Return the figures of all changes of the mesh until now."""
         old, position = self.recycled.old, now.tessellation.position
         kept = old >= 0
         way = np.sqrt(np.sum((position[kept] - self.before.tessellation.position[old[kept]]) ** 2, axis=1))
@@ -69,7 +67,6 @@ def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) ->
 
 
 def with_remedy(why: str, movable: MovableMesh | MovableSolid) -> str:
-    """Return a reason for no move, with the `min_quality` that helps."""
     worst = float(quality(movable.came_from).min())
     if why != QUALITY_RULE or worst >= movable.floor:
         return why

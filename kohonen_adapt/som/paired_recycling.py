@@ -26,8 +26,8 @@ from kohonen_adapt.outline.parameters import parameters_of, ways_along
 __all__ = ["recycle_pairs"]
 
 EQUILATERAL = 2.0 / np.sqrt(3.0)  # squared edge length times nodes per area
-ROUNDS = 6  # rounds of collapses and of splits: neighbours of changed nodes have to wait
-SAME = 1e-9  # of the size of the mesh: segments this near to the image of a segment are its image
+ROUNDS = 6  # number of rounds of collapses and of splits: neighbours of changed nodes have to wait
+SAME = 1e-9  # maximum distance of a segment from its image, relative to the size of the mesh
 
 
 class Facets(NamedTuple):
@@ -43,10 +43,8 @@ class Facets(NamedTuple):
 def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
     """Split and collapse facets of pairs until they have the desired length.
 
-    The desired length is the edge length of `target` nodes, all elements equilateral in the metric of the density.
     Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
-    `target`. With `both` the number of nodes may differ from `target` afterwards, and recycling elsewhere makes up for
-    the difference. Returns the numbers of nodes added and removed.
+    `target`. Returns the numbers of nodes added and removed.
     """
     images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
     room = int(mesh.pool.height[0]) // 2 - 1
@@ -60,7 +58,6 @@ def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: 
 
 
 def desired_length(mesh: OpenMesh, target: int) -> float:
-    """Return the squared edge length in the metric if all elements are equilateral."""
     node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
     (ax, ay), (bx, by) = (mesh.position[node[:, k]].T - mesh.position[node[:, 0]].T for k in (1, 2))
     areas = 0.5 * (ax * by - ay * bx)
@@ -68,10 +65,6 @@ def desired_length(mesh: OpenMesh, target: int) -> float:
 
 
 def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
-    """Return paired curve segments as (segment, image, motion onto the image).
-
-    Every pair is listed once.
-    """
     chains, motions = mesh.constraints.chains, mesh.constraints.twins.motions
     paired, found = np.flatnonzero(chains.paired), []
     near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
@@ -96,10 +89,6 @@ def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facet
 
 
 def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
-    """Return elements, first nodes and last nodes of the facets of segment `c`.
-
-    Facets are in the order of the segment.
-    """
     e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
     chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
     at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
@@ -111,10 +100,6 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
-    """Return the squared length in the metric of every facet and its image, (f,).
-
-    The length of a facet and its image is the larger of the two.
-    """
     way = mesh.position[facets.start] - mesh.position[facets.end]
     density = mesh.origins.density
     squared = np.sum(way**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
@@ -122,11 +107,6 @@ def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
 
 
 def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:
-    """Collapse facets shorter than `least`, and their images.
-
-    The shortest are collapsed first. Facets next to a collapsed facet wait for another round. No edge may be longer
-    than `longest` afterwards; both are squared lengths in the metric. Returns the number of facets that are collapsed.
-    """
     length, changed, count = lengths(mesh, facets), set[int](), 0
     for i in np.argsort(length, kind="stable"):
         ends = facets.start[i], facets.end[i]
@@ -147,10 +127,7 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
 
 
 def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
-    """Return the worst quality after collapses of nodes `v` into nodes `w`.
-
-    `v`, shape (2,), are a node and its partner. The quality is negative if the collapses are not allowed.
-    """
+    """Return the worst quality after collapses, negative if they are not allowed."""
     constraints, twins = mesh.constraints, mesh.constraints.twins
     slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
     if not slides.all() or twins.partner[v[0]] != v[1] or twins.partner[v[1]] != v[0]:
@@ -169,10 +146,6 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
 
 
 def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, room: int) -> int:
-    """Split facets longer than `longest` and their images, at most `room` facets.
-
-    Returns the number of facets that are split.
-    """
     length, count = lengths(mesh, facets), 0
     find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
     twins = mesh.constraints.twins

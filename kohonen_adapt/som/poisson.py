@@ -15,11 +15,11 @@ from kohonen_adapt.arrays import Floats
 
 __all__ = ["potential"]
 
-LEAKAGE = 1e-9  # of the conductance around a cluster
-DIRECT = 12_000  # clusters: for more, the equation is solved by conjugate gradients
-ERROR = 1e-5  # of the inflow, which far fewer training points determine
-MOST = 300  # largest number of iterations; 40 are usually enough
-GROUP = 16  # clusters in a row along the curve that are one unknown of the coarse equation
+LEAKAGE = 1e-9  # leakage, relative to the conductance around a cluster
+DIRECT = 12_000  # number of clusters above which the equation is solved by conjugate gradients
+ERROR = 1e-5  # tolerance relative to the inflow, which far fewer training points determine
+MOST = 300  # maximum number of iterations; 40 are usually enough
+GROUP = 16  # number of clusters in a row along the curve that are one unknown of the coarse equation
 DAMPING = 2 / 3  # damping of Jacobi's method
 
 
@@ -37,19 +37,11 @@ def potential(links: csr_array, inflow: Floats) -> Floats:
 
 
 def directly(matrix: csr_array) -> Callable[[Floats], Floats]:
-    """Return a function that solves equations with a factorised matrix.
-
-    The matrix must be symmetric and positive definite.
-    """
     columns, options = csc_array(matrix), {"SymmetricMode": True}
     return splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
 
 
 def by_conjugate_gradients(matrix: csr_array, inflow: Floats) -> Floats | None:
-    """Return the solution to a relative residual `ERROR`, None if not reached.
-
-    At most `MOST` iterations are made. The preconditioner has two levels.
-    """
     height, residual = np.zeros_like(inflow), inflow.copy()
     improve, enough = two_levels(matrix), ERROR**2 * np.sum(inflow**2)
     way, before = np.zeros_like(inflow), np.inf

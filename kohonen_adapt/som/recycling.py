@@ -19,9 +19,9 @@ from kohonen_adapt.som.paired_recycling import recycle_pairs
 
 __all__ = ["recycle_nodes", "starts_in_space", "starts_of"]
 
-RATIO = 2.2  # of the longest to the shortest edge in the metric: below 2, splits and collapses would alternate forever
-ROUNDS = 2  # rounds: a forbidden collapse may be allowed after changes nearby
-SETTLED = 0.01  # fraction of the nodes: a round with fewer splits is the last
+RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
+ROUNDS = 2  # number of rounds: a forbidden collapse may be allowed after changes nearby
+SETTLED = 0.01  # fraction of nodes: a round with fewer splits is the last
 SPARE = 8  # spare rows of nodes for every facet of a pair
 SPLITS = 100_000  # splits per compiled call, so that Ctrl-C takes effect within half a second
 
@@ -31,13 +31,10 @@ def recycle_nodes(
 ) -> Recycled:
     """Split the longest edges and collapse the shortest until they are similar.
 
-    Lengths are measured in the metric ``density |dx|^2``. Nodes of boundaries and interfaces stay on their curve
-    segments, corners and pinned nodes stay where they are, and every element keeps its region.
-
-    `density`, shape (nnodes,), is the wanted number of nodes per area up to a factor. `target` is the final number of
-    nodes, reached by splits alone if nodes are missing, and by collapses alone if there are too many. With `pairs`,
-    splits and collapses continue at this number. The area between facets and curves must not grow, except where facets
-    are no longer than `longest`, shape (nnodes,).
+    Lengths are measured in the metric ``density |dx|^2``. `density`, shape (nnodes,), is the wanted number of nodes per
+    area up to a factor. `target` is the final number of nodes. With `pairs`, splits and collapses continue at this
+    number. The area between facets and curves must not grow, except where facets are no longer than `longest`, shape
+    (nnodes,).
     """
     movable.settle()
     done = unchanged(movable.triangulation)
@@ -60,11 +57,6 @@ def recycle_nodes(
 def recycled_pairs(
     movable: MovableMesh, density: Floats, target: int, both: bool, done: Recycled
 ) -> tuple[Ints, Floats, Recycled]:
-    """Recycle the nodes of periodic pairs, as `recycle_pairs` describes.
-
-    Returns the earlier row of every node, (n,), -1 for a new node, the density at nodes, and the record of all
-    recycling.
-    """
     on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
     spacious = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
     spacious.mesh.origins.young[:] = False
@@ -80,10 +72,6 @@ def recycled_pairs(
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:
-    """Run rounds of splits and collapses, and return their numbers.
-
-    `missing` is the number of nodes to add, negative if there are too many.
-    """
     rows = len(mesh.elements.node)
     # capacity for all edges twice: a mesh has three edges for two elements, and boundaries
     heaps = Heap.of(4 * rows + 8), Heap.of(4 * rows + 8)
@@ -102,11 +90,7 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
 
 
 def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
-    """Return a present node near every element of the mesh before, (m,).
-
-    The node is a corner of the element if one is left, else a node near the element in its region. Searches start
-    there.
-    """
+    """Return a present node near every element of the mesh before, (m,)."""
     if not recycled.splits and not recycled.collapses:
         return before.elements.node[:, 0]
     now = np.full(before.nnodes, -1, dtype=np.int32)
@@ -118,10 +102,6 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
 
 
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
-    """Return a present node near every tetrahedron of the mesh before, (m,).
-
-    The node is in the region of the element.
-    """
     middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
     node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
     starts = np.empty(len(middle), dtype=np.int32)

@@ -84,8 +84,8 @@ def relocate(
     MeshTri or MeshTet
         Mesh with the same number of nodes and the same names. Nodes stay in their region, and boundaries and interfaces
         keep their shape. If the input is a `skfem.MeshTri2` and a boundary or interface is curved, so is the result:
-        its curved sides lie on arcs, where corners and mid-side nodes are on a circle, or else on splines through both.
-        Mid-side nodes are put on these curves, or nearer to the chord where an element would be inverted. Curved sides
+        its curved sides lie on arcs, where corners and midside nodes are on a circle, or else on splines through both.
+        Midside nodes are put on these curves, or nearer to the chord where an element would be inverted. Curved sides
         on no boundary or interface are straightened.
 
     Raises
@@ -158,7 +158,6 @@ def relocated_in_plane(
 
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
-    """Return the groups of kernels that `move` needs."""
     return "ground", "map", "recycling" if topology == "recycle" else "transport"
 
 
@@ -199,7 +198,6 @@ def move(
 
 
 def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recycled) -> int | None:
-    """Return the first radius in edges, None if recycling makes travel unnecessary."""
     if topology == "recycle":
         return None
     return 2 if recycled.splits else 2 ** doublings_for(trainer, wanted)
@@ -227,10 +225,7 @@ def doublings_for(trainer: Trainer, wanted: Density) -> int:
 
 
 def node_masses(elements: Elements, masses: Floats) -> Floats:
-    """Return the mass of the density at every node, a third of its elements', (n,).
-
-    The mean is 1 in every region. Nodes cannot leave their region, so regions do not exchange mass.
-    """
+    """Return the mass of the density at every node, (n,), with mean 1 in a region."""
     node, region = elements.node, elements.region
     degree = np.bincount(node.ravel())
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
@@ -239,7 +234,6 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
 
 
 def report_curves(before: MovableMesh, now: MovableMesh) -> None:
-    """Log the largest distance between curves and facets, now and before."""
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
         which = now.outline.farthest_curve(now.triangulation)

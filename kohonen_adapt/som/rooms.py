@@ -39,47 +39,31 @@ class Room(NamedTuple):
 
 
 def shares_in_triangles(count: int, rng: np.random.Generator) -> Floats:
-    """Return barycentric coordinates of uniform random points in a triangle.
-
-    The shape is (2, count), without the coordinate of the first corner.
-    """
+    """Return uniform random points in barycentric coordinates 1 and 2, (2, count)."""
     u, v = rng.random((2, count))
     outside = u + v > 1.0
     return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
 
 
 def shares_in_tetrahedra(count: int, rng: np.random.Generator) -> Floats:
-    """Return barycentric coordinates of uniform random points in a tetrahedron.
-
-    The shape is (3, count), without the coordinate of the first corner. Coordinates are the differences of sorted
-    numbers.
-    """
+    """Return uniform random points in barycentric coordinates 1 to 3, (3, count)."""
     return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
 
 
 def ring_in_plane(rings: Ints) -> Ints:
-    """Return the number of nodes in rings if every node has six neighbours."""
     return np.maximum(1, 6 * rings)
 
 
 def ring_in_space(rings: Ints) -> Ints:
-    """Return the number of nodes in rings if every node has 14 neighbours.
-
-    A lattice of cubes that are cut into six tetrahedra each has so many.
-    """
+    """Return the number of nodes in rings of cubes cut into six tetrahedra."""
     return np.where(rings == 0, 1, 12 * rings**2 + 2)
 
 
 def schedule_in_plane(nnodes: int, topology: str) -> Schedule:
-    """Return the default schedule of `relocate` without sweeps."""
     return replace(Schedule.default(nnodes, topology=topology), sweeps=0)
 
 
 def schedule_in_space(nnodes: int, topology: str) -> Schedule:
-    """Return a schedule with radii halved from 0.3 cbrt(nnodes) to 1.
-
-    There is no transport in space, so wide radii move nodes far.
-    """
     doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
     radii = [2**k for k in range(doublings, 0, -1)]
     stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]

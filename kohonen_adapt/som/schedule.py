@@ -102,8 +102,8 @@ class Schedule:
         Stages in their order. Without stages, rounds and sweeps no node moves.
     rounds
         Rounds of transport before the stages. All nodes move at once from where training points have too many winners
-        to where they have too few, at any distance. The points are counted and not presented. Beyond five, the first
-        rounds are combined: one flow replaces two or more.
+        to where they have too few, at any distance. The points are counted and not presented. If there are more than
+        five rounds, the first are combined: one flow replaces two or more.
     sweeps
         Sweeps of density-weighted smoothing after the stages (`relocate` and `adapt` only), towards the circumcentres
         around each node (optimal Delaunay smoothing) or, with ``topology="fixed"``, towards the barycentres.
@@ -246,13 +246,6 @@ class Schedule:
 
 
 def check_training(schedule: object, seed: object) -> None:
-    """Raise ValueError for a wrong schedule or seed.
-
-    Raises
-    ------
-    ValueError
-        If `schedule` is neither a `Schedule` nor None, or `seed` is not an integer >= 0.
-    """
     if not isinstance(schedule, Schedule | None):
         raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
     if not is_count(seed):
@@ -265,5 +258,4 @@ def are_two_rates(rates: Iterable[float]) -> bool:
 
 
 def most_doublings(nnodes: int) -> int:
-    """Return how often 1 can be doubled below 0.6 sqrt(nnodes), at least once."""
     return max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))

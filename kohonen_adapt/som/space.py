@@ -29,22 +29,15 @@ logger = logging.getLogger("kohonen_adapt")
 __all__ = ["loops_in_space", "move_in_space", "report_surfaces"]
 
 SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # sweeps of smoothing: more would concentrate nodes too much
-RATIO = 2.2  # of the longest to the shortest edge in the metric: below 2, splits and collapses would alternate forever
-ROUNDS = 6  # rounds: a forbidden collapse may be allowed after swaps nearby
-SETTLED = 0.005  # fraction of the nodes: a round with fewer splits is the last
-MIXED = 0.1  # fraction of the nodes: after a round with more splits rows are ordered again
-POWER = 5.0 / 3.0  # of the density: with this weight, smoothing equalises the mass of elements
+RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
+ROUNDS = 6  # number of rounds: a forbidden collapse may be allowed after swaps nearby
+SETTLED = 0.005  # fraction of nodes: a round with fewer splits is the last
+MIXED = 0.1  # fraction of nodes: after a round with more splits rows are ordered again
+POWER = 5.0 / 3.0  # exponent of the density as weight of smoothing, which equalises the mass of elements
 PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 
 def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
-    """Return the groups of kernels that `move_in_space` needs.
-
-    Raises
-    ------
-    ValueError
-        If the schedule has rounds of transport, which do not exist in space.
-    """
     if schedule is not None and schedule.rounds:
         raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
     recycling = ["space recycling"] * (topology == "recycle")
@@ -59,16 +52,7 @@ def move_in_space(
     rng: np.random.Generator,
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
-    """Move the nodes of a tetrahedral mesh to a density, in place.
-
-    `nodes` is the final number of nodes, 0 for the present number. If the schedule has stages, the map is trained
-    between recycling and the sweeps of smoothing.
-
-    Raises
-    ------
-    ValueError
-        If the density has another shape or is negative, not finite, or zero everywhere.
-    """
+    """Move the nodes of a tetrahedral mesh to a density, in place."""
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
     wanted = density_in_space(before.tetrahedralization, density)
     if schedule is None or not schedule.trains:
@@ -87,8 +71,6 @@ def rearrange(
     """Recycle nodes, swap elements and smooth, in place, as `topology` allows.
 
     `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease.
-    Nodes keep their numbers except with "recycle", where new nodes take the numbers of removed ones and all are ordered
-    along a space-filling curve. Returns the old index of every node and the numbers of splits and collapses.
     """
     pairs, target = topology == "recycle", nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
@@ -106,10 +88,6 @@ def rearrange(
 
 
 def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:
-    """Run rounds of splits and collapses with swaps between, if swaps are allowed.
-
-    Returns the numbers of splits and collapses. `ratio` limits the ratio of the longest to the shortest edge.
-    """
     mesh, rows, floor = opened.mesh, 2 * len(opened.mesh.elements.node), cubed(movable.floor)
     heaps = Heap.of(rows), Heap.of(rows)
     splits = collapses = 0
@@ -137,7 +115,6 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
 
 
 def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
-    """Smooth the mesh in sweeps, with swaps after every sweep if swaps are allowed."""
     parts = opened.parts()
     for _ in range(sweeps):
         sweep(opened, parts, weights(opened, density), cubed(movable.floor))
@@ -147,10 +124,6 @@ def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: Mov
 
 
 def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
-    """Return the weight of every element in smoothing, shape (rows,).
-
-    The weight is the power `POWER` of the density at the centroid.
-    """
     node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
     used = np.flatnonzero(node[:, 0] >= 0)
     weight[used] = density.at(opened.mesh.position[node[used]].mean(axis=1)) ** POWER
@@ -170,12 +143,10 @@ def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None
 
 
 def cubed(floor: float) -> float:
-    """Return a minimum quality as kernels over tetrahedra compare qualities."""
     return floor**3
 
 
 def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
-    """Log the largest distance between curved surfaces and faces, now and before."""
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
         text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"

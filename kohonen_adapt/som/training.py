@@ -31,11 +31,11 @@ from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
 
 __all__ = ["Trainer"]
 
-PULL = 0.4  # largest fraction of the distance to its points that a node moves in a batch; the next batch balances
-LEAST = 1_000  # nodes per part: fewer do not justify a thread
-STRIPS = 0.3  # largest fraction of nodes near cuts, which have to wait
-TILE = 250  # nodes whose points are presented together, to stay in the cache; more for wide radii
-FEW = 1_000  # stars or searches: fewer do not justify another thread
+PULL = 0.4  # maximum displacement of a node in a batch, as a fraction of the distance to its points
+LEAST = 1_000  # minimum number of nodes per part, to justify a thread
+STRIPS = 0.3  # maximum fraction of nodes near cuts, which have to wait
+TILE = 250  # number of nodes whose points are presented together, to stay in the cache; more for wide radii
+FEW = 1_000  # minimum number of stars or searches per thread
 
 Drawing = Callable[[int, np.random.Generator], Draw]
 
@@ -94,10 +94,6 @@ class Trainer:
         return errors
 
     def _carry(self, draw: Drawing, rounds: int, rng: np.random.Generator, winners: Ints) -> None:
-        """Run rounds of transport.
-
-        `winners`, the winner of the last point in every element, are updated.
-        """
         if not rounds:
             return
         transport = Transport.of(self._triangles("rounds of transport"), self.rank)
@@ -108,11 +104,6 @@ class Trainer:
             transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
     def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
-        """Run all epochs, and return the error of each.
-
-        The search for the winner starts from the last winner of the same point if the points are not fresh, otherwise
-        from the winner of the last point drawn from the same element.
-        """
         count, errors, kept = self.movable.nnodes, list[float](), None
         if not schedule.fresh:
             kept = draw(ceil(max((stage.points_per_neuron for stage in schedule.stages), default=0.0) * count), rng)
@@ -127,10 +118,6 @@ class Trainer:
         return tuple(errors)
 
     def smooth(self, density: Density, sweeps: int) -> None:
-        """Smooth the mesh in sweeps weighted by a density.
-
-        With flips, smoothing is optimal Delaunay smoothing; otherwise nodes move towards barycentres.
-        """
         movable = self._triangles("sweeps")
         for number in range(sweeps):
             if number % density.lasting == 0:
@@ -162,15 +149,10 @@ class Trainer:
         return total / max(1, number)
 
     def order_by_region(self) -> Ints:
-        """Return the nodes along the curve, region by region, shape (n,).
-
-        Nodes on interfaces are listed in one of their regions.
-        """
         region = self.neurons.elements.region[self.neurons.star.element[self.neurons.star.start[:-1]]]
         return self.order[np.argsort(region[self.order], kind="stable")]
 
     def _sound_stars(self) -> Mask:
-        """Return the mask (n,) of nodes whose elements satisfy the minimum quality."""
         sound = np.empty(self.movable.nnodes, dtype=np.bool_)
         arrays = self.neurons.position, self.neurons.star, self.movable.floor
         cuts = even_cuts(len(sound), FEW)
@@ -178,10 +160,6 @@ class Trainer:
         return sound
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
-        """Smooth every node once, with the given weight of every element.
-
-        Nodes move towards circumcentres, or towards barycentres if `circumcentres` is False.
-        """
         movable = self._triangles("sweeps")
         tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
         parts = parts_for(tri.nnodes, 1, self.room.cell.dim)
@@ -207,10 +185,6 @@ class Trainer:
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
-        """Return winner and distance for every point.
-
-        The search for a point starts at its node in `hints`.
-        """
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
 
         def task(thread: int, first: int, last: int) -> None:
@@ -224,7 +198,6 @@ class Trainer:
         return found, distances
 
     def _flip(self) -> None:
-        """Flip edges or swap elements, and update the kernel arrays."""
         if isinstance(self.movable, MovableMesh):
             self.movable.flip()
         else:
@@ -234,13 +207,6 @@ class Trainer:
             self.scratch = scratch_for(self.neurons)
 
     def _triangles(self, what: str) -> MovableMesh:
-        """Return the mesh if its elements are triangles.
-
-        Raises
-        ------
-        ValueError
-            If the elements are tetrahedra, for which `what` does not exist.
-        """
         if isinstance(self.movable, MovableSolid):
             raise ValueError(f"the schedule has {what}, which are for triangles only; got tetrahedra. Use wider radii.")
         return self.movable
@@ -248,10 +214,6 @@ class Trainer:
     def _by_parts(
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
     ) -> tuple[Ints, Ints]:
-        """Return the first index of every part in the order of points, and the order.
-
-        Points near cuts are last. The order is random within tiles of nodes.
-        """
         n = len(deep)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.room)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
@@ -260,7 +222,6 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
-        """Present points by parts in parallel, then the points near cuts."""
         floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
@@ -273,12 +234,10 @@ class Trainer:
 
 
 def starts_of_parts(neurons: int, parts: int) -> Ints:
-    """Return the first node of every part, and the number of nodes, (parts + 1,)."""
     return -(-np.arange(parts + 1) * neurons // parts)
 
 
 def shares_of(starts: Ints) -> list[int]:
-    """Return the starts of parts at which the work of a thread starts."""
     parts = len(starts) - 1
     shares = min(number_of_threads(), parts)
     return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
@@ -298,15 +257,10 @@ def parts_for(neurons: int, rings: int, dim: int) -> int:
 
 
 def disc(radius: int, room: Room) -> int:
-    """Return the number of nodes within `radius` rings of a regular mesh."""
     return int(room.ring(np.arange(radius + 1)).sum())
 
 
 def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, room: Room) -> int:
-    """Return the number of batches into which the points of an epoch are divided.
-
-    `per_neuron` is the number of points per node.
-    """
     pull = per_neuron * rate * float(room.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
     return max(1, ceil(pull), ceil(points / room.updates * disc(stage.radius, room)))
 

@@ -41,9 +41,9 @@ __all__ = [
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
-FEW = 5_000  # nodes: fewer do not justify another thread
-CANDIDATES = 2**17  # evaluations of a callable density per draw, limited to 4 to 64 per element
-AT_ONCE = 2**17  # evaluations, or quadrature points of elements, that are held in memory at once
+FEW = 5_000  # minimum number of nodes per thread
+CANDIDATES = 2**17  # number of evaluations of a callable density per draw, limited to 4 to 64 per element
+AT_ONCE = 2**17  # number of evaluations, or quadrature points of elements, that are held in memory at once
 
 
 class OfElements:
@@ -64,10 +64,6 @@ class OfElements:
         self._order = along_curve(mesh.centroids()).astype(np.int32)
 
     def at_nodes(self) -> Floats:
-        """Return the mean over the elements around every node, shape (n,).
-
-        All elements have the same weight, because small elements resolve the density best.
-        """
         node, values = self.elements.node, self.masses / self.sizes
         return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
@@ -82,10 +78,6 @@ class ElementSource(OfElements):
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        """Draw points that are stratified along a space-filling curve.
-
-        Each interval of the cumulated mass along the curve has its proportion of the points.
-        """
         dim, node = self.room.cell.dim, self.elements.node
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         random = rng.random((number, dim + 1))
@@ -107,10 +99,7 @@ class ElementDensity(ElementSource):
         self._sites = sites_of(triangulation)
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Return the squared density on every element of the present mesh, (m,).
-
-        The density is a fraction of the largest value.
-        """
+        """Return the squared density on every element of the present mesh, (m,)."""
         squares = np.empty(len(triangulation.elements.node))
 
         def look_up(thread: int, first: int, last: int) -> None:
@@ -123,10 +112,6 @@ class ElementDensity(ElementSource):
         return squares
 
     def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
-        """Locate the nodes of a recycled mesh in the density's own mesh `before`.
-
-        `hint`, shape (n,), is an element near every node.
-        """
         self._sites = sites_of(triangulation)
         middle = triangulation.centroids()[self._sites.element]
         start = hint[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
@@ -153,18 +138,10 @@ class FunctionSource(OfElements):
         self.masses[self._order] = self.sizes[self._order] * means
 
     def _stretches(self) -> list[Ints]:
-        """Return the elements along the curve, cut into intervals.
-
-        The candidates of an interval are as many as are held in memory at once.
-        """
         most = AT_ONCE // self.share
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
     def _candidates(self, stretch: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return random points in every element of an interval, and the density there.
-
-        Every element has `share` points.
-        """
         points = self._points_in(np.repeat(stretch, self.share), rng)
         return points, values_at(self.function, points)
 
@@ -182,7 +159,6 @@ class FunctionSource(OfElements):
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
     def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-        """Draw `number` candidates from an interval of the curve, with their elements."""
         points, values = self._candidates(stretch, rng)
         cumulated = np.cumsum(np.repeat(self.sizes[stretch], self.share) * without_zeros(values, self.largest))
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / max(1, number))
@@ -206,10 +182,6 @@ class CallableDensity(FunctionSource):
         """Do nothing, because the function is evaluated wherever nodes are."""
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Return the squared mean density on every element of the present mesh, (m,).
-
-        The density is a fraction of the largest value.
-        """
         node = triangulation.elements.node
         squares, most = np.empty(len(node)), AT_ONCE // len(QUADRATURE)
         for first in range(0, len(node), most):
@@ -225,15 +197,6 @@ Density = ElementDensity | CallableDensity
 def density_of(
     triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike], row: Ints | None = None
 ) -> Density:
-    """Return a user-defined density for a triangulation.
-
-    `row`, shape (m,), is the index in `density` of every element.
-
-    Raises
-    ------
-    ValueError
-        If `density` has another shape than (nelements,), is negative, not finite, or zero everywhere.
-    """
     if callable(density):
         return CallableDensity(triangulation, density)
     values = per_element(len(triangulation.elements.node), density, "density")
@@ -245,14 +208,12 @@ def density_of(
 def source_of(
     mesh: Triangulation | Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]
 ) -> ElementSource | FunctionSource:
-    """Return the source of training points of a valid density."""
     if callable(density):
         return FunctionSource(mesh, density)
     return ElementSource(mesh, per_element(len(mesh.elements.node), density, "density"))
 
 
 def sites_of(triangulation: Triangulation) -> Sites:
-    """Return the regions of every node, with elements to start searches from."""
     elements, star = triangulation.elements, triangulation.star
     start = np.empty_like(star.start)
     count_sites(elements, star, start)

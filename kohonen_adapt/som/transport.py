@@ -48,17 +48,17 @@ from kohonen_adapt.som.poisson import potential
 
 __all__ = ["FLOWS", "POINTS", "Transport"]
 
-POINTS = 0.25  # training points per node and round: four in a cluster
-CLUSTER = 32  # elements in a cluster
+POINTS = 0.25  # number of training points per node and round, four per cluster
+CLUSTER = 32  # number of elements in a cluster
 SMOOTHING = 1 / 16  # smoothing sweeps over clusters, per node in a row
-FLOWS = 5  # largest number of flows: with more rounds, a flow replaces several
+FLOWS = 5  # maximum number of flows: with more rounds, a flow replaces several
 BOUND = 0.7  # limit of the logarithm of the mass per round, because the inflow is linear in the logarithm
-STEPS = 4  # steps of one round at most, with flips after each: a step stretches elements by less than a fifth
-STEP = 1.0  # of the distance of neighbours: smaller displacements need one step
-MIDDLES = 2  # attempts to repair elements by moving nodes to the middle, before the flow is slowed down
-ATTEMPTS = 12  # attempts of both kinds together
-SLOWER = 0.125  # of the distance of neighbours: change of speed from ring to ring around nodes at rest
-NEAREST = 0.1  # of the common edges: least distance of centres, which may coincide in nested clusters
+STEPS = 4  # maximum number of steps of a round, with flips after each: a step stretches elements by less than a fifth
+STEP = 1.0  # maximum displacement of a single step, relative to the distance of neighbours
+MIDDLES = 2  # number of attempts to repair elements by moving nodes to the middle, before the flow is slowed down
+ATTEMPTS = 12  # number of all attempts
+SLOWER = 0.125  # change of speed from ring to ring around nodes at rest, relative to the distance of neighbours
+NEAREST = 0.1  # minimum distance of centres, which may coincide in nested clusters, relative to the common edges
 
 
 @dataclass
@@ -78,15 +78,10 @@ class Transport:
 
     @classmethod
     def of(cls, movable: MovableMesh, rank: Ints) -> "Transport":
-        """Cut every region into clusters by the rank (n,) of nodes along a curve.
-
-        Elements keep their cluster when edges flip.
-        """
         return cls(movable, clusters_of(movable.triangulation, rank))
 
     @cached_property
     def constraints(self) -> Constraints:
-        """Constraints of the mesh, except that straight paired segments are not paired."""
         constraints = self.movable.constraints
         flags = constraints.chains.flags.copy()
         flags[constraints.chains.shape == STRAIGHT, PAIRED] = 0
@@ -138,7 +133,7 @@ class Transport:
     def _smoothed(self, flow: Floats, links: csr_array) -> Floats:
         """Return the flow without the errors of two-point fluxes between clusters.
 
-        On boundaries and interfaces the flow is tangential. The errors are a fraction of the flow, whose length in
+        The flow is tangential on boundaries and interfaces. The errors are a fraction of the flow, whose length in
         edges increases with the number of nodes, and so does the number of smoothing sweeps.
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
@@ -151,10 +146,6 @@ class Transport:
         return flow
 
     def _crossings(self) -> tuple[Ints, Ints, Floats]:
-        """Return pairs of clusters and the total length of their common edges.
-
-        Edges on boundaries and interfaces, which nodes cannot cross, do not count.
-        """
         tri, cluster = self.movable.triangulation, self.cluster
         most = 3 * len(cluster) // 2
         row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
@@ -165,11 +156,6 @@ class Transport:
         return *both.coords, both.data
 
     def moves(self, flow: Floats) -> Floats:
-        """Return the displacement of every node, shape (n, 2).
-
-        The displacement is the smoothed displacement of the clusters around the node, tangential on boundaries and
-        interfaces.
-        """
         star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, LIGHT), np.empty((2, n, 2))
 
@@ -186,7 +172,6 @@ class Transport:
         return self._alike(moves[0])
 
     def _alike(self, move: Floats) -> Floats:
-        """Return the displacements with the mean of both nodes for pairs."""
         chains, own = self.constraints.chains, self.constraints.own_chain
         along = [chains.direction[own[nodes]] for nodes in self.pairs]
         far = sum(np.sum(t * move[nodes], axis=1) for t, nodes in zip(along, self.pairs, strict=True))
@@ -195,7 +180,6 @@ class Transport:
         return move
 
     def _reach(self, move: Floats) -> float:
-        """Return the 99 % quantile of displacements relative to distances of neighbours."""
         tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
 
         def measure(thread: int, first: int, last: int) -> None:
@@ -205,7 +189,6 @@ class Transport:
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
-        """Move all nodes by a fraction of their displacements, spoiling no element."""
         tri, constraints = self.movable.triangulation, self.constraints
         nodes = even_cuts(tri.nnodes, LIGHT)
 
@@ -254,7 +237,6 @@ class Transport:
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 
     def _together(self, step: "Step") -> None:
-        """Set the target of paired nodes to the mean of both parameters."""
         if len(self.pairs[0]) == 0:
             return
         own, now = self.constraints.own_chain, self.constraints.parameter
@@ -266,14 +248,9 @@ class Transport:
             step.ahead[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
 
     def _stay(self, step: "Step", nodes: Ints) -> Mask:
-        """Return the mask (k,) of nodes that a step does not move."""
         return np.all(step.ahead[nodes] == self.movable.triangulation.position[nodes], axis=1)
 
     def _wait(self, step: "Step") -> bool:
-        """Stop paired nodes whose partner does not move.
-
-        Returns True if there were any.
-        """
         one, other = (self._stay(step, nodes) for nodes in self.pairs)
         for nodes in self.pairs:
             step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
@@ -305,10 +282,6 @@ class Step(NamedTuple):
 
 
 def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
-    """Return the cluster of every element, shape (m,).
-
-    `rank`, shape (n,), is the position of nodes on a space-filling curve.
-    """
     region, node = triangulation.elements.region, triangulation.elements.node
     order = np.argsort(rank[node[:, 0]], kind="stable")
     order = order[np.argsort(region[order], kind="stable")]
@@ -336,6 +309,5 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
 
 
 def symmetric(values: Floats, row: Ints, column: Ints, count: int) -> csr_array:
-    """Return the symmetric matrix with entries `values` above the diagonal."""
     upper = coo_array((values, (row, column)), shape=(count, count)).tocsr()
     return upper + upper.T

@@ -15,16 +15,6 @@ SECONDS = "seconds"  # reserved column of the table, not allowed as a parameter 
 
 
 def list_cases(given: Any) -> list[Case]:
-    """Return the cases in order, all with the same parameters.
-
-    In a grid the last parameter changes fastest. NumPy scalars are converted to Python numbers, which JSON files can
-    store.
-
-    Raises
-    ------
-    ValueError
-        If there is no case, or if a case is not as documented in `sweep`.
-    """
     if not isinstance(given, Mapping | Iterable) or isinstance(given, str | bytes):
         raise ValueError(
             f"cases must be a sequence of mappings, or a mapping of names to sequences of values; got {given!r}."

@@ -35,15 +35,7 @@ class SweepFolder:
 
     @classmethod
     def at(cls, folder: str | PathLike[str], function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
-        """Create the folder if missing, and require that its files belong to this sweep.
-
-        Raises
-        ------
-        ValueError
-            If `folder` is not a path, or if the folder contains another sweep.
-        OSError
-            If the folder cannot be created, read or written.
-        """
+        """Create the folder if missing, and require that its files belong to this sweep."""
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"folder must be the path of a folder, or None; got {folder!r}.")
         path, about = Path(folder), _about(function, cases)
@@ -56,25 +48,9 @@ class SweepFolder:
         return cls(path)
 
     def finished(self, count: int) -> dict[int, Outcome]:
-        """Return the stored outcomes of the first `count` cases, by case index.
-
-        Raises
-        ------
-        ValueError
-            If a file is damaged.
-        OSError
-            If a file cannot be read.
-        """
         return {number: _outcome(file) for number in range(count) if (file := self._file(number)).exists()}
 
     def keep(self, number: int, outcome: Outcome) -> None:
-        """Write the outcome of a case, as a whole file or none.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be written.
-        """
         _write(self._file(number), {"outputs": outcome.outputs, SECONDS: outcome.seconds})
 
     def _file(self, number: int) -> Path:
@@ -82,10 +58,6 @@ class SweepFolder:
 
 
 def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
-    """Return a description of a sweep, to compare with the stored one.
-
-    Messages about another sweep list the keys that differ.
-    """
     name, content = _identity(function)
     return {
         "format": FORMAT,
@@ -97,12 +69,7 @@ def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
 
 
 def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
-    """Return the name and the content of a function.
-
-    The content is the code of a plain function, and the pickled data of any other callable, whose name is its class.
-
-    Functions called by this function are not compared.
-    """
+    """Return the name of a function, and its bytecode or pickled data."""
     kind = function if isinstance(function, FunctionType) else type(function)
     name = f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(function, FunctionType):
@@ -114,7 +81,6 @@ def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
 
 
 def _code(code: CodeType) -> str:
-    """Return bytecode, names and constants as text, without line numbers."""
     constants = [
         _code(each) if isinstance(each, CodeType) else sorted(map(repr, each)) if isinstance(each, frozenset) else each
         for each in code.co_consts

@@ -34,7 +34,6 @@ class Outcome:
 
 
 def compute(function: Callable[..., Any], case: Case) -> Outcome:
-    """Call the function with a case and return its outputs or its exception."""
     start = time.perf_counter()
     try:
         outputs = _outputs(function(**case), case)
@@ -54,10 +53,7 @@ def _outputs(returned: Any, case: Case) -> dict[str, float]:
 
 
 def _portable(error: BaseException) -> Exception:
-    """Return an exception that can be pickled, with the traceback as a note.
-
-    A RuntimeError with the same message replaces an exception that cannot be pickled.
-    """
+    """Return an exception that can be pickled, with the traceback as a note."""
     error.add_note(format_exc())
     try:
         sent = pickle.loads(pickle.dumps(error))

@@ -39,13 +39,6 @@ class CannotBeginError(ValueError):
 
 
 def check_pickled(function: Callable[..., Any]) -> None:
-    """Raise an exception unless a function can be pickled for another process.
-
-    Raises
-    ------
-    CannotBeginError
-        If the function cannot be pickled.
-    """
     try:
         pickle.dumps(function)
     except Exception as error:  # pickling can raise anything
@@ -105,7 +98,6 @@ class LocalPool(Executor):
             worker.process.join()
 
     def _serve(self, number: int) -> None:
-        """Run queued tasks in process `number`, or in its replacement."""
         while (task := self._tasks.get()) is not None:
             future, call = task
             if self._ended or not future.set_running_or_notify_cancel():
@@ -156,10 +148,6 @@ class _Worker:
 
 @contextmanager
 def _sharing(threads: int) -> Iterator[None]:
-    """Set the number of threads for processes started inside this context.
-
-    Other variables of the environment set by the user are kept.
-    """
     with _starting:
         before = {name: os.environ.get(name) for name in THREADS}
         ours = [name for name in THREADS if before[name] is None or name == THREADS[0]]
@@ -173,7 +161,6 @@ def _sharing(threads: int) -> Iterator[None]:
 
 
 def _work(line: connection.Connection) -> None:
-    """Run calls received through the pipe until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
     line.send(True)

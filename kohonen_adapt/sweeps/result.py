@@ -75,7 +75,6 @@ class SweepResult:
 
 
 def shown(value: Value) -> str:
-    """Return a value as text, with six digits or a dash for nan."""
     if isinstance(value, float):
         return DASH if np.isnan(value) else f"{value:.6g}"
     return str(value)
@@ -98,6 +97,5 @@ def tabulated(cases: list[Case], outcomes: list[Outcome]) -> SweepResult:
 
 
 def _values(given: list[Value]) -> NDArray[Any]:
-    """Return an array of numbers, texts or truth values, of type object if mixed."""
     kinds = {type(value) for value in given}
     return np.array(given, dtype=None if len(kinds) == 1 or kinds == {int, float} else object)

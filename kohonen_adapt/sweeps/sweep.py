@@ -70,7 +70,7 @@ def sweep(
     an error and a new process replaces the dead one. After the main process was killed, the same call with the same
     folder computes the missing cases and returns the complete table.
 
-    On a cluster every machine needs this package and the module of the function, and compiles once for itself. Without
+    Every machine of a cluster needs this package and the module of the function, and compiles once for itself. Without
     a shared disk the function must bring its meshes along. Dask moves cases of a lost worker to another worker.
 
     Examples
@@ -84,7 +84,7 @@ def sweep(
     >>> result.table["product"]
     array([0.5, 1.5, 1. , 3. ])
 
-    On a cluster, by Dask (``pip install "kohonen-adapt[sweep]"``):
+    With Dask on a cluster (``pip install "kohonen-adapt[sweep]"``):
 
     >>> from distributed import Client  # doctest: +SKIP
     >>> with Client("tcp://scheduler:8786") as client:  # doctest: +SKIP
@@ -134,10 +134,6 @@ def _open(executor: Executor | None, count: int) -> AbstractContextManager[Execu
 def _compute(
     executor: Executor, function: Callable[..., Any], cases: Mapping[int, Case], ended: Callable[[int, Outcome], Any]
 ) -> None:
-    """Compute cases and call `ended` with the index and the outcome of each.
-
-    Cases that have not started are cancelled if an exception ends this call.
-    """
     futures: dict[Future[Outcome], int] = {}
     try:
         for number, case in cases.items():
@@ -157,7 +153,6 @@ def _submitted(executor: Executor, function: Callable[..., Any], case: Case) -> 
 
 
 def _outcome(future: "Future[Outcome]") -> Outcome:
-    """Return the outcome of a case, with an error if the executor lost the case."""
     try:
         return future.result()
     except CannotBeginError:
