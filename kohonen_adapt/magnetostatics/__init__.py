@@ -1,4 +1,4 @@
-"""Solve magnetostatics: in the plane or around an axis by the vector potential, in space by the scalar one."""
+"""Magnetostatic problems, materials, fields and goals in the plane and in space."""
 
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh

@@ -1,4 +1,4 @@
-"""Check the arguments of a magnetostatic problem, each by itself and then together."""
+"""Checked arguments of a plane magnetostatic problem."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,12 +25,18 @@ ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimat
 
 
 class Chosen(int):
-    """An order that nobody asked for: `dataclasses.replace` with another estimator chooses anew."""
+    """Default order of the elements, chosen by the estimator.
+
+    `dataclasses.replace` with another estimator chooses again.
+    """
 
 
 @dataclass(frozen=True, eq=False)
 class Arguments:
-    """The arguments of `Magnetostatics`, which explains them, checked; mappings are copied."""
+    """Checked arguments of `Magnetostatics`, where each is documented.
+
+    Mappings are copied.
+    """
 
     materials: Mapping[str, Material]
     potential: Mapping[str, Value] | None = None
@@ -57,7 +63,7 @@ class Arguments:
         self._check_bound()
         self._check_goal()
         object.__setattr__(self, "applied_field", self._checked_field())
-        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
+        # Copies, so that later changes by the caller do not alter a solved problem.
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
@@ -67,24 +73,31 @@ class Arguments:
 
     @property
     def calibrated(self) -> bool:
-        """Whether an estimate is near the error in the energy norm: but with a goal, whose indicators do not cancel."""
+        """True if an estimate approximates the error in the energy norm.
+
+        False with a goal. Its indicators overestimate the error, because contributions of opposite sign do not cancel.
+        """
         return self.goal is None
 
     @property
     def goal_unit(self) -> str:
-        """Unit of the goal's values: per metre of depth unless there is a `depth` or an axis; empty without a goal."""
+        """Unit of the values of the goal, an empty string without a goal.
+
+        Per metre of depth unless the problem has a `depth` or an axis.
+        """
         return unit_of_goal(self.goal, per_metre=self.depth is None and not self.axisymmetric)
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
-        """Names of boundaries that are one another's image, the periodic pairs and then the antiperiodic ones, each
-        with the motion between them where that is named.
+        """Names of matching boundaries, periodic pairs before antiperiodic ones.
+
+        A pair with a third entry names the motion between its boundaries.
         """
         return (*self.periodic, *self.antiperiodic)
 
     @property
     def boundaries(self) -> Boundaries:
-        """The conditions on boundaries and at points, by name."""
+        """Conditions on boundaries and at points, by name."""
         return Boundaries(
             self.potential or {},
             self.open_boundary,
@@ -95,7 +108,7 @@ class Arguments:
         )
 
     def curves(self, mesh: MeshTri) -> dict[str, Arc]:
-        """The boundaries that are round because a torque is the goal: the bore of a body that turns.
+        """Return the arcs on which a rotating body ends, if its torque is the goal.
 
         Parameters
         ----------
@@ -105,7 +118,8 @@ class Arguments:
         Returns
         -------
         dict
-            By name, of those with too few nodes to be seen as round: for `curves` of `kohonen_adapt.adapt`, which asks.
+            Boundary name to `Arc`, for arcs with too few nodes to be recognised as such. `kohonen_adapt.adapt` reads
+            them.
 
         Raises
         ------
@@ -132,10 +146,7 @@ class Arguments:
             )
 
     def _best_order(self) -> Chosen:
-        """The order that comes to an error of 1 % in the least time, of those that have what is asked for.
-
-        For goals, too (`python -m benchmarks goal-orders`).
-        """
+        # Least time to an error of 1 %, also for goals: python -m benchmarks goal-orders
         return Chosen(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
@@ -172,7 +183,6 @@ class Arguments:
             )
 
     def _checked_field(self) -> tuple[float, float]:
-        """The applied field as a tuple of floats."""
         given = self.applied_field
         if np.shape(given) != (2,) or not all(is_number(part) and np.isfinite(part) for part in given):
             raise ValueError(f"applied_field must be two finite numbers (H_x, H_y) in A/m; got {given!r}.")
@@ -194,7 +204,6 @@ class Arguments:
 
 
 def check_plane_mesh(mesh: Any, bent: bool) -> None:
-    """Refuse what is no valid mesh of the plane; of tetrahedra with what they are for."""
     try:
         check_mesh(mesh, bent=bent)
     except ValueError as error:
@@ -204,7 +213,6 @@ def check_plane_mesh(mesh: Any, bent: bool) -> None:
 
 
 def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
-    """The ampere-turns as a dict of its own: names of materials without a current density to finite numbers."""
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"ampere_turns must map subdomain names to amperes; got {given!r}.")
     turns = dict(given or {})
@@ -225,7 +233,6 @@ def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, f
 
 
 def _checked_pairs(name: str, given: Any) -> tuple[Pair, ...]:
-    """The pairs of an argument as a tuple of tuples."""
     if not isinstance(given, list | tuple):
         raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
     checked = (checked_pair(pair, name) for pair in given)
@@ -233,7 +240,6 @@ def _checked_pairs(name: str, given: Any) -> tuple[Pair, ...]:
 
 
 def _checked_points(given: Any) -> dict[str, Floats]:
-    """The points as a dict of its own: names to places, (2, n) each."""
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"points must map names to places (x, y) in metres; got {given!r}.")
     places = {name: np.array(place) for name, place in (given or {}).items()}

@@ -1,4 +1,4 @@
-"""Estimate the error of a magnetic field: of its energy as that of a scalar problem, of a goal by the dual one."""
+"""Error estimates of plane magnetic fields, in the energy norm and for goals."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -39,27 +39,25 @@ from kohonen_adapt.problem.outputs import Output
 
 __all__ = ["RESIDUAL_SCALE", "better_values", "error_of_goal", "estimated", "goal_indicators"]
 
-SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # on a mesh, from the solution on another
+SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # (mesh, old mesh, old solution)
 
 
-# What the residual indicators are multiplied by, so that the root of their sum of squares is near the error.
-# The ratio of that root to the true error, unscaled, measured by test_magnetostatics.py and benchmark M:
+# Ratio of the unscaled residual estimate to the error, measured by test_magnetostatics.py and benchmark M:
 #     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
 #     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
 #     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
 #     the same after one to three relocations                         3.51 - 3.66
-# With 1 / 3.6 all of them come within 10 %.
 RESIDUAL_SCALE = 1.0 / 3.6
-# Around an axis a coil alone and around an iron core, squares, and adapted with and without the polish (`benchmarks
-# axis`): of order 1 3.4 - 4.8, of order 2 4.3 - 8.9, of order 3 6.6 - 13.9, most where the polish stretches elements.
+# The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
+# axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
-MOST = 3  # the highest order that there is
+MOST = 3  # order of the elements
 
 
 def estimated(
     mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Mapping[str, Material]
 ) -> Floats:
-    """Indicators by the estimator of that name, (nelements,), unsquared."""
+    """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
     joined = _joined(field, boundaries)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _scale(field) * residual_by_points(field, joined)
@@ -69,7 +67,7 @@ def estimated(
     plain = not given.pieces and not field.axisymmetric
     scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
     flux = scalar.flux
-    if given.turning and not field.axisymmetric:  # around an axis the field at the corners has it
+    if given.turning and not field.axisymmetric:  # around an axis `linearised` evaluates H at the corners
         flux = flux.reshape(2, -1, mesh.t.shape[1]) + beyond_mean(field, materials)
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
@@ -79,39 +77,30 @@ def estimated(
 
 
 def _joined(field: Field, boundaries: Boundaries) -> Facets | None:
-    """The facets of pairs, beyond which the mesh goes on."""
     if not (boundaries.periodic or boundaries.antiperiodic):
         return None
     return ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
 
 
 def _scale(field: Field) -> float:
-    """What indicators by points are multiplied by."""
     return (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
 
 
 def beyond_mean(field: Field, materials: Mapping[str, Material]) -> Floats:
-    """What the flux of magnets that turn is at the corners of elements beyond its mean there, (2, 3, nelements).
-
-    By the points that the mean is from. The means alone jump between elements where magnets do not: a Halbach cylinder
-    had an estimate of 0.6 of its error by the residual, and polished of 1.6 by the recovery; so both are within 11 %.
-    """
+    # Element means alone jump between elements where the magnet does not. For a Halbach cylinder the residual was 0.6
+    # and the recovery 1.6 times the error; with the variation inside elements both are within 11 %.
     number, x = field.coefficients.number, inner_points(field.mesh.p[:, field.mesh.t])
     inside = np.stack([coercivity_at(materials, x[:, k], number) for k in range(3)], axis=1)
     return field.symmetry.flux(2.0 * (inside - inside.mean(axis=1, keepdims=True)))
 
 
 def _kinds(field: Field, materials: Sequence[Material]) -> Ints | None:
-    """Number of the first material that equals an element's, (nelements,), where reluctivity or flux change inside one;
-    None where these themselves tell regions apart.
-    """
     alike = np.array([materials.index(material) for material in materials])
     varies = field.axisymmetric or field.coefficients.pieces or any(material.turns for material in materials)
     return alike[field.coefficients.number] if varies else None
 
 
 def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
-    """Guaranteed indicators of a planar field: the duality gap, which for linear material are the equilibrated ones."""
     fixed, _ = fixed_values(field.elements, boundaries)
     given = field.coefficients
     source, flux = given.current_density, given.flux
@@ -122,15 +111,15 @@ def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
 
 
 def linearised(field: Field, estimator: str) -> Scalar:
-    """The scalar problem that a nonlinear solution solves, or one around an axis, and what weights its error there.
+    """Return a scalar problem with the solution and the field strength of `field`.
 
-    Its flux makes ``nu grad u - flux`` the field strength of the solution, whatever the weight nu. A scalar has to
-    stand for the tensor of nonlinear material, differential along B and secant across it. Where B changes along itself,
-    H is off its average along B, which the differential reluctivity weights. Jumps are of any direction: the root of
-    the determinant weights them. On the tube of test_nonlinear.py, iron at 1.9 to 2.0 T with a ratio of 16 of the
-    two, this gives 0.85 - 0.88 of the error by recovery and 0.96 - 1.25 by the residual, which with the differential
-    reluctivity has 0.55 - 0.69.
+    A scalar weight stands for the reluctivity tensor of nonlinear material, differential along B and secant across.
+    Recovery uses the differential reluctivity, because H is in error along B where B changes along itself. The residual
+    uses the root of the determinant, because jumps have any direction. With either weight nu the flux makes
+    ``nu grad u - flux`` the field strength.
     """
+    # Estimate over error on the tube of test_nonlinear.py, iron at 1.9 to 2.0 T: recovery 0.85 - 0.88, residual
+    # 0.96 - 1.25 (0.55 - 0.69 with the differential reluctivity).
     weight = field.differential_reluctivity
     if estimator == "residual":
         weight = np.sqrt(field.reluctivity * weight)
@@ -146,17 +135,14 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
-    """Indicators of a goal, (nelements,), unsquared, in the root of its unit.
-
-    Of order 2 and 3 the products of both residual estimates: with the errors of field and dual by elements of one order
-    more in their place, which bring a solve of that to every pass, the force between two magnets was no better.
-    """
+    """Return indicators of a goal, unsquared, in the root of its unit."""
     if field.order > 1:
+        # Errors from a solve of one order more in every pass gave no better force between two magnets.
         dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _joined(field, boundaries)
         one, other = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
         return _scale(field) * np.sqrt(one * other)
     pair = _pair(field, goal, boundaries, newton)
-    if isinstance(field.elements, AroundAxis):  # there B falls like 1 / r inside elements, too
+    if isinstance(field.elements, AroundAxis):  # there B decreases like 1 / r within elements
         for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
             turned = field.symmetry.flux(strength)
             pair[name] = pair[name][:, None] - turned + turned.mean(axis=1, keepdims=True)
@@ -164,22 +150,19 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
 
 
 def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, solve_from: SolveFrom) -> float:
-    """Estimate of what the goal's value is short of, with its sign."""
     return better_values(field, {"goal": goal}, boundaries, newton, solve_from)["goal"] - goal(field)
 
 
 def better_values(
     field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, solve_from: SolveFrom
 ) -> dict[str, float]:
-    """What outputs of a field would be with elements of one order more on its mesh, and with nothing cut off its arcs.
+    """Return values of outputs by elements of one order more and rounder arcs.
 
-    In place of order 4 it is order 3 with every element cut in four. Values are those of the outputs themselves: the
-    derivative of one leaves out the part that is quadratic in the error and, where its weight is not constant in the
-    elements (the arm of a torque), the variation of that. These are as large as what is left when the errors of the
-    elements have cancelled, as on a mesh adapted for the output.
+    At order 3 the mesh is refined once instead. The outputs themselves are evaluated, because a derivative omits terms
+    that are as large as the error on a mesh adapted for the output.
 
-    What lies between chords and arcs falls to a quarter where arcs have twice the facets: on the mesh refined once, the
-    difference that rounder arcs make is three quarters of that. What parabolas leave of arcs falls to a sixteenth.
+    Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
+    a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly.
     """
     if field.order < MOST:
         better = richer_solution(field, boundaries, newton)
@@ -195,10 +178,11 @@ def better_values(
 
 
 def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:
-    """A field and its dual as two problems ``-div(nu grad u - flux) = source`` of one scalar nu, by argument.
+    """Return the arguments of `goal_oriented` for a field and its dual.
 
-    Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
-    fluxes make ``nu grad u - flux`` the field strength, and of the dual its change, whatever nu is.
+    Both solve ``-div(nu grad u - flux) = source``. For nonlinear material nu is the root of the determinant of the
+    tensor of the linearised problem, and the fluxes make ``nu grad u - flux`` the field strength and, of the dual, its
+    change.
     """
     dual, source, load = dual_of(field, goal.derivative(field), boundaries, newton)
     elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
@@ -222,9 +206,7 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
 
 
 def _given(conditions: Conditions) -> Mask:
-    """Nodes whose value is given, and those of pairs and of the open boundary: there what the field lacks of
-    equilibrium is no part of the estimate.
-    """
+    # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
     fixed = conditions.held
     beyond = conditions.open_boundary
     return fixed if beyond is None else fixed | (beyond.matrix.diagonal() > 0.0)

@@ -1,4 +1,4 @@
-"""State the functional of a field, with that of the dual solution where the mesh is for a goal."""
+"""Energy functional of a field, with the dual functional of a goal."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,19 +19,18 @@ from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["functional_for"]
 
-SAME = 1e-9  # of the largest derivative, or of what adds up to the goal: as near are numbers that are the same
+SAME = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
 
 
 def functional_for(
     field: Field, goal: Goal | None, boundaries: Boundaries, materials: Mapping[str, Material], newton: Newton
 ) -> Ritz:
-    """The functional of a field, with that of the dual one where there is a goal.
+    """Return the functional of a field, with the dual functional of a goal.
 
     Raises
     ------
     NotOffered
-        If it is of another form; with a goal for nonlinear material, an axis, and a derivative that changes inside
-        regions.
+        With a goal, for nonlinear material, around an axis, or if its derivative varies within a region.
     """
     ritz = functional_of(field, boundaries, materials)
     if goal is None:
@@ -49,19 +48,14 @@ def functional_for(
 
 
 def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
-    """The functional of the dual solution, whose load is the derivative of the goal, (nelements,) and (2, npoints).
-
-    The derivative must be constant in every region. Forces, torques and energies have another one in every element:
-    with their flux as a function of the place, averaged at the nodes, lowering both functionals was tried on two
-    magnets and the actuator of the tests, 441 and 1353 nodes, against the map alone. The bound of a force's error, the
-    product of both estimates, was 2 to 9 % larger, that of an energy 0.8 to 1.4 times what it was; the sum of what
-    elements add to the error, which the map's density makes small, was 3 to 70 % larger.
-    """
+    """Return the dual functional for `source` (nelements,) and `load` (2, npoints)."""
     own = np.asarray(ritz.region)
     region = np.unique(np.stack([own, source]), axis=1, return_inverse=True)[1].ravel()
     there = region[field.elements.element]
     first, point = (np.unique(number, return_index=True)[1] for number in (region, there))
     if np.any(np.abs(load - load[:, point][:, there]) > SAME * np.abs(load).max()):
+        # For forces and energies, with a flux averaged at the nodes, the descent of both functionals gave error bounds
+        # of 1.02 to 1.09 and of 0.8 to 1.4 times the bounds of the map alone (two magnets, actuator).
         raise NotOffered("a goal such as this one (a force, a torque, the energy of a part) has no energy to lower")
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
     tables = np.asarray(ritz.coefficient)[own[first]], source[first], load[:, point]
@@ -71,7 +65,6 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
 
 
 def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
-    """Multiples of the errors of a field and its dual in the energy norm, of which the ratio counts."""
     if field.order > 1:
         found = [residual_by_points(field, None), dual_residual_by_points(field, dual, None)]
     else:
@@ -82,14 +75,10 @@ def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
 
 
 def compares(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
-    """Whether values of the functional on different meshes may be compared.
-
-    On curved sides not: what parabolas leave out of curves changes it by as much as a goal gains in a pass.
-    """
+    # Parabolas omit parts of curves that change a value by as much as a goal improves in a pass.
     return not field.elements.shape.curved.any() and is_linear(field, goal, source, load)
 
 
 def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
-    """Whether a goal is what its derivative makes of the field itself, as of linear ones (Euler's theorem)."""
-    parts = field.unknown * field.elements.loads(source, load)
+    parts = field.unknown * field.elements.loads(source, load)  # Euler's theorem on homogeneous functions
     return bool(abs(parts.sum() - goal(field)) <= SAME * np.abs(parts).sum())

@@ -1,4 +1,4 @@
-"""State a magnetostatic problem by materials and conditions; solve it, and estimate the error."""
+"""Plane and axisymmetric magnetostatic problems."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,72 +27,77 @@ __all__ = ["Magnetostatics"]
 
 @dataclass(frozen=True, eq=False)
 class Magnetostatics(Arguments):
-    """Plane magnetostatics, ``curl H = J`` with ``H = nu(|B|) B - Hc``, for a P1, P2 or P3 potential.
+    """Plane or axisymmetric magnetostatics with elements of order 1 to 3.
 
-    Metres, teslas, amperes. Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre
-    of depth unless there is a `depth`. Axisymmetric: x = r >= 0 and y = z, A and J point along phi (with r to the right
-    and z up into the page), ``B = (-dA/dz, d(r A)/dr / r)``, and results are totals.
+    The equations are ``curl H = J`` with ``H = nu(|B|) B - Hc``, in metres, teslas and amperes.
 
-    Where no potential is given the natural condition ``n x H = 0`` holds (flux crosses the boundary at a right angle);
-    a constant potential keeps the flux inside. A problem of this kind is what `kohonen_adapt.adapt` takes.
+    Planar: ``B = (dA/dy, -dA/dx)``, A and J point out of the page, and results are per metre of depth unless there is a
+    `depth`. Axisymmetric: x = r >= 0 and y = z, A and J point along phi (with r to the right and z up into the page),
+    ``B = (-dA/dz, d(r A)/dr / r)``, and results are totals.
+
+    Boundaries without a potential have the natural condition ``n x H = 0`` (flux crosses them at a right angle). A
+    constant potential keeps the flux inside. `kohonen_adapt.adapt` takes a problem of this class.
 
     Parameters
     ----------
     materials
         Subdomain name to `Material`. Every element of the mesh needs exactly one; further subdomains may exist.
     potential
-        Name of a boundary or of one of the `points` to A in Wb/m: a float or a callable of x (2, n) that returns (n,).
-        At a node of two boundaries the later in the mapping counts. At least one, unless something else fixes A: an
-        open boundary, antiperiodic sides, or the axis.
+        Name of a boundary, or of an entry of `points`, to A in Wb/m: a float or a callable of x, shape (2, n), that
+        returns shape (n,). At a node of two boundaries the later entry counts. At least one entry is required, unless
+        an open boundary, antiperiodic sides or the axis fix A.
     estimator
-        "residual", multiplied by `RESIDUAL_SCALE` = 1 / 3.6, by which the bare estimate overrates the error, give or
-        take 25 % (order 2: 1 / 6.1, 5 %; order 3: 1 / 9.7, 12 %; around an axis 1 / 4.2, 20 %, of order 2 and 3 45 %);
-        "recovery", within 15 % by itself (order 1); or "equilibrated", a guaranteed upper bound of the error on the
-        meshed polygon (of nonlinear material by the duality gap), 1.04 to 1.3 times the error, for planar problems of
-        order 1 with potentials and natural conditions only. Deep in saturation the first two come within 30 %; where a
-        current fills the mesh, the residual is up to 1.8 times the error.
+        "residual", "recovery" (order 1) or "equilibrated" (order 1). "residual" is scaled by `RESIDUAL_SCALE` = 1 /
+        3.6, which makes it equal to the error within 25 % (order 2: 1 / 6.1, 5 %; order 3: 1 / 9.7, 12 %; around an
+        axis 1 / 4.2, 20 %, of order 2 and 3 45 %); where a current fills the mesh, it is up to 1.8 times the error.
+        "recovery" is within 15 %. Deep in saturation both are within 30 %. "equilibrated" is a guaranteed upper bound
+        of the error on the meshed polygon, 1.04 to 1.3 times the error, for planar problems with potentials and natural
+        conditions only; for nonlinear material it is the duality gap.
     ampere_turns
-        Subdomain name to the total current through it in A, positive like J, whatever the area of its elements is:
-        current times turns of a coil side. In place of the current density of its material.
+        Subdomain name to the total current through the subdomain in A, positive like J: current times turns of a coil
+        side. Replaces the current density of the material.
     depth
-        In m: then the energies of a `Field` are totals. Planar problems only.
+        In m. Energies, forces, torques and flux linkages are then totals. Planar problems only.
     axisymmetric
-        Whether the mesh is the half-plane of an axis, where u = r A falls like r^2: see `kohonen_adapt.Ritz`.
+        True if the mesh is the half-plane of an axis. The unknown u = r A falls like r^2 towards the axis, see
+        `kohonen_adapt.Ritz`.
     open_boundary
-        Name of a boundary on a circle beyond which there is nothing but air, around an axis on a half circle about a
-        point of it: there ``nu dA/dn + nu A / R0 = 0``, axisymmetric the same for u = r A, which is exact for the field
-        of a dipole at its centre, with the radius R0 from the mesh. Planar currents must add up to none; the energy
-        beyond is not in that of the `Field`.
+        Name of a boundary on a circle, around an axis on a half circle centred on the axis, with only air outside. The
+        condition ``nu dA/dn + nu A / R0 = 0`` (axisymmetric: for u = r A) is exact for the field of a dipole at the
+        centre. The radius R0 is measured from the mesh. Planar currents must add up to zero. The energy of the `Field`
+        excludes the exterior.
     applied_field
-        (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field of sources beyond the open boundary.
+        (H_x, H_y) in A/m, around an axis (0, H_z): the uniform field of sources outside the open boundary.
     points
-        Name to a place (x, y) in metres, or to several (2, n), where the mesh has nodes; `adapt` and `polish` keep
-        these. Of a Gmsh file ``ka.read_groups(path, scale=scale).places``. Where no boundary fixes A, a value at a
-        point takes away the constant that A is free by; elsewhere it stands for a current in that point.
+        Name to a point (x, y) in metres, or to several, shape (2, n). The mesh must have nodes there, and `adapt` and
+        `polish` keep them. From a Gmsh file: ``ka.read_groups(path, scale=scale).places``. If no boundary fixes A, a
+        value at a point fixes the constant of A; otherwise it stands for a current in that point.
     periodic, antiperiodic
-        Pairs of names of boundaries that a translation or rotation carries onto one another, node by node: A is the
-        same on both, or the other's negative. Where several motions fit, as between circles, the third entry of a pair
-        names the one that is meant. ``("rotor", "bore", ka.Rotation(angle))`` turns a rotor as it is drawn, remanence
-        and all, in its stator; B in it and forces on it are those of its drawing. ``("rim", "kelvin",
-        ka.Reflection(point, normal))`` joins a disc to a Kelvin disc: one of air, as large, for all that is outside.
+        Pairs of names of boundaries that a translation or rotation maps onto each other, node by node. A is equal on
+        both, or of opposite sign. If several motions match, as between circles, a third entry of the pair selects the
+        motion. ``("rotor", "bore", ka.Rotation(angle))`` turns a rotor with its remanence in its stator; B in the rotor
+        and forces on it refer to the position in the mesh. ``("rim", "kelvin", ka.Reflection(point, normal))`` joins a
+        disc to a Kelvin disc, a disc of air of the same size that stands for the exterior.
     order
-        Of the elements, 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). By default 2, a fifth to a third of the time
-        of 1 to an error of 1 % (`python -m benchmarks time`); but 1 with another estimator than "residual".
+        Order of the elements: 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). The default is 2, which takes a fifth to
+        a third of the time of order 1 to an error of 1 % (`python -m benchmarks time`), but 1 with an estimator other
+        than "residual".
     curved
-        Whether `adapt` is to bend the sides of elements of order 2 and 3 to the arcs and splines that they are on, and
-        to solve on a `MeshTri2`: on chords they lose their rate (`python -m benchmarks curves`). `solve` bends none.
+        True if `adapt` curves the sides of elements of order 2 and 3 onto the arcs and splines that they follow, and
+        solves on a `MeshTri2`. On chords these orders lose their rate of convergence (`python -m benchmarks curves`).
+        `solve` curves no sides.
     goal
-        What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or
-        an object of one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, so the
-        square of an `estimate` is what the elements add to the goal's error at most, in its unit (and `atol` the root
-        of what is allowed). There is no `energy_norm`, and `ritz` for a `FluxLinkage` and others whose derivative is
-        constant in regions of linear material. `goal_error` estimates the error.
+        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or a
+        user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`: the square of an `estimate`
+        is the sum of the magnitudes of what the elements add to the error of the goal, in its unit, and `atol` is the
+        root of the allowed error. There is no `energy_norm`, and `ritz` exists only if the derivative of the goal is
+        constant in regions of linear material, as for a `FluxLinkage`. `goal_error` estimates the error.
 
     Raises
     ------
     ValueError
-        For arguments of another kind; by `solve` and `indicators` for names that the mesh lacks, elements without or
-        with two materials, conditions that do not fit the mesh or one another, and parts without a fixed potential.
+        For invalid arguments. `solve` and `indicators` raise it for names that the mesh lacks, elements with no or two
+        materials, conditions that match neither the mesh nor each other, and parts without a fixed potential.
 
     Examples
     --------
@@ -106,12 +111,12 @@ class Magnetostatics(Arguments):
     """
 
     norm: ClassVar[str] = "energy"
-    method: ClassVar[Newton] = Newton()  # a subclass may have another
+    method: ClassVar[Newton] = Newton()  # subclasses may override
 
     def solve(self, mesh: MeshTri) -> Field:
-        """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
+        """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
 
-        Beyond 300 000 unknowns by algebraic multigrid, to a residual of 1e-10, where pyamg is installed.
+        Above 300 000 unknowns by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
 
         Parameters
         ----------
@@ -121,46 +126,50 @@ class Magnetostatics(Arguments):
         Returns
         -------
         Field
-            The potential and what follows from it.
+            The potential and derived quantities.
 
         Raises
         ------
         ValueError
-            See the class; for a broken mesh or one of another kind.
+            If the mesh is invalid or does not match the problem, see the class.
         numpy.linalg.LinAlgError
             If the equations have no finite solution (a kind of ValueError).
         NotConverged
-            If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
+            If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
         return solution_of(self._energy_on(mesh), self.depth, None, self.method)
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
-        """Solve like `solve`; nonlinear problems start from a solution on another mesh, which saves steps.
+        """Solve like `solve`, starting from a solution on another mesh.
 
-        Parameters
-        ----------
-        mesh, old_mesh, old_field
-            As for `solve`; the other mesh, and what `solve` returned for it.
-
-        Returns
-        -------
-        Field
-            As of `solve`, which says what it raises.
-        """
-        return solution_of(self._energy_on(mesh), self.depth, old_field, self.method)
-
-    def check(self, mesh: MeshTri) -> None:
-        """Refuse what `solve` would refuse, without solving.
+        The start saves steps of Newton's method. Linear problems do not use it.
 
         Parameters
         ----------
         mesh
-            As for `solve`.
+            As in `solve`.
+        old_mesh, old_field
+            Another mesh, and the field that `solve` returned for it.
+
+        Returns
+        -------
+        Field
+            As in `solve`, with the same errors raised.
+        """
+        return solution_of(self._energy_on(mesh), self.depth, old_field, self.method)
+
+    def check(self, mesh: MeshTri) -> None:
+        """Raise the errors of `solve` for the mesh, without solving.
+
+        Parameters
+        ----------
+        mesh
+            As in `solve`.
 
         Raises
         ------
         ValueError
-            As `solve`, but for equations that have no finite solution.
+            As in `solve`, except for equations that have no finite solution.
         """
         self._energy_on(mesh)
 
@@ -172,16 +181,16 @@ class Magnetostatics(Arguments):
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
-        """Error indicators of a solution, near the true error in the energy norm.
+        """Return error indicators in the energy norm, or of the error of the goal.
 
         For nonlinear material the norm is that of the linearised problem, ``sqrt(int dH/dB |B - B_h|^2)``. With a goal
-        those of its error: the sum of squares is more than that, because in it what the elements add cancels. Of order
-        2 and 3 they are the roots of what the residual estimates of field and dual have for a product.
+        the sum of squares exceeds the error, because contributions of opposite sign do not cancel. Of order 2 and 3 the
+        indicators of a goal are the roots of the products of the residual estimates of field and dual.
 
         Parameters
         ----------
         mesh, field
-            A mesh, and what `solve` returned for it.
+            A mesh, and the field that `solve` returned for it.
 
         Returns
         -------
@@ -193,21 +202,23 @@ class Magnetostatics(Arguments):
         return estimated(mesh, field, self.estimator, self.boundaries, self.materials)
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
-        """``d linkage / d current`` of a circuit at a solution: what it has for small changes of its current.
+        """Return ``d linkage / d current`` of a circuit for small changes of its current.
 
-        By the linearised problem, with the differential reluctivity along B and the secant one across it; magnets,
-        given potentials and other currents stay as they are. Of linear material without these it is
-        `apparent_inductance`. Hysteresis and eddy currents have no part in it.
+        The problem is linearised at the solution, with the differential reluctivity along B and the secant one across.
+        Magnets, prescribed potentials and other currents stay constant. For linear material without these the result
+        equals `apparent_inductance`. Hysteresis and eddy currents are neglected.
 
         Parameters
         ----------
-        field, circuit
-            What `solve` returned, and a circuit as of `circuit_current`; its sides need not carry a current.
+        field
+            The solution that `solve` returned.
+        circuit
+            As in `circuit_current`; its sides need not carry a current.
 
         Returns
         -------
         float
-            As of `apparent_inductance`.
+            In H per metre of depth; with `depth`, and axisymmetric, in H.
 
         Raises
         ------
@@ -217,14 +228,15 @@ class Magnetostatics(Arguments):
         return linkage_slope(field, self.boundaries, circuit, self.method)
 
     def goal_error(self, field: Field) -> float:
-        """Estimate of what the goal's value falls short of the exact one, ``J(A) - J(A_h)``, with its sign.
+        """Return an estimate of ``J(A) - J(A_h)``, the error of the goal with its sign.
 
-        By elements of one order more and rounder arcs: where its mesh is adapted for the goal, 0.76 to 1.1 times it.
+        The estimate uses elements of one order more and rounder arcs. On a mesh adapted for the goal it is 0.76 to 1.1
+        times the error.
 
         Parameters
         ----------
         field
-            What `solve` returned.
+            The solution that `solve` returned.
 
         Returns
         -------
@@ -234,7 +246,7 @@ class Magnetostatics(Arguments):
         Raises
         ------
         ValueError
-            If there is no goal, or as it does itself.
+            If there is no goal, or if the goal raises it.
 
         Examples
         --------
@@ -252,12 +264,14 @@ class Magnetostatics(Arguments):
         return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
-        """Better values of outputs than the field's: by quadratic elements, and where arcs are cut off without that.
+        """Return better values of outputs by quadratic elements and rounder arcs.
 
         Parameters
         ----------
-        mesh, field, outputs
-            As of `indicators`; and name to a function of a field, a `QuadraticField` among them.
+        mesh, field
+            As in `indicators`.
+        outputs
+            Name to a function of a field, which must accept a `QuadraticField`.
 
         Returns
         -------
@@ -267,19 +281,21 @@ class Magnetostatics(Arguments):
         Raises
         ------
         NotOffered
-            If there is a goal, or the elements are quadratic.
+            If there is a goal, or the order is above 1.
         """
         if self.goal is not None or self.order > 1:
             raise NotOffered("it has a goal, or quadratic elements")
         return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
-        """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with.
+        """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.
+
+        An `estimate` divided by this norm is the relative error.
 
         Parameters
         ----------
         mesh, field
-            As of `indicators`.
+            As in `indicators`.
 
         Returns
         -------
@@ -289,33 +305,35 @@ class Magnetostatics(Arguments):
         Raises
         ------
         NotOffered
-            If there is a goal: no share of the energy is its error.
+            If there is a goal, because its error is no fraction of the energy.
         """
         if self.goal is not None:
             raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
-        """The functional ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``, and the A that minimises it.
+        """Return the energy functional and its minimiser, the potential.
 
-        Nonlinear material has ``int_0^B (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``; an open boundary adds
-        ``int nu0 / (2 R0) A^2``. Of a solution it lies above the exact minimum by half the square of the error in
-        `energy_norm`; for nonlinear material nearly by that of the norm in which `indicators` are.
+        The functional is ``int nu |grad A|^2 / 2 - J A - nu (-Br_y, Br_x) . grad A``. Nonlinear material has ``int_0^B
+        (H + Hc) dB`` in place of ``nu |grad A|^2 / 2``; an open boundary adds ``int nu0 / (2 R0) A^2``. The value of a
+        solution exceeds the exact minimum by half the square of the error in `energy_norm`, for nonlinear material
+        approximately, in the norm of `indicators`.
 
         Parameters
         ----------
         mesh, field
-            As of `indicators`.
+            As in `indicators`.
 
         Returns
         -------
         Ritz
-            In J/m, around an axis of u = r A and in J, one number per material; its flux is a function where a magnet
-            turns; its signs say which sides are periodic and which antiperiodic. With a goal it has the dual one.
+            In J/m, around an axis for u = r A and in J, with one coefficient per material. Its flux is a function if a
+            magnet varies within its region; its signs distinguish periodic from antiperiodic sides. With a goal it
+            includes the dual functional.
 
         Raises
         ------
         NotOffered
-            For goals of which there is no functional.
+            For goals without a functional.
         """
         return functional_for(field, self.goal, self.boundaries, self.materials, self.method)

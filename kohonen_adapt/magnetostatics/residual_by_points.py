@@ -1,4 +1,4 @@
-"""Evaluate the residuals of a magnetic field and of a dual solution, at points of their elements."""
+"""Residual indicators of a field and of a dual solution, from values at points."""
 
 import numpy as np
 
@@ -14,14 +14,15 @@ from kohonen_adapt.mesh.polynomials import functions_at
 
 __all__ = ["dual_residual_by_points", "residual_by_points"]
 
-DIFFERENCE = 1e-4  # of the size of an element: steps of central differences
+DIFFERENCE = 1e-4  # step of central differences, relative to the size of an element
 
 
 def residual_by_points(field: Field, joined: Facets | None) -> Floats:
-    """The indicators of `residual_at_points` of the field strength turned by a right angle, unsquared, (nelements,).
+    """Return residual indicators of ``curl H = J``, unsquared, shape (nelements,).
 
-    That is a polynomial in every element, of a degree less than the potential, for nonlinear material by its values at
-    the corners, and of order 3 and beside curves in the middles of the sides. `joined` as of `estimators.residual`.
+    H turned by a right angle is a polynomial in every element, one degree below the potential. For nonlinear material
+    it is interpolated at the corners, at order 3 and beside curves also at the midsides. `joined` is as in
+    `estimators.residual`.
     """
     elements, given, symmetry = field.elements, field.coefficients, field.symmetry
     points = LATTICE if elements.order == 3 or elements.shape.curved.any() else LATTICE[:3]
@@ -32,11 +33,6 @@ def residual_by_points(field: Field, joined: Facets | None) -> Floats:
 
 
 def dual_residual_by_points(field: Field, dual: Dual, joined: Facets | None) -> Floats:
-    """The same of the dual solution of a goal.
-
-    Its field strength is the change of the field's with it, less the load, which is taken for a polynomial in
-    every element: of degree 2 is what the arm of a torque times B is of order 2.
-    """
     elements, symmetry = field.elements, field.symmetry
     at = field.at_each(LATTICE.T)
     strength = symmetry.flux(field.change_at_each(LATTICE.T, dual.values, at)).reshape(2, len(LATTICE), -1)
@@ -45,7 +41,6 @@ def dual_residual_by_points(field: Field, dual: Dual, joined: Facets | None) -> 
 
 
 def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: Facets | None) -> Floats:
-    """The indicators of a flux at the points at which the field is, of every element."""
     elements, volume = field.elements, field.symmetry.volume
     shape, size = elements.shape, area(field.mesh)
     secant, differential = at.reluctivities
@@ -56,11 +51,11 @@ def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: 
 
 
 def on_lattice(elements: Elements, values: Floats) -> Floats:
-    """Values on the `LATTICE`, (2, 6, nelements), of the polynomials that are nearest to what is at the quadrature
-    points of every element, (2, npoints).
+    """Return fits to quadrature values on the `LATTICE`, (2, 6, nelements).
 
-    They are of degree 2. Around an axis, where no arm is a factor, they are of that of B: of order 2 points lie on two
-    lines about a corner there, which do not tell a polynomial of degree 2.
+    `values` has shape (2, npoints). The fit is of degree 2. Around an axis, where no arm is a factor, it has the degree
+    of B, because there the points of order 2 lie on two lines about a corner and do not determine a quadratic
+    polynomial.
     """
     degree = elements.order - 1 if isinstance(elements, AroundAxis) else 2
     element, share, weight = elements.fine_rule
@@ -76,10 +71,8 @@ def on_lattice(elements: Elements, values: Floats) -> Floats:
 
 
 def divergences_by_differences(field: Field) -> Floats:
-    """Divergences in the middles of the sides, (3, nelements), where magnets turn and the flux is no polynomial.
-
-    From its values at points alone, what the magnets are bent by was missing: 0.55 to 0.65 of the error at order 3.
-    """
+    # From the point values alone, without the curvature of the magnetisation, the estimate of order 3 was 0.55 to 0.65
+    # of the error.
     shape, count = field.elements.shape, field.mesh.t.shape[1]
     element, share = np.tile(np.arange(count), 3), np.repeat(LATTICE[3:].T, count, axis=1)
     step, found = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)

@@ -1,4 +1,4 @@
-"""State magnets and iron in space by materials and surfaces; solve for a scalar potential, and estimate the error."""
+"""Magnetostatic problems in space by a scalar potential."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -33,14 +33,15 @@ ESTIMATORS = ("residual", "recovery")
 
 @dataclass(frozen=True, eq=False)
 class MagneticScalarPotential:
-    """Magnets and iron in space: ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, phi of order 1.
+    """Magnets and iron in space, by a magnetic scalar potential of order 1.
 
-    Metres, teslas, amperes; fields are (3, n), results totals of what is meshed. Currents are not meshed: Hs is their
-    field as it is without iron. In iron that and ``grad phi`` would cancel but for a thousandth, so there a total
-    potential is solved for, ``H = -grad psi``; that exists where closed paths in iron link no current.
+    The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
+    Fields have shape (3, n), and results are totals of the meshed part. Currents are not meshed: Hs is their field
+    without iron. In iron Hs and ``grad phi`` would cancel up to a thousandth, so the unknown there is a total
+    potential, ``H = -grad psi``, which exists if no closed path in iron links a current.
 
-    Where nothing is said of the outer boundary the flux stays inside: ``B . n = 0``. A problem of this kind is what
-    `kohonen_adapt.adapt` takes.
+    The natural condition on the outer boundary is ``B . n = 0``, which keeps the flux inside. `kohonen_adapt.adapt`
+    takes a problem of this class.
 
     Parameters
     ----------
@@ -48,27 +49,28 @@ class MagneticScalarPotential:
         Subdomain name to `Material`, with remanences of three components and no current densities. Every element of the
         mesh needs exactly one; further subdomains may exist.
     potential
-        Name of a boundary to phi in A: a float or a callable of x (3, n) that returns (n,). 0 on the boundary of much
-        air: magnets and iron are not felt there. At a node of two boundaries the later in the mapping counts.
+        Name of a boundary to phi in A: a float or a callable of x, shape (3, n), that returns shape (n,). 0 on the
+        boundary of a large volume of air. At a node of two boundaries the later entry counts.
     applied_field
-        Hs: a callable of x (3, n) in m that returns (3, n) in A/m, three numbers (a uniform field), an object of
-        magpylib with currents or a list of such. Its ``mu0 Hs`` has no divergence. Wires must not meet nodes.
+        Hs: a callable of x, shape (3, n) in m, that returns shape (3, n) in A/m, three numbers (a uniform field), an
+        object of magpylib with currents or a list of such objects. ``mu0 Hs`` must be free of divergence, and wires
+        must not meet nodes.
     symmetry
-        Name of a plane that the mesh ends at to what the flux is to it: "parallel" (as it is beside magnets that the
-        plane mirrors; also said so that forces know of the plane) or "normal" (of magnets whose mirror image is
-        magnetised the other way round; phi is 0 there).
+        Name of a plane in which the mesh ends to the direction of the flux there: "parallel" (natural, as beside
+        magnets that the plane mirrors; needed for forces on a body that the plane cuts) or "normal" (of magnets whose
+        mirror image has the opposite magnetisation; phi is 0 there).
     estimator
-        "residual", multiplied by 1 / 3.6, by which the bare estimate overrates the error, or "recovery".
+        "residual", scaled by 1 / 3.6 to equal the error approximately, or "recovery".
     goal
-        What the mesh is to be adapted for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or an object of
-        one's own that is a `Goal`. Then `indicators` are those of `ka.estimators.goal_oriented`, and there is no
-        `energy_norm`. At equal nodes that leaves 0.5 to 1.1 of the error of a force (`benchmarks magnets`).
+        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or a user-defined
+        `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no `energy_norm`. At equal
+        nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for the energy (`benchmarks magnets`).
 
     Raises
     ------
     ValueError
-        For arguments of another kind; by `solve` and `indicators` for names that the mesh lacks, elements without or
-        with two materials, planes of symmetry that are none, an applied field that is not finite, or against the
+        For invalid arguments. `solve` and `indicators` raise it for names that the mesh lacks, elements with no or two
+        materials, surfaces that are no planes of symmetry, an applied field that is not finite or contradicts the
         symmetry, and iron that links a current.
 
     Examples
@@ -91,7 +93,7 @@ class MagneticScalarPotential:
     goal: Goal | None = None
     norm: ClassVar[str] = "energy"
     order: ClassVar[int] = 1
-    method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # a subclass may have another
+    method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -108,20 +110,23 @@ class MagneticScalarPotential:
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
         checked_field(self.applied_field)
-        # Copies: what the caller does to the mappings later must not change a problem that has been solved.
+        # Copies, so that later changes by the caller do not alter a solved problem.
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
 
     @property
     def goal_unit(self) -> str:
-        """Unit of the goal's values, which are totals; empty without a goal."""
+        """Unit of the values of the goal, an empty string without a goal.
+
+        The values are totals.
+        """
         return unit_of_goal(self.goal, per_metre=False)
 
     def solve(self, mesh: MeshTet) -> SolidField:
-        """Solve on a mesh by a sparse direct method, nonlinear problems by Newton's method around it.
+        """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
 
-        Beyond 8000 unknowns by algebraic multigrid, to a residual of 1e-10, where pyamg is installed.
+        Above 8000 unknowns by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
 
         Parameters
         ----------
@@ -131,22 +136,22 @@ class MagneticScalarPotential:
         Returns
         -------
         SolidField
-            The potential and what follows from it.
+            The potential and derived quantities.
 
         Raises
         ------
         ValueError
-            See the class; for a broken mesh or one of another kind.
+            If the mesh is invalid or does not match the problem, see the class.
         numpy.linalg.LinAlgError
             If the equations have no finite solution (a kind of ValueError).
         NotConverged
-            If Newton's method does not converge (a kind of LinAlgError); it has the last iterate.
+            If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
         energy, field = self.stated(mesh)
         steps, given = tuple[NewtonStep, ...](), energy.conditions.values
         if energy.given.pieces:
-            # From a solution of another mesh it would take three times as many steps: what interpolation leaves of the
-            # small H in iron is B deep in saturation.
+            # A start from another mesh would take three times as many steps, because the interpolation error of the
+            # small H in iron is a B deep in saturation.
             start = self.method.linear(energy) if np.any(given) else given
             unknown, steps = self.method.descend(energy, start)
         else:
@@ -157,37 +162,37 @@ class MagneticScalarPotential:
         return found
 
     def check(self, mesh: MeshTet) -> None:
-        """Refuse what `solve` would refuse, without solving.
+        """Raise the errors of `solve` for the mesh, without solving.
 
         Parameters
         ----------
         mesh
-            As for `solve`.
+            As in `solve`.
 
         Raises
         ------
         ValueError
-            As `solve`, but for equations that have no finite solution.
+            As in `solve`, except for equations that have no finite solution.
         """
         self.stated(mesh)
 
     def stated(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
-        """What is to be minimised on a mesh, and the field of what is given, 0 elsewhere.
+        """Return the functional to minimise on a mesh, and the field before the solve.
 
         Parameters
         ----------
         mesh
-            As for `solve`.
+            As in `solve`.
 
         Returns
         -------
         CoenergyFunctional, SolidField
-            Unsolved.
+            The unknown of the field has the prescribed values, and is 0 elsewhere.
 
         Raises
         ------
         ValueError
-            As `solve`.
+            As in `solve`.
         """
         if type(mesh) is not MeshTet1:
             plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
@@ -201,18 +206,18 @@ class MagneticScalarPotential:
         energy = CoenergyFunctional(drive.elements, given, conditions, drive.inside, drive.load)
         field = SolidField(mesh, conditions.values, given, drive, planes)
         if isinstance(self.goal, Force | Torque):
-            self.goal.check_body(field)  # now, and not after the solve
+            self.goal.check_body(field)  # before the solve
         return energy, field
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
-        """Error indicators of a solution in the energy norm, with a goal those of its error.
+        """Return error indicators in the energy norm, or of the error of the goal.
 
         For nonlinear material the norm is that of the linearised problem, ``sqrt(int dB/dH |H - H_h|^2)``.
 
         Parameters
         ----------
         mesh, field
-            A mesh, and what `solve` returned for it.
+            A mesh, and the field that `solve` returned for it.
 
         Returns
         -------
@@ -224,14 +229,14 @@ class MagneticScalarPotential:
         return goal_oriented(mesh, **self._pair(field, self.goal))
 
     def goal_error(self, field: SolidField) -> float:
-        """Estimate of what the goal's value falls short of the exact one, with its sign.
+        """Return an estimate of the error of the goal, exact less computed value.
 
-        By `ka.estimators.goal_error`, which says how near that comes.
+        See `ka.estimators.goal_error` for its accuracy.
 
         Parameters
         ----------
         field
-            What `solve` returned.
+            The solution that `solve` returned.
 
         Returns
         -------
@@ -241,7 +246,7 @@ class MagneticScalarPotential:
         Raises
         ------
         ValueError
-            If there is no goal, or as it does itself.
+            If there is no goal, or if the goal raises it.
 
         Examples
         --------
@@ -265,12 +270,14 @@ class MagneticScalarPotential:
         return primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
 
     def energy_norm(self, mesh: MeshTet, field: SolidField) -> float:
-        """``sqrt(int nu |B|^2)`` over the mesh, what `estimate` is compared with.
+        """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.
+
+        An `estimate` divided by this norm is the relative error.
 
         Parameters
         ----------
         mesh, field
-            As of `indicators`.
+            As in `indicators`.
 
         Returns
         -------
@@ -280,28 +287,29 @@ class MagneticScalarPotential:
         Raises
         ------
         NotOffered
-            If there is a goal: no share of the energy is its error.
+            If there is a goal, because its error is no fraction of the energy.
         """
         if self.goal is not None:
             raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
-        """The functional ``int mu |grad phi|^2 / 2 - (Br + mu Hs) . grad phi``, and the phi that minimises it.
+        """Return the co-energy functional and its minimiser, the potential.
 
-        Nonlinear material has the co-energy ``int_0^H B dH`` of ``H = |grad phi|`` in place of the first term. Of a
-        solution it lies above the exact minimum by half the square of the error in `energy_norm`.
+        The functional is ``int mu |grad phi|^2 / 2 - (Br + mu Hs) . grad phi``. Nonlinear material has the co-energy
+        ``int_0^H B dH`` of ``H = |grad phi|`` in place of the first term. The value of a solution exceeds the exact
+        minimum by half the square of the error in `energy_norm`.
 
         Parameters
         ----------
         mesh, field
-            As of `indicators`.
+            As in `indicators`.
 
         Returns
         -------
         Ritz
-            In J, one number per material; its flux is a function where a magnet turns or a field is applied. With a
-            goal it shapes elements only.
+            In J, with one coefficient per material. Its flux is a function if a magnet varies within its region or a
+            field is applied. With a goal it shapes elements only.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Estimate the error of a field in space: of its energy by jumps or averages, and weigh it for a goal by the dual."""
+"""Error estimates of fields in space, in the energy norm and for goals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,12 +16,12 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 
 __all__ = ["estimated_in_space", "primal_and_dual"]
 
-# The bare estimate overrates the error 3.5 to 3.8 times on balls (`benchmarks magnets`), as in the plane.
+# The unscaled estimate is 3.5 to 3.8 times the error on balls (`benchmarks magnets`).
 RESIDUAL_SCALE = 1.0 / 3.6
 
 
 def estimated_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
-    """Indicators in the energy norm by the estimator of that name, (nelements,), unsquared."""
+    """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
     flux = _flux_beside(field, weight)
@@ -33,10 +33,11 @@ def estimated_in_space(field: LocalSolid, estimator: str, materials: Mapping[str
 def primal_and_dual(
     field: LocalSolid, goal: Goal, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
 ) -> dict[str, Any]:
-    """A field and its dual as two problems ``-div(mu grad u - flux) = 0`` of one scalar mu, for `goal_oriented`.
+    """Return the arguments of `goal_oriented` for a field and its dual.
 
-    Of nonlinear material that scalar stands for the tensor of the linearised problem: the root of its determinant. The
-    fluxes make ``mu grad u - flux`` what -B is, and of the dual its change and the load, whatever mu is.
+    Both solve ``-div(mu grad u - flux) = 0``. For nonlinear material mu is the root of the determinant of the tensor of
+    the linearised problem, and the fluxes make ``mu grad u - flux`` equal to -B and, of the dual, to its change and the
+    load.
     """
     elements, (_, load) = field.elements, goal.derivative(field)
     load = elements.mean(load) if load.shape == field.at_quadrature.x.shape else load
@@ -54,17 +55,13 @@ def primal_and_dual(
 
 
 def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
-    """The change of ``field.unknown``, (nnodes,), that ``int load . grad v`` makes, the load (3, nelements).
-
-    It solves the problem linearised at the field, with zeros for the values given.
-    """
     drive, terms = field.drive, field.elements.against_gradients(load)
     energy = CoenergyFunctional(drive.elements, field.coefficients, conditions, drive.inside, drive.load)
     return newton.whole_step(energy, field.unknown, -terms[conditions.free])
 
 
 def _flux_beside(field: LocalSolid, weight: Floats) -> Floats:
-    """The flux that makes ``weight grad u - flux`` what -B is: in every element, or where B varies at its corners."""
+    """Return the flux for which ``weight grad u - flux`` equals -B."""
     slope = field.elements.gradient(field.unknown)
     if field.drive.function is None and not field.coefficients.turning:
         return weight * slope + field.flux_density
@@ -72,6 +69,5 @@ def _flux_beside(field: LocalSolid, weight: Floats) -> Floats:
 
 
 def _kinds(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
-    """Number of the first material that equals an element's, (nelements,)."""
     filled = list(materials.values())
     return np.array([filled.index(material) for material in filled])[field.coefficients.number]

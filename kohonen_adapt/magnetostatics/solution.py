@@ -1,4 +1,4 @@
-"""Solve a problem on a mesh by a field of its order, state what functional that minimises, and linearise it there."""
+"""Solutions of plane problems, with their functionals and linearisations."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -36,17 +36,17 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class QuadraticField(Field):
-    """A field of a P2 potential: B is linear in every element, and what is given per element is the mean there.
+    """Field of a P2 potential, with B linear in every element.
 
-    In elements with curved sides both are so in the coordinates of the triangle that these are images of.
+    Values per element are means. In elements with curved sides A and B are polynomials of the reference coordinates.
 
     Parameters
     ----------
     mesh, potential, coefficients, symmetry, depth, newton
-        As of a `Field`; the potential at the nodes is the first part of `values`.
+        As in `Field`. The potential at the nodes is the first part of `values`.
     values : (nunknowns,)
-        A in Wb/m at the unknowns of scikit-fem's elements of that order: at the nodes, on the facets and, of a
-        `CubicField`, inside the elements.
+        A in Wb/m at the degrees of freedom of scikit-fem's elements of the same order: at the nodes, on the facets and,
+        of a `CubicField`, inside the elements.
 
     Examples
     --------
@@ -68,19 +68,18 @@ class QuadraticField(Field):
 
 
 class CubicField(QuadraticField):
-    """A field of a P3 potential: B is quadratic in every element.
+    """Field of a P3 potential, with B quadratic in every element.
 
     Parameters
     ----------
     mesh, potential, coefficients, symmetry, depth, newton, values
-        As of a `QuadraticField`.
+        As in `QuadraticField`.
     """
 
     order = 3
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    """Minimise the energy: of nonlinear material from an old solution, perhaps on another mesh, where there is one."""
     elements, steps = energy.elements, tuple[NewtonStep, ...]()
     if energy.given.pieces:
         unknown, steps = newton.descend(energy, _begin(energy, old, newton))
@@ -98,12 +97,8 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
 
 
 def _begin(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
-    """Choose the values that Newton's method begins from.
-
-    Without an old solution from A = 0: its first step is the whole of the linear solution, and halved where that
-    saturates everything. Where values are given, A = 0 beside them would be a steep wall, and the linear solution is a
-    better start.
-    """
+    # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
+    # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
     if old is not None:
         x = energy.elements.places
@@ -112,7 +107,6 @@ def _begin(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Float
 
 
 def carried(x: Floats, old: Field) -> Floats:
-    """The potential of an old solution at points (2, n); outside its mesh that of the nearest node."""
     values = old.potential_at(x)
     outside = np.isnan(values)
     if outside.any():
@@ -122,7 +116,6 @@ def carried(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    """State the functional of a field: one number per material, and a function where magnets turn."""
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     present, first, place = given.present(materials)
     turns = any(material.turns for material in present.values())
@@ -132,7 +125,7 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     if given.pieces:
         laws = tuple(material.bh for material in present.values())
     if field.axisymmetric:
-        around = {id(law): Turned(law, turn) for law in laws if law is not None}  # one law stays one
+        around = {id(law): Turned(law, turn) for law in laws if law is not None}  # equal laws stay identical
         laws = tuple(around.get(id(law)) for law in laws)
     tables = turn * given.reluctivity[first], symmetry.source(given.current_density[first]), flux
     order, around_axis = field.elements.order, field.axisymmetric
@@ -141,14 +134,12 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
 
 
 def signs_of(given: Boundaries) -> dict[tuple[str, str], int]:
-    """The pairs of boundaries as `Ritz` states them."""
     return {
         (pair[0], pair[1]): sign for sign, pairs in ((1, given.periodic), (-1, given.antiperiodic)) for pair in pairs
     }
 
 
 def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
-    """The open boundary as `Ritz` states it: its name to coefficient and load."""
     name = given.open_boundary
     if name is None:
         return {}
@@ -163,30 +154,27 @@ def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
 
 @dataclass(frozen=True)
 class Turned:
-    """A law integrated over an angle around an axis."""
+    """B-H law integrated over the angle around an axis."""
 
     law: EnergyLaw
     turn: float
 
     def field_strength(self, b: Floats) -> Floats:
-        """H(b) times that."""
         return self.turn * self.law.field_strength(b)
 
     def energy(self, b: Floats) -> Floats:
-        """Its integral."""
         return self.turn * self.law.energy(b)
 
 
 def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
-    """The flux of magnets as a function of x (2, n) and the places of the materials there in the mapping, (n,)."""
     return lambda x, number: symmetry.flux(coercivity_at(materials, x, number))
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:
-    """The change of ``field.unknown``, (nunknowns,), that a small load of every unknown makes, as of `Elements.loads`.
+    """Return the linearised change of `field.unknown` by `load`, shape (nunknowns,).
 
-    It solves the problem linearised at the field, of the differential reluctivity along B and the secant one across it,
-    with zeros for the values given.
+    The problem is linearised at the field, with the differential reluctivity along B and the secant one across.
+    Prescribed values do not change. `load` is as in `Elements.loads`.
     """
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
     energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
@@ -194,7 +182,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
 
 
 class Dual(NamedTuple):
-    """The solution of the dual problem of a goal, with the derivative that is its load."""
+    """Solution of the dual problem of a goal, with the derivative that is its load."""
 
     values: Floats  # (nunknowns,)
     source: Floats  # (nelements,)
@@ -202,19 +190,16 @@ class Dual(NamedTuple):
 
 
 def dual_of(field: Field, derivative: tuple[Floats, Floats], boundaries: Boundaries, newton: Newton) -> Dual:
-    """The dual solution of a goal with that derivative at a field, by elements like the field's."""
     source, load = at_points(field, derivative)
     return Dual(tangent_solution(field, boundaries, field.elements.loads(source, load), newton), source, load)
 
 
 def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """The derivative of a goal, (nelements,) and at the quadrature points, (2, npoints)."""
     (source, load), at = derivative, field.at_quadrature
     return source, load if load.shape == at.x.shape else load[:, at.element]
 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
-    """The solution by elements of one order more of the problem that a field of order 1 or 2 solves, on its mesh."""
     elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.lawful)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
@@ -223,7 +208,6 @@ def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Fie
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:
-    """d linkage / d current of a circuit, everything else as it is; see `Magnetostatics.incremental_inductance`."""
     density, none = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
     linked = field.elements.loads(density, none)
     load = field.elements.loads(field.symmetry.source(density), none)
